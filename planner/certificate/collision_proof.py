@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdplan.planner.certificate.ball_distance import ball_distance, closest_ball
 from hdplan.planner.certificate.containment import Containment
-from hdplan.planner.certificate.exact_proximity import Piece, surface_distance, witness_points
+from hdplan.planner.certificate.exact_proximity import Piece, witness_points
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.part_distance import Found, Placed, closest_parts, distance, part_distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array
@@ -114,6 +114,7 @@ class _Run:
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = 0
+        self.tried: dict[int, Array] = {}  # directions that were of use for the parts of a pair
         self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
@@ -217,8 +218,7 @@ class _Run:
     def witnesses_at_start(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first waypoint."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        a, pose_a, b, pose_b = self._posed(nodes, 0, pair)
-        return witness_points(a, pose_a, b if b.grains is None else closest_ball(a, pose_a, b, pose_b), pose_b)
+        return witness_points(*closest_parts(*self._posed(nodes, 0, pair)))
 
     # --- one inside the other ----------------------------------------------------------------------------------------
 
@@ -325,9 +325,10 @@ class _Run:
         known = np.array([np.inf if spot is None else spot.distance for spot in self.closest])
         record = values < known[self.pairs.group[items.pair]]  # a hull's distance must not be taken for the closest
         for i in np.flatnonzero(self.hollow[items.pair] & (record | ((values < goal) & (bound < goal)))).tolist():
-            # where coal is not plausible, the surfaces' distance is 0: the hulls' is a lower bound of it
-            values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
-            bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
+            pair = int(items.pair[i])
+            within = max(known[self.pairs.group[pair]], self.floor[pair])
+            found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], within, goal[i])
+            values[i], bound[i] = max(values[i], found.distance), max(bound[i], found.bound)
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
@@ -389,8 +390,26 @@ class _Run:
 
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1
-        posed = self._posed(nodes, node, pair)
-        return surface_distance(*posed) if posed[2].grains is None else ball_distance(*posed)
+        return distance(*self._posed(nodes, node, pair))
+
+    def _by_parts(self, nodes: Intervals, node: int, pair: int, normal: Array, within: float, enough: float) -> Found:
+        """Return what the parts of two bodies say about their distance at the middle of an interval, and within it."""
+        self.exact_calls += 1
+        a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
+        (first, one), (second, other) = (
+            (nodes.motion(np.array([node]), np.array([body]), moves[None]), int(nodes.row(node, body)))
+            for body, moves in ((a, self.pairs.moves_a[pair]), (b, self.pairs.moves_b[pair]))
+        )
+        found = part_distance(
+            Placed(self.bodies.pieces[a], nodes.rotation[one], nodes.origin[one], first.omega[0], first.velocity[0]),
+            Placed(self.bodies.pieces[b], nodes.rotation[other], nodes.origin[other], second.omega[0], second.velocity[0]),
+            (float(first.first[0] + second.first[0]), float(first.second[0] + second.second[0])),
+            np.concatenate([normal[None], self.tried.get(pair, normal[:0].reshape(0, 3))]),
+            within,
+            enough,
+        )
+        self.tried[pair] = found.normals
+        return found
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)

@@ -38,14 +38,18 @@ def cells_of(points: FixedArray, edge: float = EDGE) -> Cells:
     columns."""
     places = points.array[:, :3]
     order, first = grouped(places, edge)
-    found = places[order]
-    sizes = np.diff(np.append(first, len(order)))
-    away = found - np.repeat(np.add.reduceat(found, first) / sizes[:, None], sizes, axis=0)
+    return Cells(order, first, principal_axes(places[order], first))
+
+
+def principal_axes(points: Array, first: Rows) -> Array:
+    """Return axes (c, 3, 3) as `Cells` has them, of groups of points (m, 3) that begin in the rows `first` (c,)."""
+    sizes = np.diff(np.append(first, len(points)))
+    away = points - np.repeat(np.add.reduceat(points, first) / sizes[:, None], sizes, axis=0)
     products = np.stack([away[:, i] * away[:, j] for i, j in _UPPER], axis=1)
     spread = np.add.reduceat(products, first)[:, _WHOLE].reshape(-1, 3, 3)
     rotation = np.linalg.eigh(spread)[1]
     rotation[:, :, 0] *= np.sign(np.linalg.det(rotation))[:, None]
-    return Cells(order, first, rotation)
+    return np.asarray(rotation)
 
 
 def grouped(points: Array, edge: float) -> tuple[Rows, Rows]:

@@ -1,0 +1,119 @@
+"""The parts that make up a piece's exact shape, triangles or balls, and ever larger groups of them, each enclosed.
+
+A node is a point, triangle or rectangle, swept by a ball: a part itself, or the rectangle of a group's principal axes,
+swept by what sticks out of its plane. So the support of any node, exact for the parts, comes from four points and a
+radius, for all nodes and directions in one product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import coal
+import numpy as np
+
+from hdplan.planner.geometry.cells import principal_axes
+from hdplan.planner.geometry.coal_shapes import triangle
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.once import freeze, read_only
+
+BRANCH = 64  # nodes in a group: NumPy takes little longer for all of them than for one
+THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
+ROOM = 1e-12  # share by which groups are larger, for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """n nodes: the parts themselves first, then groups of BRANCH of those before, level by level."""
+
+    corners: Array  # (n, 4, 3) [m] of the rectangle, triangle or point in the piece's frame, some of them repeated
+    radius: Array  # (n,) [m] of the sweeping ball
+    size: Array  # (n,) [m] of a group; 0 for a part
+    first: Rows  # (n,) the node's children, or itself
+    last: Rows  # (n,)
+    top: Rows  # nodes that contain all others
+    _shapes: dict[int, tuple[Any, Array, Array]] = field(default_factory=dict)  # made on first use
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    @classmethod
+    def of(cls, corners: Array, radius: Array) -> Parts:
+        """Group parts: the hulls of corners (m, 1 or 3, 3), swept by balls of these radii (m,)."""
+        order = np.concatenate(_near_one_another(corners.mean(axis=1), np.arange(len(corners))))
+        repeated = np.minimum(np.arange(4), corners.shape[1] - 1)
+        levels, children = [(corners[order][:, repeated], radius[order])], [np.arange(len(order))]
+        begin = 0  # of the level before
+        while (count := len(levels[-1][0])) > BRANCH:
+            first = np.arange(0, count, BRANCH)
+            levels.append(_enclosed(*levels[-1], first))
+            children.append(begin + first)
+            begin += count
+        corners, radius = (np.concatenate(each) for each in zip(*levels, strict=True))
+        first, leaves = np.concatenate(children), len(order)
+        ends = [np.minimum(each + BRANCH, each[0] + len(level[0])) for each, level in zip(children[1:], levels, strict=False)]
+        last = np.concatenate([first[:leaves] + 1, *ends])
+        size = np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1) + 2.0 * radius
+        size[:leaves] = 0.0
+        return cls(corners, radius, size, first, last, np.arange(begin, len(corners)))
+
+    def single(self, nodes: Rows) -> Any:
+        """Whether nodes are parts, and not groups."""
+        return self.first[nodes] == nodes
+
+    def support(self, nodes: Rows, directions: Array) -> Array:
+        """Return max d·x over each node's points x (k, nodes) for directions (k, 3) of any length, in the piece's
+        frame."""
+        along = (self.corners[nodes].reshape(-1, 3) @ directions.T).reshape(len(nodes), 4, -1).max(axis=1)
+        return np.asarray(along.T + np.linalg.norm(directions, axis=1)[:, None] * self.radius[nodes])
+
+    def shape(self, node: int) -> tuple[Any, Array, Array]:
+        """Return the node for coal, which only proposes directions, and its rotation and origin in the piece's
+        frame."""
+        if node not in self._shapes:
+            self._shapes[node] = self._shape(node)
+        return self._shapes[node]
+
+    def _shape(self, node: int) -> tuple[Any, Array, Array]:
+        a, b, c, d = self.corners[node]
+        radius = float(self.radius[node])
+        if self.first[node] == node:
+            return (coal.Sphere(radius), np.eye(3), a) if radius else (triangle(self.corners[node, :3]), np.eye(3), np.zeros(3))
+        sides = b - a, d - a
+        lengths = [float(np.linalg.norm(side)) for side in sides]
+        turn = np.eye(3)
+        if min(lengths) > THIN:
+            turn[:, 0], turn[:, 1] = sides[0] / lengths[0], sides[1] / lengths[1]
+            turn[:, 2] = np.cross(turn[:, 0], turn[:, 1])
+        box = coal.Box(*(max(length, THIN) for length in lengths), THIN)
+        box.setSweptSphereRadius(radius)
+        return box, turn, 0.5 * (a + c)
+
+
+def _near_one_another(places: Array, rows: Rows) -> list[Rows]:
+    """Sort places (m, 3) so that any BRANCH, any BRANCH² of them … in a row are near one another."""
+    if len(rows) <= BRANCH:
+        return [rows]
+    first = BRANCH * 2 ** int(np.log2((len(rows) - 1) // BRANCH))  # at least half of them
+    axis = np.ptp(places[rows], axis=0).argmax()
+    rows = rows[np.argsort(places[rows, axis], kind="stable")]
+    return _near_one_another(places, rows[:first]) + _near_one_another(places, rows[first:])
+
+
+def _enclosed(corners: Array, radius: Array, first: Rows) -> tuple[Array, Array]:
+    """Return the rectangles (c, 4, 3), and the radii (c,) of the balls that sweep them, which contain groups of
+    nodes."""
+    points = corners.reshape(-1, 3)
+    axes = principal_axes(points, 4 * first)
+    sizes = np.diff(np.append(first, len(corners)))
+    local = np.einsum("mki,mij->mkj", corners, np.repeat(axes, sizes, axis=0))
+    low, high = np.minimum.reduceat(local.min(axis=1), first), np.maximum.reduceat(local.max(axis=1), first)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    flat = middle[:, None] + half[:, None] * _RECTANGLE
+    around = np.maximum.reduceat(radius, first) + half[:, 0] + ROOM * np.abs(points).max()
+    return np.einsum("ckj,cij->cki", flat, axes), around
+
+
+_RECTANGLE = read_only(np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]]))
