@@ -305,30 +305,27 @@ class _Run:
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
         if self._asked is None:
-            goals = np.array([self._goal(0), self._goal(1)])
+            goals = np.array([np.inf if spot is None else _goal(spot.distance) for spot in self.closest])
             self._asked = np.maximum(self.floor, goals[self.pairs.group])
         return self._asked[pairs]
 
-    def _goal(self, group: int) -> float:
-        """Return the greatest clearance [m] that a group can be proven to keep, less a tolerance."""
-        spot = self.closest[group]
-        if spot is None:
-            return np.inf
-        tolerance = min(max(TOLERANCE, RELATIVE_TOLERANCE * spot.distance), 0.5 * spot.distance)
-        return spot.distance - tolerance
-
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
-        values, bound, travel, normals = self._exact(nodes, items)
+        values, bound, _, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
-        goal = self._enough(items.pair)
-        known = np.array([np.inf if spot is None else spot.distance for spot in self.closest])
-        record = values < known[self.pairs.group[items.pair]]  # a hull's distance must not be taken for the closest
-        for i in np.flatnonzero(self.hollow[items.pair] & (record | ((values < goal) & (bound < goal)))).tolist():
-            pair = int(items.pair[i])
-            within = max(known[self.pairs.group[pair]], self.floor[pair])
-            found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], within, goal[i])
-            values[i], bound[i] = max(values[i], found.distance), max(bound[i], found.bound)
+        group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
+        known = [np.inf if spot is None else spot.distance for spot in self.closest]
+        for which in (0, 1):  # a hull's distance must not be taken for the closest
+            known[which] = min(known[which], float(values[~hollow & (group == which)].min(initial=np.inf)))
+        hulls = np.flatnonzero(hollow)
+        for i in hulls[np.argsort(values[hulls], kind="stable")].tolist():
+            pair, which = int(items.pair[i]), int(group[i])
+            floor, closest = float(self.floor[pair]), known[which]
+            enough = max(floor, _goal(closest))
+            if values[i] < closest or (values[i] < enough and bound[i] < enough):
+                found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], max(closest, floor), enough)
+                values[i], bound[i] = max(values[i], found.distance), max(bound[i], found.bound)
+                known[which] = min(closest, float(values[i]))
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
@@ -404,7 +401,7 @@ class _Run:
             Placed(self.bodies.pieces[a], nodes.rotation[one], nodes.origin[one], first.omega[0], first.velocity[0]),
             Placed(self.bodies.pieces[b], nodes.rotation[other], nodes.origin[other], second.omega[0], second.velocity[0]),
             (float(first.first[0] + second.first[0]), float(first.second[0] + second.second[0])),
-            np.concatenate([normal[None], self.tried.get(pair, normal[:0].reshape(0, 3))]),
+            np.concatenate([normal[None], self.tried.get(pair, np.empty((0, 3)))]),
             within,
             enough,
         )
@@ -422,3 +419,10 @@ class _Run:
     def _spot(self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool) -> Spot:
         fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
         return Spot(int(nodes.interval[node]), fraction, pair, distance, touching)
+
+
+def _goal(distance: float) -> float:
+    """Return the greatest clearance [m] that can be proven where this is the least distance found, less a tolerance."""
+    if distance == np.inf:
+        return np.inf
+    return distance - min(max(TOLERANCE, RELATIVE_TOLERANCE * distance), 0.5 * distance)

@@ -9,16 +9,19 @@ exact, up to rounding, where coal proposes the best directions.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_direction, directions, transform
-from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.motion_bounds import Array, cross
 from hdplan.scenes.array_types import Mask, Rows
+from hdplan.scenes.once import read_only
 
 MOST_AT_ONCE = 64  # pairs of nodes that coal is asked about before it is seen what their directions settle
 KEPT = 8  # directions that are tried first next time
@@ -39,6 +42,59 @@ class Placed:
         """Return a piece that stands at a pose (4, 4)."""
         return cls(piece, pose[:3, :3], pose[:3, 3])
 
+    @property
+    def nodes(self) -> Rows:
+        """The nodes that contain all of its parts."""
+        return _WHOLE if self.piece.parts is None else self.piece.parts.top
+
+    def reach(self, nodes: Rows, directions: Array) -> Array:
+        """Return max n·(x + s x') over the points x of nodes, for directions n (k, 3) and s = 0, 1, −1: (3, k, nodes),
+        or (3, k, 1) of a piece without parts."""
+        n, parts = directions, self.piece.parts
+        turn, slide = cross(n, self.omega[None]), n @ self.velocity
+        ways = np.stack([n, n + turn, n - turn])  # (3, k, 3)
+        offset = ways @ self.origin
+        offset[1] += slide
+        offset[2] -= slide
+        local = (ways @ self.rotation).reshape(-1, 3)
+        found = self.piece.support(local)[:, None] if parts is None else parts.support(nodes, local)
+        return np.asarray(found.reshape(3, len(n), -1) + offset[:, :, None])
+
+    def single(self, nodes: Rows) -> Mask:
+        """Which nodes are parts, and not groups."""
+        parts = self.piece.parts
+        return np.ones(len(nodes), dtype=bool) if parts is None else parts.single(nodes)
+
+    def size(self, node: int) -> float:
+        """How large a group is [m]; 0 for a part."""
+        return 0.0 if self.piece.parts is None else float(self.piece.parts.size[node])
+
+    def children(self, node: int) -> Rows:
+        """The nodes of a group."""
+        assert self.piece.parts is not None
+        return np.arange(self.piece.parts.first[node], self.piece.parts.last[node])
+
+    def shape(self, node: int) -> tuple[Any, Any]:
+        """Return a node and its place for coal."""
+        if self.piece.parts is None:
+            return self.piece.shape, self._place
+        shape, rotation, origin = self.piece.parts.shape(node)
+        return shape, transform(self.rotation @ rotation, self.rotation @ origin + self.origin)
+
+    @cached_property
+    def _place(self) -> Any:
+        return transform(self.rotation, self.origin)
+
+    def part(self, node: int) -> tuple[Piece, Array]:
+        """Return a node as a piece, and its pose (4, 4)."""
+        pose, local = np.eye(4), np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self.rotation, self.origin
+        if (parts := self.piece.parts) is None:
+            return self.piece, pose
+        shape, local[:3, :3], local[:3, 3] = parts.shape(node)
+        vertices = (parts.corners[node] - local[:3, 3]) @ local[:3, :3]
+        return Piece(vertices, shape, ball=float(parts.radius[node])), pose @ local
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
@@ -57,9 +113,10 @@ def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
 
 def closest_parts(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Piece, Array, Piece, Array]:
     """Return the two parts that are closest, each with its pose (4, 4)."""
-    search = _searched(Placed.at(a, pose_a), Placed.at(b, pose_b))
-    row = int(search.distance.argmin())
-    return *search.a.part(int(search.one[row])), *search.b.part(int(search.other[row]))
+    one, other = Placed.at(a, pose_a), Placed.at(b, pose_b)
+    search = _Search(one, other, (0.0, 0.0), _UP, np.inf, -np.inf)
+    search.run()
+    return *one.part(search.closest[0]), *other.part(search.closest[1])
 
 
 def part_distance(
@@ -77,160 +134,106 @@ def part_distance(
     within: a distance larger than this need not be exact [m].
     enough: a bound over the interval need not be larger than this [m].
     """
-    search = _searched(a, b, moved, normals, within, enough)
-    return Found(float(search.distance.min()), float(search.bound.min()), search.normals[-KEPT:])
-
-
-def _searched(
-    a: Placed,
-    b: Placed,
-    moved: tuple[float, float] = (0.0, 0.0),
-    normals: Array | None = None,
-    within: float = np.inf,
-    enough: float = -np.inf,
-) -> _Search:
-    search = _Search(a, b, moved)
-    search.ask(np.array([[0.0, 0.0, 1.0]]) if normals is None or not len(normals) else normals)
-    size = 1
-    while len(rows := search.critical(within, enough)):
-        search.refine(rows[:size])
-        size = min(2 * size, MOST_AT_ONCE)
-    return search
+    search = _Search(a, b, moved, _UP if normals is None else normals, within, enough)
+    search.run()
+    return Found(search.least, search.proven, search.normals[-KEPT:])
 
 
 class _Search:
-    def __init__(self, a: Placed, b: Placed, moved: tuple[float, float]) -> None:
-        self.a, self.b, self.moved = _Side(a, -1.0), _Side(b, 1.0), moved
-        count = len(self.b.nodes)
-        self.one = np.repeat(np.arange(len(self.a.nodes)), count)  # pairs of places in the two sides' nodes
-        self.other = np.tile(np.arange(count), len(self.a.nodes))
-        self.distance, self.bound = np.full((2, len(self.one)), -np.inf)
-        self.exact = np.zeros(len(self.one), dtype=bool)  # parts that coal was asked about
-        self.normals = np.empty((0, 3))
+    """Pairs of nodes that may still matter, and the least that is known of all others."""
 
-    def ask(self, normals: Array) -> None:
+    def __init__(
+        self, a: Placed, b: Placed, moved: tuple[float, float], normals: Array, within: float, enough: float
+    ) -> None:
+        self.a, self.b, self.moved = a, b, moved
+        self.within, self.enough = within, enough
+        self.normals = normals  # tried last
+        self.one, self.other = np.repeat(a.nodes, len(b.nodes)), np.tile(b.nodes, len(a.nodes))
+        self.distance, self.bound = self._bounds(self.one, self.other, normals)
+        self.least = self.proven = np.inf  # of the pairs set aside
+        self.known, self.closest = np.inf, (int(self.one[0]), int(self.other[0]))  # of single parts
+
+    def run(self) -> None:
+        """Refine the pairs that matter, the closest first, until none does."""
+        size = 1
+        while True:
+            settled = ~self._matters()
+            self._set_aside(settled)
+            self._replace(settled, ())
+            if not len(self.one):
+                return
+            self._refine(np.argsort(self.distance, kind="stable")[:size])
+            size = min(2 * size, MOST_AT_ONCE)
+
+    def _matters(self) -> Mask:
+        """Which pairs may come closer than what is known, or have to be proven."""
+        closer = (self.distance <= self.within) & (self.distance < self.known - ROUNDING)
+        return closer | (self.bound < self.enough) if self.proven >= self.enough else closer
+
+    def _set_aside(self, rows: Mask | Rows) -> None:
+        self.least = min(self.least, float(self.distance[rows].min(initial=np.inf)))
+        self.proven = min(self.proven, float(self.bound[rows].min(initial=np.inf)))
+
+    def _replace(self, gone: Mask, children: Sequence[tuple[Rows, Rows]]) -> None:
+        """Put other pairs in the place of some."""
+        kept = ~gone
+        one, other, distance, bound = self.one[kept], self.other[kept], self.distance[kept], self.bound[kept]
+        if children:
+            more, others = (np.concatenate(each) for each in zip(*children, strict=True))
+            one, other = np.append(one, more), np.append(other, others)
+            low, proven = self._bounds(more, others, self.normals)
+            distance, bound = np.append(distance, low), np.append(bound, proven)
+        self.one, self.other, self.distance, self.bound = one, other, distance, bound
+
+    def _refine(self, rows: Rows) -> None:
+        """Ask coal about pairs; set aside those of single parts, and open the others."""
+        pairs = list(zip(self.one[rows].tolist(), self.other[rows].tolist(), strict=True))
+        single = self.a.single(self.one[rows]) & self.b.single(self.other[rows])
+        normals, said = directions((*self.a.shape(i), *self.b.shape(j)) for i, j in pairs)
+        self._ask(normals)
+        doubtful = single & ~((said > 0.0) & (np.abs(self.distance[rows] - said) < DOUBTFUL))
+        if doubtful.any():
+            asked = [(*self.a.part(i), *self.b.part(j)) for i, j in itertools.compress(pairs, doubtful)]
+            self._ask(np.array([best_direction(*each)[0] for each in asked]))
+        if single.any():
+            parts = rows[single]
+            row = parts[self.distance[parts].argmin()]
+            if self.distance[row] < self.known:
+                self.known, self.closest = float(self.distance[row]), (int(self.one[row]), int(self.other[row]))
+            self._set_aside(parts)
+        opened = ~single & self._matters()[rows]
+        gone = np.zeros(len(self.one), dtype=bool)
+        gone[rows[single | opened]] = True
+        self._replace(gone, [self._children(i, j) for i, j in itertools.compress(pairs, opened)])
+
+    def _children(self, one: int, other: int) -> tuple[Rows, Rows]:
+        """Return the pairs of the children of the larger of two nodes with the other one."""
+        if self.a.size(one) > self.b.size(other):
+            found = self.a.children(one)
+            return found, np.full(len(found), other)
+        found = self.b.children(other)
+        return np.full(len(found), one), found
+
+    def _ask(self, normals: Array) -> None:
         """Raise all bounds by these directions (k, 3)."""
-        before, self.normals = len(self.normals), np.concatenate([self.normals, normals])
-        self.a.ask(normals)
-        self.b.ask(normals)
-        distance, bound = self._bounds(self.one, self.other, before)
+        distance, bound = self._bounds(self.one, self.other, normals)
         self.distance, self.bound = np.maximum(self.distance, distance), np.maximum(self.bound, bound)
+        self.normals = np.concatenate([self.normals[-KEPT:], normals])
 
-    def _bounds(self, one: Rows, other: Rows, before: int = 0) -> tuple[Array, Array]:
-        """Return the bounds of pairs, by all directions but those `before`: at the midpoint, and over the interval."""
-        gaps = -self.a.reach[:, before:, one] - self.b.reach[:, before:, other]  # (3, k, pairs)
+    def _bounds(self, one: Rows, other: Rows, normals: Array) -> tuple[Array, Array]:
+        """Return the bounds of pairs, the best by any of these directions (k, 3): at the midpoint, over the interval."""
+        gaps = -_each(self.a, one, -normals) - _each(self.b, other, normals)  # (3, k, pairs)
         bound = np.maximum(np.minimum(gaps[1], gaps[2]) - self.moved[1], gaps[0] - self.moved[0])
         return gaps[0].max(axis=0), bound.max(axis=0) - ROUNDING
 
-    def critical(self, within: float, enough: float) -> Rows:
-        """Return the pairs that have to be looked at, the closest first."""
-        known, proven = self.distance[self.exact].min(initial=np.inf), self.bound[self.exact].min(initial=np.inf)
-        open_ones = (self.distance <= within) & (self.distance < known - ROUNDING)
-        if proven >= enough:
-            open_ones |= self.bound < enough
-        rows = np.flatnonzero(open_ones & ~self.exact)
-        return rows[np.argsort(self.distance[rows], kind="stable")]
 
-    def refine(self, rows: Rows) -> None:
-        """Ask coal about pairs, and open those that are not single parts."""
-        one, other = self.one[rows], self.other[rows]
-        single = self.a.single(one) & self.b.single(other)
-        normals, said = directions(
-            (*self.a.shape(i), *self.b.shape(j)) for i, j in zip(one.tolist(), other.tolist(), strict=True)
-        )
-        self.ask(normals)
-        doubtful = single & ~((said > 0.0) & (np.abs(self.distance[rows] - said) < DOUBTFUL))
-        if doubtful.any():
-            pairs = zip(one[doubtful].tolist(), other[doubtful].tolist(), strict=True)
-            self.ask(np.array([best_direction(*self.a.part(i), *self.b.part(j))[0] for i, j in pairs]))
-        self.exact[rows[single]] = True
-        if not single.all():
-            self._open(rows[~single])
-
-    def _open(self, rows: Rows) -> None:
-        """Put in the place of pairs those of the children of the larger node."""
-        pairs = []
-        for i, j in zip(self.one[rows].tolist(), self.other[rows].tolist(), strict=True):
-            if self.a.size(i) > self.b.size(j):
-                children = self.a.open(i)
-                pairs.append((children, np.full(len(children), j)))
-            else:
-                children = self.b.open(j)
-                pairs.append((np.full(len(children), i), children))
-        one, other = (np.concatenate(each) for each in zip(*pairs, strict=True))
-        distance, bound = self._bounds(one, other)
-        kept = np.ones(len(self.one), dtype=bool)
-        kept[rows] = False
-        self.one, self.other = np.append(self.one[kept], one), np.append(self.other[kept], other)
-        self.distance, self.bound = np.append(self.distance[kept], distance), np.append(self.bound[kept], bound)
-        self.exact = np.append(self.exact[kept], np.zeros(len(one), dtype=bool))
+def _each(placed: Placed, nodes: Rows, directions: Array) -> Array:
+    """Return how far each of these nodes reaches, some of which may be the same."""
+    if placed.piece.parts is None:
+        return placed.reach(nodes, directions)
+    different, which = np.unique(nodes, return_inverse=True)
+    return placed.reach(different, directions)[:, :, which]
 
 
-class _Side:
-    """One of the two pieces: the nodes looked at so far, and how far they reach along all directions tried."""
-
-    def __init__(self, placed: Placed, sign: float) -> None:
-        self.placed, self.sign = placed, sign
-        self.parts: Parts | None = placed.piece.parts
-        self.nodes = np.zeros(1, dtype=np.int64) if self.parts is None else self.parts.top
-        self.tried = np.empty((3, 0, 3))  # directions in the piece's frame, for s = 0, 1, −1
-        self.offset = np.empty((3, 0))  # of the piece's origin along them, at s
-        self.reach = np.empty((3, 0, len(self.nodes)))  # max n·(x + s x') over each node's points x
-        self.children: dict[int, Rows] = {}  # the places of those of a node, by its own
-
-    def ask(self, normals: Array) -> None:
-        """Compute how far all nodes reach."""
-        n, place = self.sign * normals, self.placed
-        turn, slide = cross(n, place.omega[None]), n @ place.velocity
-        ways = np.stack([n, n + turn, n - turn])  # (3, k, 3)
-        offset = ways @ place.origin
-        offset[1] += slide
-        offset[2] -= slide
-        tried = ways @ place.rotation
-        self.reach = np.concatenate([self.reach, self._support(self.nodes, tried, offset)], axis=1)
-        self.tried, self.offset = np.concatenate([self.tried, tried], axis=1), np.concatenate([self.offset, offset], 1)
-
-    def _support(self, nodes: Rows, tried: Array, offset: Array) -> Array:
-        flat = tried.reshape(-1, 3)
-        found = self.placed.piece.support(flat)[:, None] if self.parts is None else self.parts.support(nodes, flat)
-        return np.asarray(found.reshape(*offset.shape, -1) + offset[:, :, None])
-
-    def open(self, place: int) -> Rows:
-        """Return the places of a node's children."""
-        if place not in self.children:
-            assert self.parts is not None
-            node, begin = int(self.nodes[place]), len(self.nodes)
-            more = np.arange(self.parts.first[node], self.parts.last[node])
-            self.nodes = np.append(self.nodes, more)
-            self.reach = np.concatenate([self.reach, self._support(more, self.tried, self.offset)], axis=2)
-            self.children[place] = np.arange(begin, len(self.nodes))
-        return self.children[place]
-
-    def single(self, places: Rows) -> Mask:
-        """Which nodes are parts, and not groups."""
-        return np.ones(len(places), dtype=bool) if self.parts is None else self.parts.single(self.nodes[places])
-
-    def size(self, place: int) -> float:
-        """How large a group is [m]; 0 for a part, which is not opened."""
-        return 0.0 if self.parts is None else float(self.parts.size[self.nodes[place]])
-
-    def shape(self, place: int) -> tuple[Any, Any]:
-        """Return a node and its place for coal."""
-        if self.parts is None:
-            return self.placed.piece.shape, transform(self.placed.rotation, self.placed.origin)
-        shape, rotation, origin = self.parts.shape(int(self.nodes[place]))
-        turned = self.placed.rotation
-        return shape, transform(turned @ rotation, turned @ origin + self.placed.origin)
-
-    def part(self, place: int) -> tuple[Piece, Array]:
-        """Return a node as a piece, and its pose (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self.placed.rotation, self.placed.origin
-        if self.parts is None:
-            return self.placed.piece, pose
-        node = int(self.nodes[place])
-        shape, rotation, origin = self.parts.shape(node)
-        local = np.eye(4)
-        local[:3, :3], local[:3, 3] = rotation, origin
-        vertices = (self.parts.corners[node] - origin) @ rotation
-        return Piece(vertices, shape, ball=float(self.parts.radius[node])), pose @ local
+_WHOLE = read_only(np.zeros(1, dtype=np.int64))  # the only node of a piece without parts
+_UP = read_only(np.array([[0.0, 0.0, 1.0]]))
