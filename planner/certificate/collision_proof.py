@@ -25,6 +25,7 @@ SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not prov
 STILL = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
+NEWS = 0.02  # share of this tolerance by which a place must be closer than the closest one known to be looked at
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
@@ -323,8 +324,10 @@ class _Run:
             floor, closest = float(self.floor[pair]), known[which]
             enough = max(floor, _goal(closest))
             if values[i] < closest or (values[i] < enough and bound[i] < enough):
-                found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], max(closest, floor), enough)
-                values[i], bound[i] = max(values[i], found.distance), max(bound[i], found.bound)
+                news = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], news, enough)
+                bound[i] = max(bound[i], found.bound)
+                values[i] = max(values[i], found.distance) if found.distance <= news else np.inf  # not known exactly
                 known[which] = min(closest, float(values[i]))
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")

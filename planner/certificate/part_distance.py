@@ -9,8 +9,6 @@ exact, up to rounding, where coal proposes the best directions.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_direction, directions, transform
+from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.motion_bounds import Array, cross
-from hdplan.scenes.array_types import Mask, Rows
 from hdplan.scenes.once import read_only
 
-MOST_AT_ONCE = 64  # pairs of nodes that coal is asked about before it is seen what their directions settle
+MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
 KEPT = 8  # directions that are tried first next time
+SAME = 1e-7  # share of a distance by which another pair of parts must be closer to be looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,58 +41,37 @@ class Placed:
         """Return a piece that stands at a pose (4, 4)."""
         return cls(piece, pose[:3, :3], pose[:3, 3])
 
-    @property
-    def nodes(self) -> Rows:
-        """The nodes that contain all of its parts."""
-        return _WHOLE if self.piece.parts is None else self.piece.parts.top
-
-    def reach(self, nodes: Rows, directions: Array) -> Array:
-        """Return max n·(x + s x') over the points x of nodes, for directions n (k, 3) and s = 0, 1, −1: (3, k, nodes),
-        or (3, k, 1) of a piece without parts."""
-        n, parts = directions, self.piece.parts
-        turn, slide = cross(n, self.omega[None]), n @ self.velocity
-        ways = np.stack([n, n + turn, n - turn])  # (3, k, 3)
-        offset = ways @ self.origin
-        offset[1] += slide
-        offset[2] -= slide
-        local = (ways @ self.rotation).reshape(-1, 3)
-        found = self.piece.support(local)[:, None] if parts is None else parts.support(nodes, local)
-        return np.asarray(found.reshape(3, len(n), -1) + offset[:, :, None])
-
-    def single(self, nodes: Rows) -> Mask:
-        """Which nodes are parts, and not groups."""
-        parts = self.piece.parts
-        return np.ones(len(nodes), dtype=bool) if parts is None else parts.single(nodes)
-
-    def size(self, node: int) -> float:
-        """How large a group is [m]; 0 for a part."""
-        return 0.0 if self.piece.parts is None else float(self.piece.parts.size[node])
-
-    def children(self, node: int) -> Rows:
-        """The nodes of a group."""
-        assert self.piece.parts is not None
-        return np.arange(self.piece.parts.first[node], self.piece.parts.last[node])
+    def along(self, directions: Array) -> Side:
+        """Return what is needed of the piece along directions n (k, 3)."""
+        turn, slide = cross(directions, self.omega[None]), directions @ self.velocity
+        ways = directions[:, None] + _SIGNS[:, None] * turn[:, None]  # (k, 3, 3)
+        offsets, local = ways @ self.origin + slide[:, None] * _SIGNS, ways @ self.rotation
+        if self.piece.parts is None:
+            offsets += self.piece.support(local.reshape(-1, 3)).reshape(offsets.shape)
+        return Side(self.piece.parts, local, offsets)
 
     def shape(self, node: int) -> tuple[Any, Any]:
-        """Return a node and its place for coal."""
+        """Return a part and its place for coal."""
         if self.piece.parts is None:
             return self.piece.shape, self._place
-        shape, rotation, origin = self.piece.parts.shape(node)
-        return shape, transform(self.rotation @ rotation, self.rotation @ origin + self.origin)
+        shape, origin = self.piece.parts.shape(node)
+        return shape, self._place if origin is None else transform(self.rotation, self.rotation @ origin + self.origin)
 
     @cached_property
     def _place(self) -> Any:
         return transform(self.rotation, self.origin)
 
     def part(self, node: int) -> tuple[Piece, Array]:
-        """Return a node as a piece, and its pose (4, 4)."""
-        pose, local = np.eye(4), np.eye(4)
+        """Return a part as a piece, and its pose (4, 4)."""
+        pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = self.rotation, self.origin
         if (parts := self.piece.parts) is None:
             return self.piece, pose
-        shape, local[:3, :3], local[:3, 3] = parts.shape(node)
-        vertices = (parts.corners[node] - local[:3, 3]) @ local[:3, :3]
-        return Piece(vertices, shape, ball=float(parts.radius[node])), pose @ local
+        shape, origin = parts.shape(node)
+        vertices = parts.corners[node]
+        if origin is not None:
+            vertices, pose[:3, 3] = vertices - origin, pose[:3, 3] + self.rotation @ origin
+        return Piece(vertices, shape, ball=float(parts.radius[node])), pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +81,7 @@ class Found:
     distance: float  # [m] lower bound of the signed distance at the midpoint
     bound: float  # [m] of the distance over the interval
     normals: Array  # (k, 3) directions to try first at a place near by
+    closest: tuple[int, int]  # the two parts that are, if their distance was asked for
 
 
 def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
@@ -114,9 +93,8 @@ def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
 def closest_parts(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Piece, Array, Piece, Array]:
     """Return the two parts that are closest, each with its pose (4, 4)."""
     one, other = Placed.at(a, pose_a), Placed.at(b, pose_b)
-    search = _Search(one, other, (0.0, 0.0), _UP, np.inf, -np.inf)
-    search.run()
-    return *one.part(search.closest[0]), *other.part(search.closest[1])
+    i, j = part_distance(one, other).closest
+    return *one.part(i), *other.part(j)
 
 
 def part_distance(
@@ -134,106 +112,26 @@ def part_distance(
     within: a distance larger than this need not be exact [m].
     enough: a bound over the interval need not be larger than this [m].
     """
-    search = _Search(a, b, moved, _UP if normals is None else normals, within, enough)
-    search.run()
-    return Found(search.least, search.proven, search.normals[-KEPT:])
-
-
-class _Search:
-    """Pairs of nodes that may still matter, and the least that is known of all others."""
-
-    def __init__(
-        self, a: Placed, b: Placed, moved: tuple[float, float], normals: Array, within: float, enough: float
-    ) -> None:
-        self.a, self.b, self.moved = a, b, moved
-        self.within, self.enough = within, enough
-        self.normals = normals  # tried last
-        self.one, self.other = np.repeat(a.nodes, len(b.nodes)), np.tile(b.nodes, len(a.nodes))
-        self.distance, self.bound = self._bounds(self.one, self.other, normals)
-        self.least = self.proven = np.inf  # of the pairs set aside
-        self.known, self.closest = np.inf, (int(self.one[0]), int(self.other[0]))  # of single parts
-
-    def run(self) -> None:
-        """Refine the pairs that matter, the closest first, until none does."""
-        size = 1
-        while True:
-            settled = ~self._matters()
-            self._set_aside(settled)
-            self._replace(settled, ())
-            if not len(self.one):
-                return
-            self._refine(np.argsort(self.distance, kind="stable")[:size])
-            size = min(2 * size, MOST_AT_ONCE)
-
-    def _matters(self) -> Mask:
-        """Which pairs may come closer than what is known, or have to be proven."""
-        closer = (self.distance <= self.within) & (self.distance < self.known - ROUNDING)
-        return closer | (self.bound < self.enough) if self.proven >= self.enough else closer
-
-    def _set_aside(self, rows: Mask | Rows) -> None:
-        self.least = min(self.least, float(self.distance[rows].min(initial=np.inf)))
-        self.proven = min(self.proven, float(self.bound[rows].min(initial=np.inf)))
-
-    def _replace(self, gone: Mask, children: Sequence[tuple[Rows, Rows]]) -> None:
-        """Put other pairs in the place of some."""
-        kept = ~gone
-        one, other, distance, bound = self.one[kept], self.other[kept], self.distance[kept], self.bound[kept]
-        if children:
-            more, others = (np.concatenate(each) for each in zip(*children, strict=True))
-            one, other = np.append(one, more), np.append(other, others)
-            low, proven = self._bounds(more, others, self.normals)
-            distance, bound = np.append(distance, low), np.append(bound, proven)
-        self.one, self.other, self.distance, self.bound = one, other, distance, bound
-
-    def _refine(self, rows: Rows) -> None:
-        """Ask coal about pairs; set aside those of single parts, and open the others."""
-        pairs = list(zip(self.one[rows].tolist(), self.other[rows].tolist(), strict=True))
-        single = self.a.single(self.one[rows]) & self.b.single(self.other[rows])
-        normals, said = directions((*self.a.shape(i), *self.b.shape(j)) for i, j in pairs)
-        self._ask(normals)
-        doubtful = single & ~((said > 0.0) & (np.abs(self.distance[rows] - said) < DOUBTFUL))
+    tried = _UP if normals is None else normals
+    moved = moved[0] + ROUNDING, moved[1] + ROUNDING
+    walk = Walk(a.along(-tried), b.along(tried), moved, within, enough)
+    most, found, closest = 1, np.inf, (0, 0)
+    while len(pairs := walk.go_on(most)):
+        normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
+        distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
+        doubtful = ~((said > 0.0) & (np.abs(distances - said) < DOUBTFUL))
         if doubtful.any():
-            asked = [(*self.a.part(i), *self.b.part(j)) for i, j in itertools.compress(pairs, doubtful)]
-            self._ask(np.array([best_direction(*each)[0] for each in asked]))
-        if single.any():
-            parts = rows[single]
-            row = parts[self.distance[parts].argmin()]
-            if self.distance[row] < self.known:
-                self.known, self.closest = float(self.distance[row]), (int(self.one[row]), int(self.other[row]))
-            self._set_aside(parts)
-        opened = ~single & self._matters()[rows]
-        gone = np.zeros(len(self.one), dtype=bool)
-        gone[rows[single | opened]] = True
-        self._replace(gone, [self._children(i, j) for i, j in itertools.compress(pairs, opened)])
-
-    def _children(self, one: int, other: int) -> tuple[Rows, Rows]:
-        """Return the pairs of the children of the larger of two nodes with the other one."""
-        if self.a.size(one) > self.b.size(other):
-            found = self.a.children(one)
-            return found, np.full(len(found), other)
-        found = self.b.children(other)
-        return np.full(len(found), one), found
-
-    def _ask(self, normals: Array) -> None:
-        """Raise all bounds by these directions (k, 3)."""
-        distance, bound = self._bounds(self.one, self.other, normals)
-        self.distance, self.bound = np.maximum(self.distance, distance), np.maximum(self.bound, bound)
-        self.normals = np.concatenate([self.normals[-KEPT:], normals])
-
-    def _bounds(self, one: Rows, other: Rows, normals: Array) -> tuple[Array, Array]:
-        """Return the bounds of pairs, the best by any of these directions (k, 3): at the midpoint, over the interval."""
-        gaps = -_each(self.a, one, -normals) - _each(self.b, other, normals)  # (3, k, pairs)
-        bound = np.maximum(np.minimum(gaps[1], gaps[2]) - self.moved[1], gaps[0] - self.moved[0])
-        return gaps[0].max(axis=0), bound.max(axis=0) - ROUNDING
+            again = [best_direction(*a.part(i), *b.part(j))[0] for i, j in pairs[doubtful].tolist()]
+            normals = np.concatenate([normals, again])
+            distances, bounds = walk.ask(a.along(-normals[len(said) :]), b.along(normals[len(said) :]), pairs)
+        tried = np.concatenate([tried, normals])
+        walk.settle(float(distances.min()), float(bounds.min()))
+        if (least := float(distances.min())) < found:
+            found, closest = least, tuple(pairs[distances.argmin()].tolist())
+            walk.known = found - max(SAME * found, ROUNDING)
+        most = min(2 * most, MOST_AT_ONCE)
+    return Found(walk.least, walk.proven, tried[-KEPT:], closest)
 
 
-def _each(placed: Placed, nodes: Rows, directions: Array) -> Array:
-    """Return how far each of these nodes reaches, some of which may be the same."""
-    if placed.piece.parts is None:
-        return placed.reach(nodes, directions)
-    different, which = np.unique(nodes, return_inverse=True)
-    return placed.reach(different, directions)[:, :, which]
-
-
-_WHOLE = read_only(np.zeros(1, dtype=np.int64))  # the only node of a piece without parts
+_SIGNS = read_only(np.array([0.0, 1.0, -1.0]))
 _UP = read_only(np.array([[0.0, 0.0, 1.0]]))

@@ -18,22 +18,22 @@ from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze, read_only
 
-BRANCH = 64  # nodes in a group: NumPy takes little longer for all of them than for one
-THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
+BRANCH = 8  # nodes in a group
+MOST = 64  # so few parts are one group: the balls of a cell
 ROOM = 1e-12  # share by which groups are larger, for rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """n nodes: the parts themselves first, then groups of BRANCH of those before, level by level."""
+    """n nodes: the parts themselves first, then groups of them, groups of groups, and at last one of all."""
 
     corners: Array  # (n, 4, 3) [m] of the rectangle, triangle or point in the piece's frame, some of them repeated
     radius: Array  # (n,) [m] of the sweeping ball
     size: Array  # (n,) [m] of a group; 0 for a part
     first: Rows  # (n,) the node's children, or itself
     last: Rows  # (n,)
-    top: Rows  # nodes that contain all others
-    _shapes: dict[int, tuple[Any, Array, Array]] = field(default_factory=dict)  # made on first use
+    depth: int  # the number of levels
+    _shapes: dict[int, tuple[Any, Array | None]] = field(default_factory=dict)  # made on first use
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -42,26 +42,22 @@ class Parts:
     @classmethod
     def of(cls, corners: Array, radius: Array) -> Parts:
         """Group parts: the hulls of corners (m, 1 or 3, 3), swept by balls of these radii (m,)."""
-        order = np.concatenate(_near_one_another(corners.mean(axis=1), np.arange(len(corners))))
-        repeated = np.minimum(np.arange(4), corners.shape[1] - 1)
-        levels, children = [(corners[order][:, repeated], radius[order])], [np.arange(len(order))]
-        begin = 0  # of the level before
-        while (count := len(levels[-1][0])) > BRANCH:
-            first = np.arange(0, count, BRANCH)
-            levels.append(_enclosed(*levels[-1], first))
-            children.append(begin + first)
-            begin += count
+        if (count := len(corners)) > MOST:
+            order = np.concatenate(_near_one_another(corners.mean(axis=1), np.arange(count)))
+            corners, radius = corners[order], radius[order]
+        corners = corners[:, np.minimum(np.arange(4), corners.shape[1] - 1)]
+        levels, first, last = [(corners, radius)], [np.arange(count)], [np.arange(1, count + 1)]
+        begin = 0  # of the last level
+        while (size := len(levels[-1][0])) > 1:
+            groups = np.arange(0, size, BRANCH if count > MOST else MOST)
+            levels.append(_enclosed(*levels[-1], groups))
+            first.append(begin + groups)
+            last.append(begin + np.append(groups[1:], size))
+            begin += size
         corners, radius = (np.concatenate(each) for each in zip(*levels, strict=True))
-        first, leaves = np.concatenate(children), len(order)
-        ends = [np.minimum(each + BRANCH, each[0] + len(level[0])) for each, level in zip(children[1:], levels, strict=False)]
-        last = np.concatenate([first[:leaves] + 1, *ends])
-        size = np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1) + 2.0 * radius
-        size[:leaves] = 0.0
-        return cls(corners, radius, size, first, last, np.arange(begin, len(corners)))
-
-    def single(self, nodes: Rows) -> Any:
-        """Whether nodes are parts, and not groups."""
-        return self.first[nodes] == nodes
+        sizes = np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1) + 2.0 * radius
+        sizes[:count] = 0.0
+        return cls(corners, radius, sizes, np.concatenate(first), np.concatenate(last), len(levels))
 
     def support(self, nodes: Rows, directions: Array) -> Array:
         """Return max d·x over each node's points x (k, nodes) for directions (k, 3) of any length, in the piece's
@@ -69,27 +65,14 @@ class Parts:
         along = (self.corners[nodes].reshape(-1, 3) @ directions.T).reshape(len(nodes), 4, -1).max(axis=1)
         return np.asarray(along.T + np.linalg.norm(directions, axis=1)[:, None] * self.radius[nodes])
 
-    def shape(self, node: int) -> tuple[Any, Array, Array]:
-        """Return the node for coal, which only proposes directions, and its rotation and origin in the piece's
-        frame."""
-        if node not in self._shapes:
-            self._shapes[node] = self._shape(node)
-        return self._shapes[node]
-
-    def _shape(self, node: int) -> tuple[Any, Array, Array]:
-        a, b, c, d = self.corners[node]
-        radius = float(self.radius[node])
-        if self.first[node] == node:
-            return (coal.Sphere(radius), np.eye(3), a) if radius else (triangle(self.corners[node, :3]), np.eye(3), np.zeros(3))
-        sides = b - a, d - a
-        lengths = [float(np.linalg.norm(side)) for side in sides]
-        turn = np.eye(3)
-        if min(lengths) > THIN:
-            turn[:, 0], turn[:, 1] = sides[0] / lengths[0], sides[1] / lengths[1]
-            turn[:, 2] = np.cross(turn[:, 0], turn[:, 1])
-        box = coal.Box(*(max(length, THIN) for length in lengths), THIN)
-        box.setSweptSphereRadius(radius)
-        return box, turn, 0.5 * (a + c)
+    def shape(self, part: int) -> tuple[Any, Array | None]:
+        """Return a part for coal, and its origin in the piece's frame, if it is another."""
+        if part not in self._shapes:
+            if radius := float(self.radius[part]):
+                self._shapes[part] = coal.Sphere(radius), self.corners[part, 0]
+            else:
+                self._shapes[part] = triangle(self.corners[part, :3]), None
+        return self._shapes[part]
 
 
 def _near_one_another(places: Array, rows: Rows) -> list[Rows]:
