@@ -15,7 +15,8 @@ from hdplan.planner.certificate.containment import Containment
 from hdplan.planner.certificate.exact_proximity import Piece, witness_points
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
-from hdplan.planner.certificate.part_distance import Found, Placed, closest_parts, distance, part_distance
+from hdplan.planner.certificate.part_bounds import PartBounds
+from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array
@@ -115,7 +116,7 @@ class _Run:
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = 0
-        self.tried: dict[int, Array] = {}  # directions that were of use for the parts of a pair
+        self.parts = PartBounds(self.bodies, self.pairs)
         self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
@@ -312,22 +313,27 @@ class _Run:
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
-        values, bound, _, normals = self._exact(nodes, items)
-        bound = np.maximum(items.bound, bound)
         group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
+        values, bound, normals = np.full(len(items), -np.inf), items.bound.copy(), items.normal.copy()
+        hulls = np.flatnonzero(~self.parts.overlap[items.pair])
+        values[hulls], higher, _, normals[hulls] = self._exact(nodes, items[hulls])
+        bound[hulls] = np.maximum(bound[hulls], higher)
         known = [np.inf if spot is None else spot.distance for spot in self.closest]
         for which in (0, 1):  # a hull's distance must not be taken for the closest
             known[which] = min(known[which], float(values[~hollow & (group == which)].min(initial=np.inf)))
-        hulls = np.flatnonzero(hollow)
-        for i in hulls[np.argsort(values[hulls], kind="stable")].tolist():
-            pair, which = int(items.pair[i]), int(group[i])
-            floor, closest = float(self.floor[pair]), known[which]
+        rows = np.flatnonzero(hollow)
+        self.parts.overlap[items.pair[rows[values[rows] <= 0.0]]] = True
+        parts = self.parts.on(nodes, items[rows]) if len(rows) else None
+        for k in np.argsort(values[rows], kind="stable").tolist():
+            i, which = int(rows[k]), int(group[rows[k]])
+            floor, closest = float(self.floor[items.pair[i]]), known[which]
             enough = max(floor, _goal(closest))
             if values[i] < closest or (values[i] < enough and bound[i] < enough):
-                news = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
-                found = self._by_parts(nodes, int(items.node[i]), pair, normals[i], news, enough)
+                self.exact_calls += 1
+                within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                found = parts.bound(k, normals[i], within, enough)
                 bound[i] = max(bound[i], found.bound)
-                values[i] = max(values[i], found.distance) if found.distance <= news else np.inf  # not known exactly
+                values[i] = max(values[i], found.distance) if found.distance <= within else np.inf  # far enough
                 known[which] = min(closest, float(values[i]))
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
@@ -391,25 +397,6 @@ class _Run:
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1
         return distance(*self._posed(nodes, node, pair))
-
-    def _by_parts(self, nodes: Intervals, node: int, pair: int, normal: Array, within: float, enough: float) -> Found:
-        """Return what the parts of two bodies say about their distance at the middle of an interval, and within it."""
-        self.exact_calls += 1
-        a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
-        (first, one), (second, other) = (
-            (nodes.motion(np.array([node]), np.array([body]), moves[None]), int(nodes.row(node, body)))
-            for body, moves in ((a, self.pairs.moves_a[pair]), (b, self.pairs.moves_b[pair]))
-        )
-        found = part_distance(
-            Placed(self.bodies.pieces[a], nodes.rotation[one], nodes.origin[one], first.omega[0], first.velocity[0]),
-            Placed(self.bodies.pieces[b], nodes.rotation[other], nodes.origin[other], second.omega[0], second.velocity[0]),
-            (float(first.first[0] + second.first[0]), float(first.second[0] + second.second[0])),
-            np.concatenate([normal[None], self.tried.get(pair, np.empty((0, 3)))]),
-            within,
-            enough,
-        )
-        self.tried[pair] = found.normals
-        return found
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)

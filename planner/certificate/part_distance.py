@@ -85,8 +85,8 @@ class Found:
 
 
 def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
-    """Return the signed distance [m] of two pieces' parts, at poses (4, 4): negative in contact, minus the depth of the
-    deepest pair. One piece wholly inside the other is not seen: see `containment`."""
+    """Return the signed distance [m] of two pieces' parts, at poses (4, 4): 0 where triangles are in contact, minus the
+    depth where balls are. One piece wholly inside the other is not seen: see `containment`."""
     return part_distance(Placed.at(a, pose_a), Placed.at(b, pose_b)).distance
 
 
@@ -129,6 +129,8 @@ def part_distance(
         if (least := float(distances.min())) < found:
             found, closest = least, tuple(pairs[distances.argmin()].tolist())
             walk.known = found - max(SAME * found, ROUNDING)
+        if found <= 0.0 and a.piece.grains is None and b.piece.grains is None:  # how deep is of no use
+            return Found(0.0, -np.inf, tried[-KEPT:], closest)
         most = min(2 * most, MOST_AT_ONCE)
     return Found(walk.least, walk.proven, tried[-KEPT:], closest)
 

@@ -8,11 +8,13 @@ radius, for all nodes and directions in one product.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import coal
 import numpy as np
 
+from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.geometry.cells import principal_axes
 from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
@@ -58,6 +60,11 @@ class Parts:
         sizes = np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1) + 2.0 * radius
         sizes[:count] = 0.0
         return cls(corners, radius, sizes, np.concatenate(first), np.concatenate(last), len(levels))
+
+    @cached_property
+    def record(self) -> Record:
+        """The C struct of that name in `parts_loop`."""
+        return Record(self.first, self.last, self.corners, self.radius, self.size)
 
     def support(self, nodes: Rows, directions: Array) -> Array:
         """Return max d·x over each node's points x (k, nodes) for directions (k, 3) of any length, in the piece's

@@ -16,11 +16,15 @@ from hdplan.scenes.array_types import Array, Rows
 SOURCE = f"#define MOST {MOST}\n" """
 #include <math.h>
 
-/* One of the two bodies: its nodes, null of a body without parts; and for `count` directions and s = 0, 1, -1 the
-   direction in the body's frame, its length, and how far along it the frame's origin is, or the whole body. */
 typedef struct {
   const long long *first, *last;
   const double *corners, *radius, *size;
+} parts;
+
+/* One of the two bodies: its parts, if it has any; and for each direction and s = 0, 1, -1 the direction in the body's
+   frame, its length, and how far along it the frame's origin is, or the whole body. */
+typedef struct {
+  const parts* of;
   const double *ways, *lengths, *offsets;
 } side;
 
@@ -30,16 +34,17 @@ typedef struct {
 } state;
 
 static double reach(const side* body, long long node, long long row) {
-  const double *way = body->ways + 3 * row, *c = body->corners + 12 * node;
+  const double *way = body->ways + 3 * row, *c;
   double best, along;
   int i;
-  if (!body->first) return body->offsets[row];
+  if (!body->of) return body->offsets[row];
+  c = body->of->corners + 12 * node;
   best = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
   for (i = 1, c += 3; i < 4; ++i, c += 3) {
     along = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
     best = along > best ? along : best;
   }
-  return body->offsets[row] + best + body->radius[node] * body->lengths[row];
+  return body->offsets[row] + best + body->of->radius[node] * body->lengths[row];
 }
 
 /* The distance at the midpoint, and the bound over the interval, by one direction. */
@@ -84,15 +89,15 @@ long long walk(const side* a, const side* b, long long count, state* is, long lo
       is->proven = bound < is->proven ? bound : is->proven;
       continue;
     }
-    if ((!a->first || a->first[i] == i) && (!b->first || b->first[j] == j)) {
+    if ((!a->of || a->of->first[i] == i) && (!b->of || b->of->first[j] == j)) {
       open[2 * left] = i;
       open[2 * left + 1] = j;
       ++left;
       continue;
     }
-    larger = a->first && (!b->first || a->size[i] > b->size[j]);
-    begin = larger ? a->first[i] : b->first[j];
-    end = larger ? a->last[i] : b->last[j];
+    larger = a->of && (!b->of || a->of->size[i] > b->of->size[j]);
+    begin = larger ? a->of->first[i] : b->of->first[j];
+    end = larger ? a->of->last[i] : b->of->last[j];
     for (node = begin; node < end; ++node) { /* the closest is looked at first */
       double low, value = larger ? by(a, b, is, node, j, way, &low) : by(a, b, is, i, node, way, &low);
       for (place = node - begin; place > 0 && values[place - 1] < value; --place) {
@@ -156,11 +161,7 @@ class Side:
     def record(self) -> Record:
         """The C struct of that name."""
         lengths = np.sqrt(np.einsum("ksi,ksi->ks", self.ways, self.ways))
-        arrays = self.ways, lengths, self.offsets
-        if self.parts is None:
-            return Record(*(0,) * 5, *arrays)
-        parts = self.parts
-        return Record(parts.first, parts.last, parts.corners, parts.radius, parts.size, *arrays)
+        return Record(0 if self.parts is None else self.parts.record, self.ways, lengths, self.offsets)
 
 
 class Walk:
