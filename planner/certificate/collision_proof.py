@@ -313,28 +313,12 @@ class _Run:
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
-        group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
-        values, bound, normals = np.full(len(items), -np.inf), items.bound.copy(), items.normal.copy()
-        hulls = np.flatnonzero(~self.parts.overlap[items.pair])
-        values[hulls], higher, _, normals[hulls] = self._exact(nodes, items[hulls])
-        bound[hulls] = np.maximum(bound[hulls], higher)
-        known = [np.inf if spot is None else spot.distance for spot in self.closest]
-        for which in (0, 1):  # a hull's distance must not be taken for the closest
-            known[which] = min(known[which], float(values[~hollow & (group == which)].min(initial=np.inf)))
-        rows = np.flatnonzero(hollow)
-        self.parts.overlap[items.pair[rows[values[rows] <= 0.0]]] = True
-        parts = self.parts.on(nodes, items[rows]) if len(rows) else None
-        for k in np.argsort(values[rows], kind="stable").tolist():
-            i, which = int(rows[k]), int(group[rows[k]])
-            floor, closest = float(self.floor[items.pair[i]]), known[which]
-            enough = max(floor, _goal(closest))
-            if values[i] < closest or (values[i] < enough and bound[i] < enough):
-                self.exact_calls += 1
-                within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
-                found = parts.bound(k, normals[i], within, enough)
-                bound[i] = max(bound[i], found.bound)
-                values[i] = max(values[i], found.distance) if found.distance <= within else np.inf  # far enough
-                known[which] = min(closest, float(values[i]))
+        hulls, bound, normals = np.full(len(items), -np.inf), items.bound.copy(), items.normal.copy()
+        rows = np.flatnonzero(~self.parts.overlap[items.pair])
+        hulls[rows], higher, _, normals[rows] = self._exact(nodes, items[rows])
+        bound[rows] = np.maximum(bound[rows], higher)
+        items = replace(items, bound=bound, normal=normals)
+        values = self._by_parts(nodes, items, hulls)
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
@@ -343,7 +327,34 @@ class _Run:
         for i in order[notable].tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
             self._met(self._spot(nodes, node, pair, value, bool(touching[i])))
-        return replace(items, bound=bound, normal=normals)
+        return items
+
+    def _by_parts(self, nodes: Intervals, items: Items, hulls: Array) -> Array:
+        """Return the distances of all pairs, given those of their hulls, and raise the bounds of those whose hulls are
+        not their exact shape. A distance that would change nothing is infinite."""
+        group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
+        values = np.where(hollow, np.inf, hulls)
+        known = [np.inf if spot is None else spot.distance for spot in self.closest]
+        least = [min(known[which], float(values[group == which].min(initial=np.inf))) for which in (0, 1)]
+        enough = np.maximum(self.floor[items.pair], np.array([_goal(distance) for distance in least])[group])
+        closer = hulls < np.array(least)[group]
+        rows = np.flatnonzero(hollow & (closer | ((hulls < enough) & (items.bound < enough))))
+        if not len(rows):
+            return values
+        self.parts.overlap[items.pair[rows[hulls[rows] <= 0.0]]] = True
+        parts = self.parts.on(nodes, items[rows])
+        for k in np.argsort(hulls[rows], kind="stable").tolist():
+            i, which = int(rows[k]), int(group[rows[k]])
+            floor, closest = float(self.floor[items.pair[i]]), least[which]
+            goal = max(floor, _goal(closest))
+            if hulls[i] < closest or (hulls[i] < goal and items.bound[i] < goal):
+                self.exact_calls += 1
+                within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                found = parts.bound(k, within, goal)
+                items.bound[i] = max(items.bound[i], found.bound)
+                if (distance := max(float(hulls[i]), found.distance)) <= within:
+                    values[i], least[which] = distance, min(closest, distance)
+        return values
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Halve the intervals of the open items; give up those that are as short as they may become."""

@@ -21,7 +21,7 @@ class PartBounds:
         """Begin without any directions."""
         self.bodies, self.pairs = bodies, pairs
         self.overlap = np.zeros(len(pairs.a), dtype=bool)  # (P,) pairs whose hulls were found to meet
-        self._tried: dict[int, Array] = {}
+        self.tried: dict[int, Array] = {}  # directions (k, 3) for the parts of a pair
 
     def on(self, nodes: Intervals, items: Items) -> PartsOnIntervals:
         """Prepare items."""
@@ -34,25 +34,25 @@ class PartsOnIntervals:
     def __init__(self, bounds: PartBounds, nodes: Intervals, items: Items) -> None:
         """Compute how the bodies move."""
         pairs = bounds.pairs
-        self.bounds, self.nodes, self.pair = bounds, nodes, items.pair
+        self.bounds, self.nodes, self.items = bounds, nodes, items
         self.a, self.b = pairs.a[items.pair], pairs.b[items.pair]
         self.motion_a = nodes.motion(items.node, self.a, pairs.moves_a[items.pair])
         self.motion_b = nodes.motion(items.node, self.b, pairs.moves_b[items.pair])
         self.moved = self.motion_a.first + self.motion_b.first, self.motion_a.second + self.motion_b.second
         self.rows = nodes.row(items.node, self.a), nodes.row(items.node, self.b)
 
-    def bound(self, i: int, normal: Array, within: float, enough: float) -> Found:
-        """Return what the parts of one item say, as `part_distance` does; `normal` (3,) is tried first."""
-        pair, own = int(self.pair[i]), self.bounds
+    def bound(self, i: int, within: float, enough: float) -> Found:
+        """Return what the parts of one item say, as `part_distance` does."""
+        pair, normals, own = int(self.items.pair[i]), self.items.normal[i, None], self.bounds
         found = part_distance(
             self._placed(int(self.a[i]), int(self.rows[0][i]), self.motion_a, i),
             self._placed(int(self.b[i]), int(self.rows[1][i]), self.motion_b, i),
             (float(self.moved[0][i]), float(self.moved[1][i])),
-            np.concatenate([normal[None], own._tried[pair]]) if pair in own._tried else normal[None],
+            np.concatenate([normals, own.tried[pair]]) if pair in own.tried else normals,
             within,
             enough,
         )
-        own._tried[pair] = found.normals
+        own.tried[pair] = found.normals
         return found
 
     def _placed(self, body: int, row: int, motion: Motion, i: int) -> Placed:

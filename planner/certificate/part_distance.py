@@ -119,15 +119,17 @@ def part_distance(
     while len(pairs := walk.go_on(most)):
         normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
         distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
-        doubtful = ~((said > 0.0) & (np.abs(distances - said) < DOUBTFUL))
-        if doubtful.any():
-            again = [best_direction(*a.part(i), *b.part(j))[0] for i, j in pairs[doubtful].tolist()]
-            normals = np.concatenate([normals, again])
-            distances, bounds = walk.ask(a.along(-normals[len(said) :]), b.along(normals[len(said) :]), pairs)
+        sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL)
+        while not sure[row := int(distances.argmin())]:  # the others are not closer than it seems
+            sure[row] = True
+            i, j = pairs[row].tolist()
+            normal = best_direction(*a.part(i), *b.part(j))[0][None]
+            distances, bounds = walk.ask(a.along(-normal), b.along(normal), pairs)
+            normals = np.concatenate([normals, normal])
         tried = np.concatenate([tried, normals])
-        walk.settle(float(distances.min()), float(bounds.min()))
-        if (least := float(distances.min())) < found:
-            found, closest = least, tuple(pairs[distances.argmin()].tolist())
+        walk.settle(float(distances[row]), float(bounds.min()))
+        if (least := float(distances[row])) < found:
+            found, closest = least, (int(pairs[row, 0]), int(pairs[row, 1]))
             walk.known = found - max(SAME * found, ROUNDING)
         if found <= 0.0 and a.piece.grains is None and b.piece.grains is None:  # how deep is of no use
             return Found(0.0, -np.inf, tried[-KEPT:], closest)

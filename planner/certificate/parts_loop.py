@@ -13,7 +13,9 @@ from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.planner.certificate.parts import MOST, Parts
 from hdplan.scenes.array_types import Array, Rows
 
-SOURCE = f"#define MOST {MOST}\n" """
+SOURCE = (
+    f"#define MOST {MOST}\n"
+    """
 #include <math.h>
 
 typedef struct {
@@ -28,7 +30,7 @@ typedef struct {
   const double *ways, *lengths, *offsets;
 } side;
 
-/* What is known: the least distance and bound of all settled pairs, what settles a pair, and how far the bodies move. */
+/* The least distance and bound of all settled pairs, what settles a pair, and how far the bodies move. */
 typedef struct {
   double least, proven, known, within, enough, first, second;
 } state;
@@ -64,8 +66,8 @@ static int settled(const state* is, double distance, double bound) {
 
 /* Take pairs of nodes from the end of `stack` until it is empty or `most` pairs of parts are left open; return how many
    are. `at`: how many pairs are on it, and the direction that settled a pair last. */
-long long walk(const side* a, const side* b, long long count, state* is, long long* stack, long long* at, long long most,
-               long long* open) {
+long long walk(const side* a, const side* b, long long count, state* is, long long* stack, long long* at,
+               long long most, long long* open) {
   double values[MOST];
   long long left = 0;
   while (at[0] > 0 && left < most) {
@@ -114,6 +116,7 @@ long long walk(const side* a, const side* b, long long count, state* is, long lo
   return left;
 }
 """
+)
 
 
 @functools.cache
@@ -132,9 +135,7 @@ class Side:
 
     def more(self, other: Side) -> Side:
         """Return it with the directions of another."""
-        return Side(
-            self.parts, np.concatenate([self.ways, other.ways]), np.concatenate([self.offsets, other.offsets])
-        )
+        return Side(self.parts, np.concatenate([self.ways, other.ways]), np.concatenate([self.offsets, other.offsets]))
 
     def reach(self, nodes: Rows) -> Array:
         """Return max n·(x + s x') over the points x of nodes (i,): (k, 3, i)."""
@@ -203,7 +204,8 @@ class Walk:
             place = np.array([self.height, self.newest])
             sides = self.a.record, self.b.record, len(self.a.ways)
             left = call(loop.walk, *sides, state, self.stack, place, most, open_ones)
-            self.least, self.proven, (self.height, self.newest) = *state[:2].tolist(), place.tolist()
+            self.least, self.proven = state[:2].tolist()
+            self.height, self.newest = place.tolist()
         return open_ones[:left]
 
     def _go_on(self, open_ones: Rows) -> int:

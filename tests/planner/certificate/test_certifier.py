@@ -467,12 +467,14 @@ def test_directions_are_right_in_parallel_and_random_poses() -> None:
 def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
     planar: RobotSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A distance of surfaces that is not to be believed counts as 0: the hulls' own is still proven."""
+    """Directions for triangles that separate nothing prove nothing: the hulls' own distance is still proven."""
     ring = trimesh.creation.annulus(0.4, 0.5, 0.2)
     ring.export(tmp_path / "ring.stl")
     far = Obstacle("ring", Mesh(tmp_path / "ring.stl"), Pose((5.0, 0.0, 0.0)))
     exact = swing(planar, 0.3, far)
-    monkeypatch.setattr("hdplan.planner.certificate.collision_proof.surface_distance", lambda *_: 0.0)
+    parts = "hdplan.planner.certificate.part_distance"
+    monkeypatch.setattr(f"{parts}.directions", lambda pairs: (np.array([[0.0, 1.0, 0.0] for _ in pairs]), np.zeros(1)))
+    monkeypatch.setattr(f"{parts}.best_direction", lambda *_: (np.array([0.0, 0.0, 1.0]), 0.0))
     found = swing(planar, 0.3, far)
     assert found.certified
     assert exact.clearance is not None
