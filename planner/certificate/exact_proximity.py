@@ -1,13 +1,12 @@
-"""Exact proximity of link and obstacle pieces, for the certificate: closed-form supports, coal's directions, triangles.
+"""Exact proximity of link and obstacle pieces, for the certificate: closed-form supports, and coal's directions.
 
-A piece is a convex hull, exact for everything convex, and for a mesh that is not convex also its triangles. Between
-convex pieces coal proposes only a *direction* n; the number is computed here from the support functions,
+A piece is a convex hull, exact for everything convex, and for a mesh that is not convex, or a cloud, also the parts
+that make it up (`part_distance`). coal proposes only a *direction* n; the number comes from the support functions,
 
     gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B)   for every unit n (separating plane),
 
 so no fault of an iterative solver (coal returns O(1) garbage in about 0.1 % of exactly parallel contacts) can make it
-too large. Between triangles coal's distance itself is used, after plausibility checks. Positive = separated, lengths in
-[m].
+too large. Positive = separated, lengths in [m].
 """
 
 from __future__ import annotations
@@ -188,7 +187,7 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
 
 def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
     """Cut triangles into parts, the one with the largest hull first, as long as the hulls of the two halves are much
-    smaller than the hull of both: the tighter the hulls, the less often distances of triangles are needed.
+    smaller than the hull of both: the tighter the hulls, the less often planes for single triangles are needed.
 
     The parts of a shell could be cut for ever, always with enough gain: MOST_PIECES ends that.
     """
@@ -257,7 +256,7 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
 
 
 def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
-    """Return the closest points (2, 3) [m] of the real surfaces, on a and on b, as coal finds them.
+    """Return the closest points (2, 3) [m] of two convex pieces, on a and on b, as coal finds them.
 
     For pictures: nothing is proven about them. In contact they are the ends of the least penetration, or the place
     where two triangles meet. Poses are (4, 4).
@@ -301,7 +300,7 @@ def _ellipsoid(radii: Array) -> Piece:
 def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
     """Return the hull of `points`; if they are flat, coal gets a slightly thicker hull, while the supports stay exact.
 
-    If the hull is too large for coal, its triangles give the distance, and a hull of fewer vertices the direction.
+    If the hull is too large for coal, a hull of fewer vertices gives the direction, and its triangles better ones.
     """
     centered = points - points.mean(axis=0)
     extents = np.linalg.svd(centered, compute_uv=False)

@@ -19,6 +19,7 @@ from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_dir
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.motion_bounds import Array, cross
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.once import read_only
 
 MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
@@ -105,7 +106,7 @@ def part_distance(
     within: float = np.inf,
     enough: float = -np.inf,
 ) -> Found:
-    """Return what can be said about the distance of two pieces' parts.
+    """Return what can be said about the distance of two pieces' parts. Raises OutOfTime.
 
     moved: by how much the two move against each other, to first order and beyond it [m] (`Motion`).
     normals: unit directions (k, 3) from b to a to try first.
@@ -117,6 +118,7 @@ def part_distance(
     walk = Walk(a.along(-tried), b.along(tried), moved, within, enough)
     most, found, closest = 1, np.inf, (0, 0)
     while len(pairs := walk.go_on(most)):
+        check_time("measuring the distance of meshes")
         normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
         distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
         sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL)

@@ -13,6 +13,8 @@ from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.planner.certificate.parts import MOST, Parts
 from hdplan.scenes.array_types import Array, Rows
 
+LATEST = 64  # directions kept when more are found: the walk goes on near where they were found
+
 SOURCE = (
     f"#define MOST {MOST}\n"
     """
@@ -134,8 +136,9 @@ class Side:
     offsets: Array  # (k, 3) of the frame's origin along them, with its motion; of the whole body, if it has no parts
 
     def more(self, other: Side) -> Side:
-        """Return it with the directions of another."""
-        return Side(self.parts, np.concatenate([self.ways, other.ways]), np.concatenate([self.offsets, other.offsets]))
+        """Return it with the directions of another, and the latest of its own."""
+        pairs = (self.ways, other.ways), (self.offsets, other.offsets)
+        return Side(self.parts, *(np.concatenate([own[-LATEST:], new]) for own, new in pairs))
 
     def reach(self, nodes: Rows) -> Array:
         """Return max n·(x + s x') over the points x of nodes (i,): (k, 3, i)."""
@@ -178,8 +181,9 @@ class Walk:
         self.stack[0], self.height, self.newest = (a.root, b.root), 1, 0
 
     def ask(self, a: Side, b: Side, pairs: Rows) -> tuple[Array, Array]:
-        """Take more directions, and return the best distances and bounds (i,) of pairs of nodes (i, 2) by all of
-        them."""
+        """Take more directions in the place of the oldest, and return the best distances and bounds (i,) of pairs of
+        nodes (i, 2)."""
+        self.newest = max(self.newest - max(len(self.a.ways) - LATEST, 0), 0)
         self.a, self.b = self.a.more(a), self.b.more(b)
         distances, bounds = self.bounds(*pairs.T)
         return distances.max(axis=0), bounds.max(axis=0)
