@@ -15,7 +15,7 @@ import coal
 import numpy as np
 
 from hdplan.distance.compiled.c_library import Record
-from hdplan.planner.geometry.cells import principal_axes
+from hdplan.planner.geometry.cells import axes_of
 from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze, read_only
@@ -96,7 +96,7 @@ def _enclosed(corners: Array, radius: Array, first: Rows) -> tuple[Array, Array]
     """Return the rectangles (c, 4, 3), and the radii (c,) of the balls that sweep them, which contain groups of
     nodes."""
     points = corners.reshape(-1, 3)
-    axes = principal_axes(points, 4 * first)
+    axes = axes_of(points, 4 * first)
     sizes = np.diff(np.append(first, len(corners)))
     local = np.einsum("mki,mij->mkj", corners, np.repeat(axes, sizes, axis=0))
     low, high = np.minimum.reduceat(local.min(axis=1), first), np.maximum.reduceat(local.max(axis=1), first)

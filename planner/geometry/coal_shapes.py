@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import coal
+import numpy as np
 
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
@@ -36,6 +37,12 @@ def triangle_tree(mesh: TriangleMesh) -> Any:
     tree.addTriangles(mesh.triangles)
     tree.endModel()
     return tree
+
+
+def mesh_of(tree: Any) -> TriangleMesh:
+    """Return the triangles of a hierarchy as coal or Pinocchio made it, with those vertices that they use."""
+    corners = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))])
+    return TriangleMesh.merged(tree.vertices(), corners).trimmed()
 
 
 def _points(rows: Array) -> Any:
