@@ -22,6 +22,13 @@ def convex_hull(points: Array) -> Any | None:
         raise
 
 
+def triangle(corners: Array) -> Any:
+    """Return one triangle (3, 3) as a flat hull: coal measures its own triangles against few other shapes."""
+    sides = coal.StdVec_Triangle()
+    sides.extend([coal.Triangle(0, 1, 2), coal.Triangle(0, 2, 1)])
+    return coal.Convex(_points(corners), sides)
+
+
 def triangle_tree(mesh: TriangleMesh) -> Any:
     """Return coal's bounding volume hierarchy of a mesh's triangles."""
     tree = coal.BVHModelOBBRSS()
