@@ -6,7 +6,8 @@ by brute force over every point.
 DIR as of mbm.py. `all`: the obstacles' surfaces, sampled every 5 mm from all sides. `cameras`: what three cameras see
 of them, with 2 mm of noise along the ray and 1 % of the points up to 5 cm off. `--points` is the number of points in
 place of a spacing of 5 mm. Each point is a ball of 5 mm. A cloud is written to a .ply file; reading it counts. "Next
-cloud": the same points with 0.5 mm of noise, planned for by `hdplan.plan` with the motion as guess, to the proof. The
+cloud": the same points with 0.5 mm of noise, planned for by `hdplan.plan` with the motion as guess, to the proof.
+"Controller": the time of its steps while it follows the motion through the cloud, 200 steps a second for 2 s. The
 memory is the most so far. Prints a table; to the error stream, a line per problem.
 """
 
@@ -29,6 +30,7 @@ from problems import RealProblem, problem_parser, real_problems
 from recheck_cloud import touching
 
 import hdplan
+from hdplan import control
 from hdplan.planner.studies.report import markdown_text
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 
@@ -39,6 +41,7 @@ NOISE, OUTLIERS, OFF = 0.002, 0.01, 0.05  # [m] along the ray, share of the poin
 JITTER = 0.0005  # [m] by which points of the next cloud are elsewhere
 CAMERAS = ((1.6, 1.2, 1.4), (1.6, -1.2, 1.4), (-0.4, 0.0, 2.2))  # [m] three eyes that look at
 AIM = (0.5, 0.0, 0.5)
+FOLLOWED, WARM = 2.0, 5  # [s], steps
 PIXELS, OPENING = 480, np.radians(60.0)  # along both sides of each picture, and its opening
 
 
@@ -104,6 +107,7 @@ def run(problem: RealProblem, view: str, count: int | None, check: bool, limit: 
         with contextlib.suppress(hdplan.InputError):  # a close end may be in contact now
             hdplan.plan(scan, time_limit=limit, guess=result.trajectory)
             found["next"] = time.perf_counter() - began
+        found["steps"] = steps_along(scan, result.trajectory)
     if check and result.certified:
         result.save(folder / "motion.json")
         kept = trimesh.load(file).vertices  # as single precision has them
@@ -112,8 +116,27 @@ def run(problem: RealProblem, view: str, count: int | None, check: bool, limit: 
     return found
 
 
-def _spread(values: Array) -> str:
-    return f"{np.median(values):.0f} / {np.percentile(values, 95):.0f}" if len(values) else "–"
+def steps_along(scene: hdplan.Scene, motion: hdplan.Trajectory) -> Array:
+    """Follow a motion by the controller, at one pace; return how long its steps take [s], without the first ones."""
+    controller, rows = control.Controller.of(scene), motion.positions
+    pace, period, times = (len(rows) - 1) / FOLLOWED, controller.settings.period, []
+
+    def wanted(at: float) -> tuple[Array, Array]:
+        first = min(int(at * pace), len(rows) - 2)
+        speed = (rows[first + 1] - rows[first]) * pace
+        return rows[first] + speed * (at - first / pace), speed
+
+    task, q = control.TrackTask(wanted, end=FOLLOWED), rows[0]
+    for step in range(int(FOLLOWED / period)):
+        began = time.perf_counter()
+        command = controller.step(q, task, step * period)
+        times.append(time.perf_counter() - began)
+        q = q + period * command.velocity
+    return np.array(times[WARM:])
+
+
+def _spread(values: Array, high: int = 95, digits: int = 0) -> str:
+    return f"{np.median(values):.{digits}f} / {np.percentile(values, high):.{digits}f}" if len(values) else "–"
 
 
 def main() -> None:
@@ -138,6 +161,7 @@ def main() -> None:
             certified = [got for got in done if got["status"] == "certified"]
             keys = ("plan", "certify", "next")
             times = {key: np.array([1e3 * got[key] for got in certified if key in got]) for key in keys}
+            steps = 1e3 * np.concatenate([np.empty(0), *(got["steps"] for got in certified if "steps" in got)])
             rows.append(
                 {
                     "robot": robot,
@@ -149,6 +173,7 @@ def main() -> None:
                     "read + build + solve, median / 95 % [ms]": _spread(times["plan"]),
                     "certificate, median / 95 % [ms]": _spread(times["certify"]),
                     "next cloud, median / 95 % [ms]": _spread(times["next"]),
+                    "controller, a step, median / 99 % [ms]": _spread(steps, 99, 1),
                     "memory [MB]": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
                 }
             )

@@ -19,6 +19,7 @@ from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import read_only
 
+CELL = 0.08  # [m] edge of the cubes whose points make a piece
 THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
 ROOM = 1e-12  # share by which boxes are larger, for rounding
 
@@ -26,7 +27,7 @@ ROOM = 1e-12  # share by which boxes are larger, for rounding
 def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
     """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs
     (c, 4, 4)."""
-    frames, half, radius, grains = _boxes(balls, cells_of(balls))
+    frames, half, radius, grains = _boxes(balls, cells_of(balls, CELL))
     vertices = read_only(2.0 * half[:, None] * CORNERS)
     away = np.linalg.norm(half, axis=1) + radius
     low, high, center = read_only(-half - radius[:, None]), read_only(half + radius[:, None]), read_only(np.zeros(3))
@@ -42,7 +43,7 @@ def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
 def moving_pieces(balls: FixedArray) -> list[Piece]:
     """Return the same pieces in the frame of the balls."""
     found = []
-    for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls)), strict=True):
+    for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls, CELL)), strict=True):
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
         back = np.column_stack([own[:, :3] @ frame[:3, :3].T + frame[:3, 3], own[:, 3]])
         ball = float(radius) + ROOM * float(np.abs(corners).max())  # turned there and back

@@ -11,20 +11,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdplan.planner.certificate.ball_distance import ball_distance, closest_ball
 from hdplan.planner.certificate.containment import Containment
-from hdplan.planner.certificate.exact_proximity import Piece, surface_distance, witness_points
+from hdplan.planner.certificate.exact_proximity import Piece, witness_points
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.part_bounds import PartBounds
+from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array
 from hdplan.scenes.deadline import seconds_left
+from hdplan.scenes.errors import OutOfTime
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
+NEWS = 0.02  # share of this tolerance by which a place must be closer than the closest one known to be looked at
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
@@ -114,6 +117,7 @@ class _Run:
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = 0
+        self.parts = PartBounds(self.bodies, self.pairs)
         self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
@@ -217,8 +221,7 @@ class _Run:
     def witnesses_at_start(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first waypoint."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        a, pose_a, b, pose_b = self._posed(nodes, 0, pair)
-        return witness_points(a, pose_a, b if b.grains is None else closest_ball(a, pose_a, b, pose_b), pose_b)
+        return witness_points(*closest_parts(*self._posed(nodes, 0, pair)))
 
     # --- one inside the other ----------------------------------------------------------------------------------------
 
@@ -305,29 +308,18 @@ class _Run:
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
         if self._asked is None:
-            goals = np.array([self._goal(0), self._goal(1)])
+            goals = np.array([np.inf if spot is None else _goal(spot.distance) for spot in self.closest])
             self._asked = np.maximum(self.floor, goals[self.pairs.group])
         return self._asked[pairs]
 
-    def _goal(self, group: int) -> float:
-        """Return the greatest clearance [m] that a group can be proven to keep, less a tolerance."""
-        spot = self.closest[group]
-        if spot is None:
-            return np.inf
-        tolerance = min(max(TOLERANCE, RELATIVE_TOLERANCE * spot.distance), 0.5 * spot.distance)
-        return spot.distance - tolerance
-
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
-        values, bound, travel, normals = self._exact(nodes, items)
-        bound = np.maximum(items.bound, bound)
-        goal = self._enough(items.pair)
-        known = np.array([np.inf if spot is None else spot.distance for spot in self.closest])
-        record = values < known[self.pairs.group[items.pair]]  # a hull's distance must not be taken for the closest
-        for i in np.flatnonzero(self.hollow[items.pair] & (record | ((values < goal) & (bound < goal)))).tolist():
-            # where coal is not plausible, the surfaces' distance is 0: the hulls' is a lower bound of it
-            values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
-            bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
+        hulls, bound, normals = np.full(len(items), -np.inf), items.bound.copy(), items.normal.copy()
+        rows = np.flatnonzero(~self.parts.overlap[items.pair])
+        hulls[rows], higher, _, normals[rows] = self._exact(nodes, items[rows])
+        bound[rows] = np.maximum(bound[rows], higher)
+        items = replace(items, bound=bound, normal=normals)
+        values = self._by_parts(nodes, items, hulls)
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
@@ -336,7 +328,37 @@ class _Run:
         for i in order[notable].tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
             self._met(self._spot(nodes, node, pair, value, bool(touching[i])))
-        return replace(items, bound=bound, normal=normals)
+        return items
+
+    def _by_parts(self, nodes: Intervals, items: Items, hulls: Array) -> Array:
+        """Return the distances of all pairs, given those of their hulls, and raise the bounds of those whose hulls are
+        not their exact shape. A distance that would change nothing is infinite."""
+        group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
+        values = np.where(hollow, np.inf, hulls)
+        known = [np.inf if spot is None else spot.distance for spot in self.closest]
+        least = [min(known[which], float(values[group == which].min(initial=np.inf))) for which in (0, 1)]
+        enough = np.maximum(self.floor[items.pair], np.array([_goal(distance) for distance in least])[group])
+        closer = hulls < np.array(least)[group]
+        rows = np.flatnonzero(hollow & (closer | ((hulls < enough) & (items.bound < enough))))
+        if not len(rows):
+            return values
+        self.parts.overlap[items.pair[rows[hulls[rows] <= 0.0]]] = True
+        parts = self.parts.on(nodes, items[rows])
+        for k in np.argsort(hulls[rows], kind="stable").tolist():
+            i, which = int(rows[k]), int(group[rows[k]])
+            floor, closest = float(self.floor[items.pair[i]]), least[which]
+            goal = max(floor, _goal(closest))
+            if hulls[i] < closest or (hulls[i] < goal and items.bound[i] < goal):
+                self.exact_calls += 1
+                within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                try:
+                    found = parts.bound(k, within, goal)
+                except OutOfTime:  # what is left is not proven
+                    break
+                items.bound[i] = max(items.bound[i], found.bound)
+                if (distance := max(float(hulls[i]), found.distance)) <= within:
+                    values[i], least[which] = distance, min(closest, distance)
+        return values
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Halve the intervals of the open items; give up those that are as short as they may become."""
@@ -389,8 +411,7 @@ class _Run:
 
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1
-        posed = self._posed(nodes, node, pair)
-        return surface_distance(*posed) if posed[2].grains is None else ball_distance(*posed)
+        return distance(*self._posed(nodes, node, pair))
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)
@@ -403,3 +424,10 @@ class _Run:
     def _spot(self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool) -> Spot:
         fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
         return Spot(int(nodes.interval[node]), fraction, pair, distance, touching)
+
+
+def _goal(distance: float) -> float:
+    """Return the greatest clearance [m] that can be proven where this is the least distance found, less a tolerance."""
+    if distance == np.inf:
+        return np.inf
+    return distance - min(max(TOLERANCE, RELATIVE_TOLERANCE * distance), 0.5 * distance)

@@ -1,13 +1,12 @@
-"""Exact proximity of link and obstacle pieces, for the certificate: closed-form supports, coal's directions, triangles.
+"""Exact proximity of link and obstacle pieces, for the certificate: closed-form supports, and coal's directions.
 
-A piece is a convex hull, exact for everything convex, and for a mesh that is not convex also its triangles. Between
-convex pieces coal proposes only a *direction* n; the number is computed here from the support functions,
+A piece is a convex hull, exact for everything convex, and for a mesh that is not convex, or a cloud, also the parts
+that make it up (`part_distance`). coal proposes only a *direction* n; the number comes from the support functions,
 
     gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B)   for every unit n (separating plane),
 
 so no fault of an iterative solver (coal returns O(1) garbage in about 0.1 % of exactly parallel contacts) can make it
-too large. Between triangles coal's distance itself is used, after plausibility checks. Positive = separated, lengths in
-[m].
+too large. Positive = separated, lengths in [m].
 """
 
 from __future__ import annotations
@@ -25,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
-from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.certificate.parts import Parts
+from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
@@ -38,7 +38,6 @@ Array = NDArray[np.float64]
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
 FEW = 250  # vertices of the hull that replaces one too large for coal
-THIN = 1e-11  # share of a mesh's size: narrower triangles are left out
 DOUBTFUL = 1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
 NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel contact
@@ -88,6 +87,14 @@ class Piece:
         vars(piece).update(low=low, high=high, center=center, radius=radius)
         return piece
 
+    @cached_property
+    def parts(self) -> Parts | None:
+        """What the piece is the hull of; None where it is the hull itself. Built on first use."""
+        if self.surface is not None:
+            corners = self.surface.mesh.vertices[self.surface.mesh.triangles]
+            return Parts.of(corners, np.zeros(len(corners)))
+        return None if self.grains is None else Parts.of(self.grains[:, None, :3], self.grains[:, 3])
+
     @property
     def sweep(self) -> float:
         """How far a point of the piece is from the hull of its vertices at most [m]."""
@@ -111,20 +118,6 @@ class Surface:
 
     mesh: TriangleMesh
     solid: Solid  # which they bound, alone or with others
-
-    @cached_property
-    def tree(self) -> Any:
-        """Coal's tree of bounding volumes over them, built on first use.
-
-        Triangles without width are left out: coal reports them in contact with things far away, and they lie on the
-        edges of other triangles, to less than ROUNDING.
-        """
-        a, b, c = self.mesh.vertices[self.mesh.triangles].transpose(1, 0, 2)
-        longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
-        wide = (
-            np.linalg.norm(np.cross(b - a, c - a), axis=1) > THIN * np.ptp(self.mesh.vertices, axis=0).max() * longest
-        )
-        return triangle_tree(TriangleMesh(self.mesh.vertices, self.mesh.triangles[wide]) if wide.any() else self.mesh)
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
@@ -194,7 +187,7 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
 
 def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
     """Cut triangles into parts, the one with the largest hull first, as long as the hulls of the two halves are much
-    smaller than the hull of both: the tighter the hulls, the less often distances of triangles are needed.
+    smaller than the hull of both: the tighter the hulls, the less often planes for single triangles are needed.
 
     The parts of a shell could be cut for ever, always with enough gain: MOST_PIECES ends that.
     """
@@ -262,44 +255,17 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
     return best, largest
 
 
-def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
-    """Return the distance [m] of two pieces' real surfaces, 0 if they touch or if coal's answer is not plausible.
-
-    Unsigned, and blind to one lying wholly inside the other: see `containment`. An answer is accepted only if it is
-    finite and equals the distance of its own witness points. It is computed at two poses, the second slightly rotated:
-    the smaller one counts, less what the rotation may have added. Poses are (4, 4).
-    """
-    rotation_b, center = pose_b[:3, :3], pose_b[:3, :3] @ b.center + pose_b[:3, 3]
-    smallest = np.inf
-    for turn, error in ((np.eye(3), 0.0), (_TURNS[1], NUDGE * b.radius)):
-        rotation = turn @ rotation_b  # about the centre of b: no point of b moves by more than `error`
-        result = coal.DistanceResult()
-        value = coal.distance(
-            a.surface.tree if a.surface else a.shape,
-            transform(pose_a[:3, :3], pose_a[:3, 3]),
-            b.surface.tree if b.surface else b.shape,
-            transform(rotation, center - rotation @ b.center),
-            _REQUEST,
-            result,
-        )
-        witness = float(np.linalg.norm(result.getNearestPoint1() - result.getNearestPoint2()))
-        if not np.isfinite(value) or value <= 0.0 or not abs(witness - value) <= DOUBTFUL:
-            return 0.0
-        smallest = min(smallest, value - error)
-    return max(smallest, 0.0)
-
-
 def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
-    """Return the closest points (2, 3) [m] of the real surfaces, on a and on b, as coal finds them.
+    """Return the closest points (2, 3) [m] of two convex pieces, on a and on b, as coal finds them.
 
     For pictures: nothing is proven about them. In contact they are the ends of the least penetration, or the place
     where two triangles meet. Poses are (4, 4).
     """
     result = coal.DistanceResult()
     coal.distance(
-        a.surface.tree if a.surface else a.shape,
+        a.shape,
         transform(pose_a[:3, :3], pose_a[:3, 3]),
-        b.surface.tree if b.surface else b.shape,
+        b.shape,
         transform(pose_b[:3, :3], pose_b[:3, 3]),
         _REQUEST,
         result,
@@ -334,7 +300,7 @@ def _ellipsoid(radii: Array) -> Piece:
 def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
     """Return the hull of `points`; if they are flat, coal gets a slightly thicker hull, while the supports stay exact.
 
-    If the hull is too large for coal, its triangles give the distance, and a hull of fewer vertices the direction.
+    If the hull is too large for coal, a hull of fewer vertices gives the direction, and its triangles better ones.
     """
     centered = points - points.mean(axis=0)
     extents = np.linalg.svd(centered, compute_uv=False)

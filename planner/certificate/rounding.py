@@ -21,8 +21,7 @@ moving obstacle. The middle of an interval in time has an error of 3u T, the tim
 rotation angle and the travel have relative errors of 2u and are at most S T.
 
 Each of the four may use a quarter of ROUNDING; a scene or a motion that needs more is refused by name, and so is
-everything that is not a number. (Panda and its shipped scenes need less than a hundredth.) A distance between triangles
-is coal's own, and its rounding is not bounded here.
+everything that is not a number. (Panda and its shipped scenes need less than a hundredth.)
 """
 
 from __future__ import annotations

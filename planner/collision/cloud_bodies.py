@@ -1,23 +1,31 @@
-"""Clouds and maps for the planner: boxes around the cells of a grid, grown by the balls' radii, and the boxes of maps.
-Together they contain every ball and every cell (outer bodies)."""
+"""Clouds, maps and surfaces of meshes for the planner: boxes around the cells of a grid, grown by the balls' radii, and
+the boxes of maps. Together they contain every ball, every cell and every triangle (outer bodies)."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
-from hdplan.planner.geometry.cells import cells_of
+from hdplan.planner.geometry.cells import axes_of, cells_of, grouped
 from hdplan.planner.geometry.clouds import load_balls, merged, reach
-from hdplan.scenes.array_types import Array
+from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.poses import Pose
 
+CELL, SMALL_CELL = 0.08, 0.04  # [m] edges of the cubes; the small ones for where the others leave no way
+MOST_BODIES = 20_000  # around a surface, about: larger cells are taken for a larger one
+HALVINGS = 40  # of a triangle, at most
 FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
 
-def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
+def from_cloud(
+    name: str, cloud: Cloud, pose: Pose, planes: str, closely: bool = False
+) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose a cloud that stands at `pose` in the world: bodies, and notes on what was merged and what can hardly be
     meant. Raises InputError as `load_balls` does."""
     balls, notes = load_balls(cloud, f"obstacles.{name}"), []
@@ -27,20 +35,37 @@ def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[
         count = len(balls)
         balls, added = merged(balls, cloud.voxel)
         notes.append(f"{count} points planned around as {len(balls)} balls, up to {1e3 * added:.3g} mm larger")
-    return from_balls(name, balls, pose, planes), tuple(f"cloud '{name}': {words}" for words in notes)
+    return from_balls(name, balls, pose, planes, closely), tuple(f"cloud '{name}': {words}" for words in notes)
 
 
 @made_once(4)
-def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+def from_balls(
+    name: str, balls: FixedArray, pose: Pose, planes: str, closely: bool = False
+) -> tuple[HalfspaceBody, ...]:
     """Enclose balls (m, 4), centres and radii [m] in a frame that stands at `pose` in the world: one body for each
-    cell."""
-    cells = cells_of(balls)
-    found, rotation = balls.array[cells.order], cells.rotation
+    cell, a small one if they are to be enclosed `closely`."""
+    cells = cells_of(balls, SMALL_CELL if closely else CELL)
+    found = balls.array[cells.order]
     radius = np.maximum.reduceat(found[:, 3], cells.first)
-    local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(rotation, cells.sizes, axis=0))
-    low, high = np.minimum.reduceat(local, cells.first), np.maximum.reduceat(local, cells.first)
-    center, half = np.einsum("cij,cj->ci", rotation, 0.5 * (low + high)), 0.5 * (high - low)
-    return _bodies(name, rotation, center, half, radius, pose, planes)
+    around = _extents(found[:, :3], cells.first, cells.rotation)
+    return _bodies(name, cells.rotation, *around, radius, pose, planes)
+
+
+@made_once(4)
+def from_surface(name: str, mesh: TriangleMesh, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+    """Enclose the surface of a mesh that stands at `pose` in the world, and nothing of what it bounds: one body for
+    each small cell."""
+    import trimesh
+
+    a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    edge = max(SMALL_CELL, math.sqrt(area / MOST_BODIES))
+    vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=HALVINGS)
+    corners = vertices[triangles]  # (F, 3, 3)
+    order, first = grouped(corners.mean(axis=1), edge)
+    found, first = corners[order].reshape(-1, 3), 3 * first
+    rotation = axes_of(found, first)
+    return _bodies(name, rotation, *_extents(found, first, rotation), np.zeros(len(first)), pose, planes)
 
 
 @made_once(4)
@@ -49,6 +74,15 @@ def from_boxes(name: str, boxes: FixedArray, pose: Pose, planes: str) -> tuple[H
     low, high = boxes.array[:, :3], boxes.array[:, 3:]
     turns = np.tile(np.eye(3), (len(low), 1, 1))
     return _bodies(name, turns, 0.5 * (low + high), 0.5 * (high - low), np.zeros(len(low)), pose, planes)
+
+
+def _extents(points: Array, first: Rows, rotation: Array) -> tuple[Array, Array]:
+    """Return centres and half edges (c, 3) of boxes with axes (c, 3, 3) around groups of points (m, 3), which begin at
+    `first` (c,)."""
+    sizes = np.diff(np.append(first, len(points)))
+    local = np.einsum("mi,mij->mj", points, np.repeat(rotation, sizes, axis=0))
+    low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
+    return np.einsum("cij,cj->ci", rotation, 0.5 * (low + high)), 0.5 * (high - low)
 
 
 def _bodies(

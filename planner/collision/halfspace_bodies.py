@@ -66,18 +66,19 @@ class HalfspaceBody:
 
 
 def from_obstacle(
-    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS
+    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS, closely: bool = False
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
 
-    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
+    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull, or `closely` by boxes around parts of
+    its surface. A cloud is enclosed by boxes around parts of it, `closely` by smaller ones.
     """
     check_time("building the problem")
     placement = obstacle.pose.matrix
     if isinstance(obstacle.shape, Cloud):
         from hdplan.planner.collision.cloud_bodies import from_cloud
 
-        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes)
+        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes, closely)
     if isinstance(obstacle.shape, Map):
         from hdplan.planner.collision.cloud_bodies import from_boxes
 
@@ -87,13 +88,26 @@ def from_obstacle(
         return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
     split = convex_pieces(mesh, seconds)
+    about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
+    if split is None and closely:
+        from hdplan.planner.collision.cloud_bodies import from_surface
+
+        bodies = from_surface(obstacle.name, mesh, obstacle.pose, planes)
+        return bodies, (f"{about} is planned around by {len(bodies)} boxes that contain its surface",)
     pieces = (mesh.vertices,) if split is None else split
     bodies = tuple(from_points(obstacle.name, piece, placement, planes) for piece in pieces)
-    about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None:
         limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
-        return bodies, (f"{about} could not be split into convex pieces within {limit}: its hull is planned around",)
+        failed = f"{about} could not be split into convex pieces within {limit}"
+        return bodies, (f"{failed}: its hull is planned around, or its surface where that leaves no way",)
     return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+
+
+def enclosed_loosely(obstacle: Obstacle) -> bool:
+    """Whether `from_obstacle` can enclose it more closely: a cloud, or a mesh that is not split."""
+    if isinstance(obstacle.shape, Mesh):
+        return convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"), 0.0) is None
+    return isinstance(obstacle.shape, Cloud)
 
 
 def from_shape(name: str, shape: Shape, placement: Array, planes: str = "box") -> HalfspaceBody:

@@ -98,7 +98,8 @@ def least_distance(normals: Floats, delta: float, growth: float, gamma: int, len
     alike = growth + separation_bound(delta, gamma, length, len(normals), 1)
     if delta <= 0.0:
         return alike
-    return max(alike, _least_distance(np.round(normals, 9).tobytes(), delta, growth, gamma, length))
+    rounded = np.round(normals, 9) + 0.0  # no -0, whose bytes differ from those of 0
+    return max(alike, _least_distance(rounded.tobytes(), delta, growth, gamma, length))
 
 
 @made_once(1024)

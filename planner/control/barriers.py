@@ -24,7 +24,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_b
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.collision.reach import levers
+from hdplan.planner.collision.reach import levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
@@ -96,9 +96,8 @@ class Barriers:
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
         ]
         others = [*obstacles, *carried]
-        # fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it
-        outer = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(others))]
         extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
+        outer = _can_meet(robot, bodies, others, len(obstacles), settings.growth + extra)
         chosen_planes = settings.normals if settings.distance == "hdsdf" else "box"
         links = [from_link_body(body.link, body.joint, body.body, chosen_planes) for body in bodies]
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
@@ -124,7 +123,8 @@ class Barriers:
                 same = [(hull_of[bodies[a].link], b) for a, b in chosen]
             solids, unique = hull_planes if planes is links else others, sorted(set(same))
             pairs = body_pairs(hulls, solids, unique, 0.0, supports)
-            rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
+            row_of = {pair: row for row, pair in enumerate(unique)}
+            rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
         self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
@@ -132,6 +132,9 @@ class Barriers:
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
         self.obstacle_pairs = len(outer)  # which come first among the P
+        standing = (np.arange(len(names)) < len(outer)) & ~self.coming
+        self.standing = standing & (settings.distance in ("hdsdf", "euclidean"))  # (P,) of which `within` is proven
+        self._enlarged: dict[float, BodyPairs] = {}  # the pairs with obstacles, by the horizon
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
@@ -151,6 +154,18 @@ class Barriers:
         proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
         return min(proven, default=any_planes)
 
+    def within(self, q: Array, time: float, horizon: float) -> Rows:
+        """Return the pairs, ascending, that may have a D̃ below the horizon [m] at q (n,) and a time [s]: not those of
+        `standing` obstacles that are proven to have none."""
+        if not self.standing.any() or not np.isfinite(horizon):
+            return np.arange(len(self.names))
+        if horizon not in self._enlarged:
+            self._enlarged[horizon] = self.groups[0].pairs.enlarged(horizon)
+        _, close = self._enlarged[horizon].close(self._at(q, time).kinematics)
+        found = ~self.standing
+        found[close] = True
+        return np.flatnonzero(found)
+
     def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, ascending, or all."""
         every = [(group, np.arange(len(group.pairs))) for group in self.groups]
@@ -163,14 +178,11 @@ class Barriers:
             return self._nothing
         return self._evaluated(q, time, self._true, chosen)
 
-    def certain(self, rows: BarrierRows, velocity: Array, period: float, needed: Array) -> Mask:
-        """Return which pairs (P,) certainly have a D̃ above `needed` (P,) [m] after a period at a velocity: the plain
-        maximum over the planes of a static obstacle, or the exact distance, changes by no more than the robot's points
-        move."""
-        known = np.arange(len(self.names)) < self.obstacle_pairs
-        if self.settings.distance not in ("hdsdf", "euclidean") or self.movers:
-            return np.zeros(len(known), dtype=np.bool_)
-        return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
+    def certain(self, separation: Array, velocity: Array, period: float, needed: Array) -> Mask:
+        """Return which pairs (P,) certainly have a D̃ above `needed` (P,) [m] after a period at a velocity, if it is
+        `separation` (P,) or more now: the plain maximum over the planes of a static obstacle, or the exact distance,
+        changes by no more than the robot's points move."""
+        return np.asarray(self.standing & (separation > needed + period * float(np.abs(velocity) @ self.levers)))
 
     def _evaluated(self, q: Array, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
         """Evaluate the chosen pairs, numbered through all groups; each group comes with its rows for its pairs."""
@@ -224,6 +236,25 @@ class _Moment(NamedTuple):
         return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift, separation)
 
 
+def _can_meet(
+    robot: Robot, bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], standing: int, margins: Array
+) -> list[tuple[int, int]]:
+    """Return the pairs of bodies that can touch within the joint limits, grown by `margins` [m]; the first `standing`
+    of the others stand still.
+
+    Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it.
+    """
+    boxes = np.array([body.box for body in others[:standing]]).reshape(-1, 4, 4)
+    half = np.array([body.half_size for body in others[:standing]]).reshape(-1, 3) + margins[:standing, None]
+    moving = list(range(standing, len(others)))
+    return [
+        (a, b)
+        for a, body in enumerate(bodies)
+        if body.joint > 0
+        for b in (*np.flatnonzero(reach_of(robot, body.joint, body.body).meets(boxes, half)).tolist(), *moving)
+    ]
+
+
 def _distance(
     pairs: BodyPairs,
     bodies: Sequence[LinkBody],
@@ -260,11 +291,10 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None:
-                standing += from_obstacle(obstacle, planes)[0]
+                standing += from_obstacle(obstacle, planes, closely=True)[0]
             else:
-                movers.append(
-                    (ObstacleMotion.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
-                )
+                own = replace(obstacle, pose=Pose(), motion=None)
+                movers.append((ObstacleMotion.of(obstacle), from_obstacle(own, planes)[0]))
         return Barriers(
             robot,
             collision_model.kinematics,

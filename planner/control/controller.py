@@ -6,6 +6,10 @@ In every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
     subject to  ∂Δ_k/∂q · u + ∂Δ_k/∂t ≥ −η (Δ_k − δ_k)         for every pair of bodies k (`barriers`)
                 −η (q − q_min) ≤ u ≤ η (q_max − q),  |u| ≤ v   joint limits as barriers, velocity limits
 
+For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
+there on a pair has no row, so that only what is near is looked at. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
+bounded near Δ_k = δ_k, as Δ_k − δ_k falls no faster than exp(−∫κ dt) then; there D̃_k is far below R.
+
 (paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
 If not all constraints can be met, the command is chosen by these priorities (`quadratic_program`):
 
@@ -52,6 +56,7 @@ from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers, quadratic
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
@@ -64,6 +69,7 @@ SPARE = 1e-7  # [m] by which a corrected command should end above that: more tha
 NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
 MISSED = 1e-4  # [m/s] by which a barrier is violated before it is reported
 COMING, RECOVERING = 1e3, 30.0  # prices of violations, for moving obstacles and for recovery to a margin [s/m or s]
+FREE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
 SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
 
 
@@ -82,7 +88,8 @@ class Step:
 
     velocity: Array  # (n,) u [rad/s or m/s]
     mode: Mode
-    rows: BarrierRows  # Δ and its derivatives at the start of the period
+    rows: BarrierRows  # Δ and its derivatives at the start of the period, of the pairs within the horizon
+    pairs: Rows  # those pairs, rows of Barriers.names
     slack: float  # least Δ − δ there [m]; inf without pairs
     closest: int  # the pair with the least slack, a row of Barriers.names; −1 without pairs
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
@@ -113,6 +120,7 @@ class Controller:
         greatest speeds [rad/s or m/s], by default the URDF's. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
+        self._horizon = np.inf if settings.as_published else settings.horizon
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
         b = settings.barriers
         sure = [
@@ -125,6 +133,11 @@ class Controller:
         ]
         self._bent = np.where(np.arange(count) < outer, *bent)  # δ − u(δ) [m]
         self._sure = np.where(np.arange(count) < outer, *sure)  # D̃ [m] above which Δ ≥ δ is certain
+        if barriers.standing.any() and not self._horizon > sure[0]:
+            raise InputError(
+                f"control.horizon: {settings.horizon:g} m is too near for a margin of {settings.margin:g} m, more than "
+                f"{sure[0]:.3g} m is needed"
+            )
         self._clearance = barriers.clearance(settings.margin)
         given = robot.model.velocityLimit if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
@@ -162,11 +175,12 @@ class Controller:
         """
         q, time = joint_numbers("q", q, self.robot.joint_names), checked(Number(unit="s"), time, "time")
         began = perf_counter()
-        rows = self.barriers.evaluate(q, time)
-        slacks = rows.value - self._margins
-        inside = np.flatnonzero(slacks < 0.0) if self.settings.look_ahead else np.empty(0, dtype=np.int64)
+        seen = self.barriers.within(q, time, self._horizon)
+        rows = self.barriers.evaluate(q, time, seen)
+        slacks = rows.value - self._margins[seen]
+        inside = seen[slacks < 0.0] if self.settings.look_ahead else np.empty(0, dtype=np.int64)
         near = self.barriers.nearness(q, time, inside)
-        now = _Now(q, time, self._straight(rows, np.arange(len(slacks)), inside), near, inside)
+        now = _Now(q, time, seen, self._straight(rows, seen, inside), near, inside)
         distances = perf_counter() - began
         hessian, linear = quadratic(task.objective(q, time), self.robot.joint_names)
         wishes = self._wishes(now)
@@ -176,22 +190,23 @@ class Controller:
             command, mode, kept, checking = self._checked(command, now, hessian, linear, wishes)
             distances += checking
         velocity = np.zeros_like(q) if command is None else command
-        pairs = np.append(np.arange(len(slacks)), now.near_pairs)
+        pairs = np.append(seen, now.near_pairs)
         missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
         gave = tuple(sorted(set(pairs[missed].tolist())))
         if command is None:
             mode, kept = Mode.STOPPED, not self.barriers.movers
         elif gave:
             mode = Mode.GIVING_WAY
-        closest = int(np.argmin(slacks)) if len(slacks) else -1
+        closest = int(np.argmin(slacks)) if len(slacks) else -1  # a row of `seen`
         return Step(
             velocity,
             mode,
             rows,
+            seen,
             float(slacks[closest]) if len(slacks) else np.inf,
-            closest,
+            int(seen[closest]) if len(slacks) else -1,
             gave,
-            self._proven(velocity, rows, kept),
+            self._proven(velocity, rows, seen, kept),
             distances,
             perf_counter() - began - distances,
         )
@@ -221,9 +236,11 @@ class Controller:
         """Return the rows: of all pairs, of those inside their margins, of joints beyond their limits."""
         rate, rows, near = self.settings.rate, now.rows, now.near
         drift = np.concatenate([rows.drift, near.drift])
-        wish = -rate * np.concatenate([rows.value - self._margins, np.maximum(near.value - NEAR, 0.0)]) - drift
+        slack = np.concatenate([rows.value - self._margins[now.seen], np.maximum(near.value - NEAR, 0.0)])
+        rates = np.append(self._rates(rows, now.seen), np.full(len(near.value), rate))
+        wish = -rates * slack - drift
         gap = np.concatenate([rows.separation, near.value])
-        coming = np.concatenate([self.barriers.coming, self.barriers.coming[now.near_pairs]])
+        coming = self.barriers.coming[np.append(now.seen, now.near_pairs)]
         beyond = np.maximum(now.q - self.robot.upper, self.robot.lower - now.q)  # [rad] or [m]
         joints = np.flatnonzero(beyond > 0.0)
         back = np.eye(len(beyond))[joints] * np.where(now.q > self.robot.upper, -1.0, 1.0)[joints, None]
@@ -247,11 +264,14 @@ class Controller:
         """
         period, seconds = self.settings.period, 0.0
         box, asked = self._box(now.q), wishes
-        floors = np.concatenate([np.minimum(now.rows.value, self._margins), np.minimum(now.near.value, NEAR)])
+        separation = np.full(len(self._margins), self._horizon)  # of what is not seen, at least
+        separation[now.seen] = now.rows.separation
+        floors = np.append(self._margins, np.minimum(now.near.value, NEAR))
+        floors[now.seen] = np.minimum(now.rows.value, self._margins[now.seen])
         best: tuple[float, Array] | None = None
         for check in range(CHECKS):
             began = perf_counter()
-            doubtful = np.flatnonzero(~self.barriers.certain(now.rows, velocity, period, self._sure))
+            doubtful = np.flatnonzero(~self.barriers.certain(separation, velocity, period, self._sure))
             ahead, then = now.q + period * velocity, now.time + period
             after = self._straight(self.barriers.evaluate(ahead, then, doubtful), doubtful, now.inside)
             near = self.barriers.nearness(ahead, then, now.inside)
@@ -280,9 +300,14 @@ class Controller:
             velocity = corrected
         return None if best is None else best[1], Mode.CORRECTED, False, seconds
 
-    def _proven(self, velocity: Array, rows: BarrierRows, kept: bool) -> float | None:
+    def _rates(self, rows: BarrierRows, seen: Rows) -> Array:
+        """Return the rate of each row [1/s]: η, and for what stands still as in the module's equation."""
+        share = np.minimum(np.maximum(rows.separation, 0.0) / self._horizon, 1.0)
+        return self.settings.rate / np.where(self.barriers.standing[seen], np.maximum(1.0 - share**2, FREE), 1.0)
+
+    def _proven(self, velocity: Array, rows: BarrierRows, seen: Rows, kept: bool) -> float | None:
         """Return the proven clearance over the period: that at its ends, less the travel to its middle."""
-        outer = rows.value[: self.barriers.obstacle_pairs]
+        outer = rows.value[seen < self.barriers.obstacle_pairs]
         if self._clearance is None or not kept or self.barriers.movers or (outer < self.settings.margin).any():
             return None
         return self._clearance - 0.5 * self.settings.period * float(np.abs(velocity) @ self.barriers.levers)
@@ -293,7 +318,8 @@ class _Now(NamedTuple):
 
     q: Array  # (n,)
     time: float  # [s]
-    rows: BarrierRows  # straightened for pairs inside their margins
+    seen: Rows  # pairs within the horizon
+    rows: BarrierRows  # of these, straightened for pairs inside their margins
     near: BarrierRows  # exact distances of the pairs inside their margins; empty if not known
     inside: Rows  # those pairs
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import coal
+import numpy as np
 
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
@@ -21,6 +22,13 @@ def convex_hull(points: Array) -> Any | None:
         raise
 
 
+def triangle(corners: Array) -> Any:
+    """Return one triangle (3, 3) as a flat hull: coal measures its own triangles against few other shapes."""
+    sides = coal.StdVec_Triangle()
+    sides.extend([coal.Triangle(0, 1, 2), coal.Triangle(0, 2, 1)])
+    return coal.Convex(_points(corners), sides)
+
+
 def triangle_tree(mesh: TriangleMesh) -> Any:
     """Return coal's bounding volume hierarchy of a mesh's triangles."""
     tree = coal.BVHModelOBBRSS()
@@ -29,6 +37,12 @@ def triangle_tree(mesh: TriangleMesh) -> Any:
     tree.addTriangles(mesh.triangles)
     tree.endModel()
     return tree
+
+
+def mesh_of(tree: Any) -> TriangleMesh:
+    """Return the triangles of a hierarchy as coal or Pinocchio made it, with those vertices that they use."""
+    corners = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))])
+    return TriangleMesh.merged(tree.vertices(), corners).trimmed()
 
 
 def _points(rows: Array) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_loosely, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -44,12 +44,13 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
+def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: bool = False) -> Problem:
     """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
     robot.
 
     Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
-    replaced by its convex hull for planning, with a note.
+    replaced by its convex hull for planning, with a note. Clouds are enclosed by large boxes, or `closely` by small
+    ones.
     """
     scene, robot = setup.scene, setup.robot
     settings = scene.planner
@@ -61,7 +62,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     kinematics, bodies = model.kinematics, model.bodies
     with naming(scene.source):
         enclosed = [
-            from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
+            from_obstacle(obstacle, settings.normals, deadline - time.perf_counter(), closely)
+            for obstacle in scene.standing
         ]
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
@@ -93,6 +95,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
                 kinematics.supports,
                 lambda pairs, bodies, pieces: _distance(pairs, bodies, pieces, settings),
                 deadline,
+                closely,
             )
         terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
@@ -124,6 +127,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
+        closely=closely,
     )
 
 
@@ -140,7 +144,7 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
     seen = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
     setup = replace(problem.setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
-    found = lay_out(setup, Query(problem.start, problem.goal))
+    found = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
     terms = replace(problem.terms, obstacles=standing, moving_obstacles=moving)
     return replace(problem, setup=setup, halfspace_bodies=bodies, terms=terms, notes=found.notes)
@@ -157,10 +161,19 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     smoothness."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     other = replace(scene, planner=replace(scene.planner, activation=activation))
-    laid_out = lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+    query = Query(problem.start, problem.goal)
+    laid_out = lay_out(replace(problem.setup, scene=other), query, closely=problem.closely)
     if not quick or limits is None or not (limits <= FASTEST).any():
         return laid_out
     return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
+
+
+def more_closely(problem: Problem) -> Problem:
+    """Lay out the same problem again with clouds enclosed by smaller boxes, and meshes that could not be split by boxes
+    around their surface in place of their hull; the problem itself if there are none, or if this was done already."""
+    if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
+        return problem
+    return lay_out(problem.setup, Query(problem.start, problem.goal), closely=True)
 
 
 def _distance(

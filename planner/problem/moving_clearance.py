@@ -68,14 +68,16 @@ def moving_clearance(
     supports: Mask,
     distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[HalfspaceBody, ...]], PairDistance],
     deadline: float,
+    closely: bool,
 ) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Lay out the pairs of every moving link body with every moving obstacle; also return the obstacles' convex pieces,
     and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
+    closely: as `lay_out`'s.
     """
     obstacles = scene.moving
-    enclosed = [_carried(obstacle, len(supports) + i, scene, deadline) for i, obstacle in enumerate(obstacles)]
+    enclosed = [_carried(obstacle, len(supports) + i, scene, deadline, closely) for i, obstacle in enumerate(obstacles)]
     pieces = tuple(piece for found, _ in enclosed for piece in found)
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
     pairs = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(pieces))]
@@ -91,9 +93,9 @@ def moving_clearance(
 
 
 def _carried(
-    obstacle: Obstacle, joint: int, scene: Scene, deadline: float
+    obstacle: Obstacle, joint: int, scene: Scene, deadline: float, closely: bool
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle in its own frame, which `joint` carries."""
     standing = replace(obstacle, pose=Pose(), motion=None)
-    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter())
+    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter(), closely)
     return tuple(replace(piece, joint=joint) for piece in pieces), words

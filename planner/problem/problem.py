@@ -97,6 +97,7 @@ class Problem:
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
     notes: tuple[str, ...]  # for the user
+    closely: bool = False  # whether clouds, and meshes that are not split, are enclosed by many small boxes
     pace: Pace | None = None  # of the cost, where a motion is to be quick
 
     def __repr__(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,7 +13,9 @@ import pinocchio as pin
 
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.clouds import Cloud, Ignored
@@ -117,8 +120,8 @@ def _robot_at_start(robot: Robot, scene: Scene, links: tuple[str, ...]) -> Seque
 
 
 def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mask) -> Mask:
-    """Tell which of the points (m, 3) are within `margin` [m] of a solid. A doubtful point is not: it stays an
-    obstacle.
+    """Tell which of the points (m, 3) are within `margin` [m] of a solid, or in it. A doubtful point is not: it stays
+    an obstacle.
 
     A distance changes by no more than one moves: that of the middle of a small cube settles most of the points in it.
     """
@@ -138,7 +141,17 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mas
         rows = rows[(most + away > margin) & (least - away <= margin)]
     _, distance = _distances(geometry, local[rows])
     found[rows] = distance <= margin
+    if isinstance(geometry, coal.BVHModelBase):  # whose distances are those of its surface
+        rows = np.flatnonzero(asked & ~found & ((local >= box.min_) & (local <= box.max_)).all(axis=1))
+        if len(rows) and not (solid := _solid(geometry)).open:
+            found[rows] = [solid.holds(point) for point in local[rows]]
     return found
+
+
+@functools.lru_cache(maxsize=64)
+def _solid(geometry: Any) -> Solid:
+    """Return what a mesh bounds."""
+    return Solid(mesh_of(geometry))
 
 
 def _distances(geometry: Any, points: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
@@ -129,6 +130,9 @@ class Search:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
+        if (closer := more_closely(self.problem)) is not self.problem:
+            self.problem = closer
+            return self.attempt(first, value)
         return False
 
     @property
@@ -271,7 +275,7 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array |
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
     up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
     `warm` holds a guess (N, n) per goal, or None, that is tried before all others."""
-    lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
+    lines = [(search, _guesses(search, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:
             value = min((other.value for other in searches if other.certified), default=math.inf)
@@ -282,12 +286,14 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array |
                 return
 
 
-def _guesses(problem: Problem, seed: int, warm: Array | None) -> Iterator[Guess]:
+def _guesses(search: Search, seed: int, warm: Array | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's."""
     if warm is not None:
         yield Guess(warm, as_it_is=True)
-    ways = seeds(problem, seed)
+    problem, ways = search.problem, seeds(search.problem, seed)
     yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
+    if search.problem is not problem:
+        ways = itertools.islice(seeds(search.problem, seed), 1, None)
     yield from map(Guess, ways)
 
 

@@ -25,6 +25,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.deadline import time_limit
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
@@ -467,17 +468,32 @@ def test_directions_are_right_in_parallel_and_random_poses() -> None:
 def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
     planar: RobotSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A distance of surfaces that is not to be believed counts as 0: the hulls' own is still proven."""
+    """Directions for triangles that separate nothing prove nothing: the hulls' own distance is still proven."""
     ring = trimesh.creation.annulus(0.4, 0.5, 0.2)
     ring.export(tmp_path / "ring.stl")
     far = Obstacle("ring", Mesh(tmp_path / "ring.stl"), Pose((5.0, 0.0, 0.0)))
     exact = swing(planar, 0.3, far)
-    monkeypatch.setattr("hdplan.planner.certificate.collision_proof.surface_distance", lambda *_: 0.0)
+    parts = "hdplan.planner.certificate.part_distance"
+    monkeypatch.setattr(f"{parts}.directions", lambda pairs: (np.array([[0.0, 1.0, 0.0] for _ in pairs]), np.zeros(1)))
+    monkeypatch.setattr(f"{parts}.best_direction", lambda *_: (np.array([0.0, 0.0, 1.0]), 0.0))
     found = swing(planar, 0.3, far)
     assert found.certified
     assert exact.clearance is not None
     assert found.clearance is not None
     assert 1.0 < found.clearance <= exact.clearance * 1.1
+
+
+def test_what_the_time_limit_cuts_off_is_not_proven(planar: RobotSpec, tmp_path: Path) -> None:
+    """Not in contact either, although the hulls meet."""
+    ring = trimesh.creation.annulus(3.0, 3.1, 0.2)
+    ring.export(tmp_path / "ring.stl")
+    around = Obstacle("ring", Mesh(tmp_path / "ring.stl"))
+    waypoints = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0]])
+    certifier = Certifier(Setup.of(scene_of(planar, *waypoints, around)))
+    motion = Trajectory(load_robot(planar).joint_names, waypoints)
+    assert certifier.certify(motion, required=0.0).certified
+    with time_limit(1e-9):
+        assert certifier.certify(motion, required=0.0).status is Status.NOT_PROVEN
 
 
 def test_loose_convex_parts_are_exact_and_walls_stay_whole() -> None:

@@ -11,10 +11,10 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.ball_distance import ball_distance, closest_ball
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
 from hdplan.planner.certificate.exact_proximity import Piece, hull_piece, link_pieces
+from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -191,10 +191,10 @@ def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
         truth = min(coal_distance(link, pose, grain) for grain in grains)
         found = []
         for piece, frame in zip(*standing_pieces(balls), strict=True):
-            value = ball_distance(link, pose, piece, frame)
-            nearest = closest_ball(link, pose, piece, frame)
+            value = distance(link, pose, piece, frame)
+            _, _, nearest, place = closest_parts(link, pose, piece, frame)
             away = coal_distance(
-                link, pose, np.append(nearest.vertices[0] @ frame[:3, :3].T + frame[:3, 3], nearest.ball)
+                link, pose, np.append(place[:3, :3] @ nearest.vertices[0] + place[:3, 3], nearest.ball)
             )
             assert value == pytest.approx(away, abs=1e-5)
             found.append(value)

@@ -17,7 +17,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.certificate.exact_proximity import link_pieces, mesh_pieces, surface_distance
+from hdplan.planner.certificate.exact_proximity import link_pieces, mesh_pieces
+from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
@@ -280,7 +281,7 @@ def test_slivers_are_no_contact() -> None:
     small, place = link_pieces(coal.Sphere(0.01), "ball")[0], np.eye(4)
     for x, y, z in np.random.default_rng(2).uniform(-0.5, 0.5, size=(40, 3)):
         place[:3, 3] = x, y, z
-        found = min(surface_distance(piece, np.eye(4), small, place) for piece in pieces)
+        found = min(distance(piece, np.eye(4), small, place) for piece in pieces)
         nearest = trimesh.triangles.closest_point(ring.triangles, np.tile(place[:3, 3], (len(ring.faces), 1)))
         assert found == pytest.approx(max(np.linalg.norm(nearest - place[:3, 3], axis=1).min() - 0.01, 0.0), abs=1e-6)
 

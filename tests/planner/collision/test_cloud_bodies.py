@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud
+from hdplan.planner.collision import cloud_bodies, convex_pieces
+from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud, from_surface
+from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.problem.lay_out import more_closely
+from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
@@ -19,6 +24,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -27,11 +33,12 @@ TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
 
 @pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
+@pytest.mark.parametrize(("closely", "edge"), [(False, 0.08), (True, 0.04)])
 @pytest.mark.parametrize("flat", [[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 0, 0]])
-def test_every_ball_is_inside_one_body(planes: str, flat: list[int]) -> None:
+def test_every_ball_is_inside_one_body(planes: str, closely: bool, edge: float, flat: list[int]) -> None:
     rng = np.random.default_rng(0)
     balls = np.column_stack([rng.uniform(-0.2, 0.2, size=(800, 3)) * flat, rng.uniform(0.001, 0.01, 800)])
-    bodies = from_balls("view", FixedArray(balls), TURNED, planes)
+    bodies = from_balls("view", FixedArray(balls), TURNED, planes, closely)
     world = balls[:, :3] @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]
     within = np.full((len(balls), len(bodies)), np.inf)
     boxed = np.zeros_like(within, dtype=bool)
@@ -41,7 +48,7 @@ def test_every_ball_is_inside_one_body(planes: str, flat: list[int]) -> None:
         boxed[:, b] = (local + balls[:, 3:] <= body.half_size + 1e-12).all(axis=1)
     assert (within.min(axis=1) <= 1e-12).all()
     assert (boxed & (within <= 1e-12)).any(axis=1).all()
-    assert all((body.half_size <= 0.5 * np.sqrt(3.0) * 0.04 + 0.0101).all() for body in bodies)
+    assert all((body.half_size <= 0.5 * np.sqrt(3.0) * edge + 0.0101).all() for body in bodies)
 
 
 def test_merging_is_told_and_contains_the_points() -> None:
@@ -61,19 +68,78 @@ def test_a_cloud_in_millimetres_is_told() -> None:
     assert "is it in millimetres? hdplan takes metres" in note
 
 
-def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
-    """The same motion is free of both, by nearly as much: the balls reach out by their radius."""
-    scene = load_scene("panda_bookshelf")
+@pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
+def test_every_triangle_of_a_surface_is_inside_bodies(planes: str) -> None:
+    """Of large triangles and of small ones: every point of them is in a body, and no body is larger than a cell."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(12, 1, 3)) * 0.2 + rng.normal(size=(12, 3, 3)) * rng.choice([0.01, 0.3], (12, 1, 1))
+    mesh = TriangleMesh.merged(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    bodies = from_surface("thing", mesh, TURNED, planes)
+    share = rng.dirichlet(np.ones(3), size=(12, 100))
+    points = np.einsum("fsc,fci->fsi", share, corners).reshape(-1, 3)
+    world = points @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]
+    beyond = np.min([(world @ body.normals.T - body.supports).max(axis=1) for body in bodies], axis=0)
+    assert beyond.max() <= 1e-9
+    assert max(body.half_size.max() for body in bodies) <= np.sqrt(3.0) * 0.04 + 0.04
+    if planes == "faces":
+        huge = TriangleMesh(1e4 * mesh.vertices, mesh.triangles)
+        assert len(from_surface("thing", huge, Pose(), planes)) < 60_000
+
+
+def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cage whose bars are joined to one mesh; its hull holds the robot."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    scene = load_scene("panda_cage")
+    bars = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in scene.obstacles]
+    whole = trimesh.util.concatenate(bars)
+    first = np.cumsum([0, *(len(bar.vertices) for bar in bars[:-1])])
+    joints = [[a, a + 1, b] for a, b in itertools.pairwise(first.tolist())]
+    trimesh.Trimesh(whole.vertices, [*whole.faces, *joints], process=False).export(tmp_path / "cage.obj")
+    monkeypatch.setattr(convex_pieces, "MOST_SECONDS", 0.0)
+    cage = Obstacle("cage", Mesh(tmp_path / "cage.obj"))
+    problem = hdplan.build(dataclasses.replace(scene, obstacles=(cage,)))
+    closer = more_closely(problem)
+    assert len(problem.halfspace_bodies) == 1
+    assert any("or its surface where that leaves no way" in note for note in problem.notes)
+    assert len(closer.halfspace_bodies) > 100
+    assert problem.depth(problem.start[None])[0] > 0.05
+    assert closer.depth(problem.start[None])[0] < 0.05
+    assert more_closely(closer) is closer
+
+
+def scan_of(scene: Scene, seed: int) -> Scene:
+    """Return a scene whose obstacles are only known as points."""
     seen = []
     for i, obstacle in enumerate(scene.obstacles):
         mesh = obstacle_mesh(obstacle)
-        points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=i)
+        points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=seed + i)
         pose = obstacle.pose.matrix
         seen.append(points @ pose[:3, :3].T + pose[:3, 3])
-    scan = Scene(
+    return Scene(
         "scan", Path("scan.yaml"), scene.robot, (Obstacle("view", Cloud(np.concatenate(seen), 0.005)),),
         scene.start, scene.goal,
     )  # fmt: skip
+
+
+def test_where_large_boxes_leave_no_way_small_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cloud_bodies, "CELL", 1.0)
+    scene = scan_of(load_scene("panda_cage"), 100)
+    problem = hdplan.build(scene)
+    closer = more_closely(problem)
+    assert len(closer.halfspace_bodies) > 5 * len(problem.halfspace_bodies)
+    assert more_closely(closer) is closer
+    assert hdplan.solve(problem).status is not SolverStatus.CLEAR
+    result = hdplan.plan(scene)
+    assert result.certified
+    assert result.attempts > 1
+    plain = hdplan.build(load_scene("panda_cage"))
+    assert more_closely(plain) is plain
+
+
+def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
+    """The same motion is free of both, by nearly as much: the balls reach out by their radius."""
+    scene = load_scene("panda_bookshelf")
+    scan = scan_of(scene, 0)
     result = hdplan.plan(scan)
     assert result.certified
     assert result.certificate.clearance is not None

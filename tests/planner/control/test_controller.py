@@ -347,10 +347,11 @@ def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
         step = controller.step(q, task)
         if step.mode is not Mode.MOVING:
             continue
-        margins = np.where(
-            np.arange(len(barriers.names)) < barriers.obstacle_pairs, settings.margin, settings.self_margin
-        )
-        slack = step.rows.gradient @ step.velocity + settings.rate * (step.rows.value - margins)
+        outer = step.pairs < barriers.obstacle_pairs
+        margins = np.where(outer, settings.margin, settings.self_margin)
+        share = np.clip(step.rows.separation / settings.horizon, 0.0, 1.0 - 1e-12)
+        rates = settings.rate / np.where(outer, 1.0 - share**2, 1.0)
+        slack = step.rows.gradient @ step.velocity + rates * (step.rows.value - margins)
         scale = np.maximum(np.linalg.norm(step.rows.gradient, axis=1), 1e-9)
         assert (slack / scale).min() > -1e-6
         lower = np.maximum(-robot.model.velocityLimit, -settings.rate * (q - robot.lower))

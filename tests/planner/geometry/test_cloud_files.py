@@ -222,6 +222,17 @@ def test_cells_hold_every_point_once_within_cubes(points: Array) -> None:
     np.testing.assert_array_equal(first, cells.first)
 
 
+@pytest.mark.parametrize("edge", [0.1, 1e-9])
+def test_points_of_one_cube_keep_their_order_and_cubes_come_by_place(edge: float) -> None:
+    """However many cubes there are: few fit into one number with the points', many do not."""
+    points = np.concatenate([POINTS, POINTS[::-1]])
+    order, first = grouped(points, edge)
+    low, size = points.min(axis=0), max(edge, np.ptp(points, axis=0).max() / (2**20 - 1))
+    cubes = [tuple(cube) for cube in ((points - low) / size).astype(int).tolist()]
+    assert [(cubes[row], row) for row in order.tolist()] == sorted((cube, row) for row, cube in enumerate(cubes))
+    assert len(first) == len(set(cubes))
+
+
 def test_boxes_for_pictures_contain_the_balls_and_are_few() -> None:
     rng = np.random.default_rng(0)
     balls = FixedArray(np.column_stack([rng.uniform(-1.0, 1.0, size=(20_000, 3)), np.full(20_000, 0.002)]))

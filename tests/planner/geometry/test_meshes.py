@@ -10,13 +10,8 @@ import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from hdplan.planner.certificate.exact_proximity import (
-    MOST_PIECES,
-    best_direction,
-    mesh_pieces,
-    obstacle_pieces,
-    surface_distance,
-)
+from hdplan.planner.certificate.exact_proximity import MOST_PIECES, best_direction, mesh_pieces, obstacle_pieces
+from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.meshes import TriangleMesh, connected, load_mesh
@@ -167,8 +162,7 @@ def test_a_hull_with_a_corner_of_many_neighbours_is_as_far_away_as_it_is(section
         slope = np.array([0.3, 0.1]) / np.hypot(0.3, 0.1)  # the cone is the set of points within its slope
         radius, along = slope @ [0.4 - 0.1, height], np.array([-0.1, 0.3]) @ [0.3, height]
         expected = radius - 0.05 if 0 <= along <= 0.1 else np.hypot(0.3, height) - 0.05
-        distance = surface_distance(piece, here, ball, there)
-        assert distance == pytest.approx(expected, abs=2e-4)
+        assert distance(piece, here, ball, there) == pytest.approx(expected, abs=2e-4)
         _, gap = best_direction(piece, here, ball, there)
         assert gap <= expected + 2e-4
         assert gap == pytest.approx(expected, abs=2e-3)

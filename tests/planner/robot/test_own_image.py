@@ -10,7 +10,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 import hdplan
 from hdplan.planner.robot.robot import Robot
@@ -23,7 +25,7 @@ from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.shapes import Box, Mesh, Sphere
 
 Array = NDArray[np.float64]
 
@@ -44,24 +46,26 @@ def kept(setup: Setup) -> Array:
 
 
 def distances(robot: Robot, world: Array) -> dict[str, Array]:
-    """Of points (m, 3) in the world to each link at the start, negative inside."""
+    """Of points (m, 3) in the world to each link at the start, negative inside: the Panda's links are convex."""
     data, geometry = robot.model.createData(), robot.collision.createData()
     pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry, robot.pin_q(np.array(START)))
     found = {}
     for link, own in robot.link_geometry.items():
-        rows = [
-            coal.distance(
-                robot.collision.geometryObjects[i].geometry,
-                coal.Transform3s(geometry.oMg[i].rotation, geometry.oMg[i].translation),
-                coal.Sphere(1e-9),
-                coal.Transform3s(np.eye(3), point),
-                coal.DistanceRequest(),
-                coal.DistanceResult(),
-            )
-            for i in own
-            for point in world
-        ]
+        rows = []
+        for i in own:
+            shape, place = robot.collision.geometryObjects[i].geometry, geometry.oMg[i]
+            here = coal.Transform3s(place.rotation, place.translation)
+            for point in world:
+                there = coal.Transform3s(np.eye(3), point)
+                request, result = coal.DistanceRequest(), coal.DistanceResult()
+                rows.append(coal.distance(shape, here, coal.Sphere(1e-9), there, request, result))
         found[link] = np.array(rows).reshape(len(own), -1).min(axis=0)
+        for i in own:
+            shape, place = robot.collision.geometryObjects[i].geometry, geometry.oMg[i]
+            if isinstance(shape, coal.BVHModelBase):
+                planes = ConvexHull(shape.vertices()).equations
+                local = (world - place.translation) @ place.rotation
+                found[link][(local @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=1)] = -1.0
     return found
 
 
@@ -89,6 +93,27 @@ def test_exactly_the_points_within_the_margin_are_left_out(base: Pose) -> None:
     assert [note for note in setup.notes if "view" in note] == [
         f"cloud 'view': of 4000 points left out: {count} within 30 mm of the robot"
     ]
+
+
+def test_points_deep_inside_a_thick_mesh_are_in_it(tmp_path: Path) -> None:
+    """A bowl with a thick wall: what is in its wall is left out, what is in its hollow is not."""
+    outline = np.array([[0.0, -0.3], [0.3, -0.3], [0.3, 0.3], [0.1, 0.3], [0.1, -0.1], [0.0, -0.1]])
+    trimesh.creation.revolve(outline, sections=128).export(tmp_path / "bowl.stl")
+    pose = Pose((1.0, 0.5, 0.3))
+    local = np.random.default_rng(0).uniform(-0.4, 0.4, size=(4000, 3))
+    section = np.column_stack([np.linalg.norm(local[:, :2], axis=1), local[:, 2]])
+    begin, way = outline[:-1], np.diff(outline, axis=0)
+    along = np.clip(((section[:, None] - begin) * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
+    surface = np.linalg.norm(section[:, None] - begin - along[..., None] * way, axis=2).min(axis=1)
+    local = local[sure := np.abs(surface - 0.005) > 2e-4]  # [m] by which the mesh may be off the bowl
+    points = (in_world(local, pose) - TURNED.matrix[:3, 3]) @ TURNED.matrix[:3, :3]
+    there = Obstacle("bowl", Mesh(tmp_path / "bowl.stl"), pose)
+    setup = Setup.of(scene_with(points, there, ignore=Ignored(obstacle="bowl", margin=0.005)))
+    away, height = np.linalg.norm(local[:, :2], axis=1), local[:, 2]
+    inside = (away < 0.3) & (np.abs(height) < 0.3) & ~((away < 0.1) & (height > -0.1))
+    near = surface[sure] <= 0.005
+    assert (inside & ~near).sum() > 300
+    np.testing.assert_array_equal(kept(setup), points[~(inside | near)])
 
 
 def test_without_being_asked_nothing_is_left_out() -> None:

@@ -1,0 +1,143 @@
+"""How far two pieces are apart by their parts, triangles or balls: branch and bound over pairs of nodes of `parts`.
+
+For every pair of nodes that together contain all pairs of parts, and every unit n, gap(n) of `exact_proximity` and the
+bound of `interval_bounds` hold, with the motion of the bodies that the nodes belong to. Each direction that coal
+proposes for the most critical pair is tried for all others too, in one product: mostly few are enough. Pairs that it
+does not settle are opened, down to single parts. The least over all pairs is a lower bound of the distance; it is
+exact, up to rounding, where coal proposes the best directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_direction, directions, transform
+from hdplan.planner.certificate.parts_loop import Side, Walk
+from hdplan.planner.certificate.rounding import ROUNDING
+from hdplan.planner.motion.motion_bounds import Array, cross
+from hdplan.scenes.deadline import check_time
+from hdplan.scenes.once import read_only
+
+MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
+KEPT = 8  # directions that are tried first next time
+SAME = 1e-7  # share of a distance by which another pair of parts must be closer to be looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A piece at the midpoint of an interval, and its motion within it; by default it stands."""
+
+    piece: Piece
+    rotation: Array  # (3, 3)
+    origin: Array  # (3,)
+    omega: Array = field(default_factory=lambda: np.zeros(3))  # Ω of `motion_bounds`
+    velocity: Array = field(default_factory=lambda: np.zeros(3))  # U
+
+    @classmethod
+    def at(cls, piece: Piece, pose: Array) -> Placed:
+        """Return a piece that stands at a pose (4, 4)."""
+        return cls(piece, pose[:3, :3], pose[:3, 3])
+
+    def along(self, directions: Array) -> Side:
+        """Return what is needed of the piece along directions n (k, 3)."""
+        turn, slide = cross(directions, self.omega[None]), directions @ self.velocity
+        ways = directions[:, None] + _SIGNS[:, None] * turn[:, None]  # (k, 3, 3)
+        offsets, local = ways @ self.origin + slide[:, None] * _SIGNS, ways @ self.rotation
+        if self.piece.parts is None:
+            offsets += self.piece.support(local.reshape(-1, 3)).reshape(offsets.shape)
+        return Side(self.piece.parts, local, offsets)
+
+    def shape(self, node: int) -> tuple[Any, Any]:
+        """Return a part and its place for coal."""
+        if self.piece.parts is None:
+            return self.piece.shape, self._place
+        shape, origin = self.piece.parts.shape(node)
+        return shape, self._place if origin is None else transform(self.rotation, self.rotation @ origin + self.origin)
+
+    @cached_property
+    def _place(self) -> Any:
+        return transform(self.rotation, self.origin)
+
+    def part(self, node: int) -> tuple[Piece, Array]:
+        """Return a part as a piece, and its pose (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self.rotation, self.origin
+        if (parts := self.piece.parts) is None:
+            return self.piece, pose
+        shape, origin = parts.shape(node)
+        vertices = parts.corners[node]
+        if origin is not None:
+            vertices, pose[:3, 3] = vertices - origin, pose[:3, 3] + self.rotation @ origin
+        return Piece(vertices, shape, ball=float(parts.radius[node])), pose
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was found for two pieces."""
+
+    distance: float  # [m] lower bound of the signed distance at the midpoint
+    bound: float  # [m] of the distance over the interval
+    normals: Array  # (k, 3) directions to try first at a place near by
+    closest: tuple[int, int]  # the two parts that are, if their distance was asked for
+
+
+def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
+    """Return the signed distance [m] of two pieces' parts, at poses (4, 4): 0 where triangles are in contact, minus the
+    depth where balls are. One piece wholly inside the other is not seen: see `containment`."""
+    return part_distance(Placed.at(a, pose_a), Placed.at(b, pose_b)).distance
+
+
+def closest_parts(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Piece, Array, Piece, Array]:
+    """Return the two parts that are closest, each with its pose (4, 4)."""
+    one, other = Placed.at(a, pose_a), Placed.at(b, pose_b)
+    i, j = part_distance(one, other).closest
+    return *one.part(i), *other.part(j)
+
+
+def part_distance(
+    a: Placed,
+    b: Placed,
+    moved: tuple[float, float] = (0.0, 0.0),
+    normals: Array | None = None,
+    within: float = np.inf,
+    enough: float = -np.inf,
+) -> Found:
+    """Return what can be said about the distance of two pieces' parts. Raises OutOfTime.
+
+    moved: by how much the two move against each other, to first order and beyond it [m] (`Motion`).
+    normals: unit directions (k, 3) from b to a to try first.
+    within: a distance larger than this need not be exact [m].
+    enough: a bound over the interval need not be larger than this [m].
+    """
+    tried = _UP if normals is None else normals
+    moved = moved[0] + ROUNDING, moved[1] + ROUNDING
+    walk = Walk(a.along(-tried), b.along(tried), moved, within, enough)
+    most, found, closest = 1, np.inf, (0, 0)
+    while len(pairs := walk.go_on(most)):
+        check_time("measuring the distance of meshes")
+        normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
+        distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
+        sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL)
+        while not sure[row := int(distances.argmin())]:  # the others are not closer than it seems
+            sure[row] = True
+            i, j = pairs[row].tolist()
+            normal = best_direction(*a.part(i), *b.part(j))[0][None]
+            distances, bounds = walk.ask(a.along(-normal), b.along(normal), pairs)
+            normals = np.concatenate([normals, normal])
+        tried = np.concatenate([tried, normals])
+        walk.settle(float(distances[row]), float(bounds.min()))
+        if (least := float(distances[row])) < found:
+            found, closest = least, (int(pairs[row, 0]), int(pairs[row, 1]))
+            walk.known = found - max(SAME * found, ROUNDING)
+        if found <= 0.0 and a.piece.grains is None and b.piece.grains is None:  # how deep is of no use
+            return Found(0.0, -np.inf, tried[-KEPT:], closest)
+        most = min(2 * most, MOST_AT_ONCE)
+    return Found(walk.least, walk.proven, tried[-KEPT:], closest)
+
+
+_SIGNS = read_only(np.array([0.0, 1.0, -1.0]))
+_UP = read_only(np.array([[0.0, 0.0, 1.0]]))

@@ -1,0 +1,243 @@
+"""The walk down two trees of `parts` with the directions known, in a loop of C, and in Python for machines without a
+compiler: pairs of nodes that the directions settle, and pairs of single parts that they do not."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.distance.compiled.c_library import Record, c_functions, call
+from hdplan.planner.certificate.parts import MOST, Parts
+from hdplan.scenes.array_types import Array, Rows
+
+LATEST = 64  # directions kept when more are found: the walk goes on near where they were found
+
+SOURCE = (
+    f"#define MOST {MOST}\n"
+    """
+#include <math.h>
+
+typedef struct {
+  const long long *first, *last;
+  const double *corners, *radius, *size;
+} parts;
+
+/* One of the two bodies: its parts, if it has any; and for each direction and s = 0, 1, -1 the direction in the body's
+   frame, its length, and how far along it the frame's origin is, or the whole body. */
+typedef struct {
+  const parts* of;
+  const double *ways, *lengths, *offsets;
+} side;
+
+/* The least distance and bound of all settled pairs, what settles a pair, and how far the bodies move. */
+typedef struct {
+  double least, proven, known, within, enough, first, second;
+} state;
+
+static double reach(const side* body, long long node, long long row) {
+  const double *way = body->ways + 3 * row, *c;
+  double best, along;
+  int i;
+  if (!body->of) return body->offsets[row];
+  c = body->of->corners + 12 * node;
+  best = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
+  for (i = 1, c += 3; i < 4; ++i, c += 3) {
+    along = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
+    best = along > best ? along : best;
+  }
+  return body->offsets[row] + best + body->of->radius[node] * body->lengths[row];
+}
+
+/* The distance at the midpoint, and the bound over the interval, by one direction. */
+static double by(const side* a, const side* b, const state* is, long long i, long long j, long long k, double* bound) {
+  double gaps[3], low, high;
+  int s;
+  for (s = 0; s < 3; ++s) gaps[s] = -reach(a, i, 3 * k + s) - reach(b, j, 3 * k + s);
+  low = (gaps[1] < gaps[2] ? gaps[1] : gaps[2]) - is->second;
+  high = gaps[0] - is->first;
+  *bound = low > high ? low : high;
+  return gaps[0];
+}
+
+static int settled(const state* is, double distance, double bound) {
+  return (distance > is->within || distance >= is->known) && (bound >= is->enough || !(is->proven >= is->enough));
+}
+
+/* Take pairs of nodes from the end of `stack` until it is empty or `most` pairs of parts are left open; return how many
+   are. `at`: how many pairs are on it, and the direction that settled a pair last. */
+long long walk(const side* a, const side* b, long long count, state* is, long long* stack, long long* at,
+               long long most, long long* open) {
+  double values[MOST];
+  long long left = 0;
+  while (at[0] > 0 && left < most) {
+    long long i, j, tried, way = 0, begin, end, node, place;
+    double distance = -INFINITY, bound = -INFINITY;
+    int done = 0, larger;
+    --at[0];
+    i = stack[2 * at[0]];
+    j = stack[2 * at[0] + 1];
+    for (tried = -1; tried < count && !done; ++tried) {
+      long long k = tried < 0 ? at[1] : tried;
+      double low, value;
+      if (tried == at[1]) continue;
+      value = by(a, b, is, i, j, k, &low);
+      if (value > distance) distance = value, way = k;
+      if (low > bound) bound = low;
+      if (settled(is, distance, bound)) done = 1, at[1] = k;
+    }
+    if (done) {
+      is->least = distance < is->least ? distance : is->least;
+      is->proven = bound < is->proven ? bound : is->proven;
+      continue;
+    }
+    if ((!a->of || a->of->first[i] == i) && (!b->of || b->of->first[j] == j)) {
+      open[2 * left] = i;
+      open[2 * left + 1] = j;
+      ++left;
+      continue;
+    }
+    larger = a->of && (!b->of || a->of->size[i] > b->of->size[j]);
+    begin = larger ? a->of->first[i] : b->of->first[j];
+    end = larger ? a->of->last[i] : b->of->last[j];
+    for (node = begin; node < end; ++node) { /* the closest is looked at first */
+      double low, value = larger ? by(a, b, is, node, j, way, &low) : by(a, b, is, i, node, way, &low);
+      for (place = node - begin; place > 0 && values[place - 1] < value; --place) {
+        values[place] = values[place - 1];
+        stack[2 * (at[0] + place)] = stack[2 * (at[0] + place) - 2];
+        stack[2 * (at[0] + place) + 1] = stack[2 * (at[0] + place) - 1];
+      }
+      values[place] = value;
+      stack[2 * (at[0] + place)] = larger ? node : i;
+      stack[2 * (at[0] + place) + 1] = larger ? j : node;
+    }
+    at[0] += end - begin;
+  }
+  return left;
+}
+"""
+)
+
+
+@functools.cache
+def library() -> ctypes.CDLL | None:
+    """The compiled loop; None without a C compiler."""
+    return c_functions("parts", SOURCE)
+
+
+@dataclass
+class Side:
+    """One of two bodies: its parts, and along directions n (k, 3) and s = 0, 1, −1 what `walk` needs."""
+
+    parts: Parts | None
+    ways: Array  # (k, 3, 3) n + s n × Ω in the body's frame
+    offsets: Array  # (k, 3) of the frame's origin along them, with its motion; of the whole body, if it has no parts
+
+    def more(self, other: Side) -> Side:
+        """Return it with the directions of another, and the latest of its own."""
+        pairs = (self.ways, other.ways), (self.offsets, other.offsets)
+        return Side(self.parts, *(np.concatenate([own[-LATEST:], new]) for own, new in pairs))
+
+    def reach(self, nodes: Rows) -> Array:
+        """Return max n·(x + s x') over the points x of nodes (i,): (k, 3, i)."""
+        if self.parts is None:
+            return np.repeat(self.offsets[:, :, None], len(nodes), axis=2)
+        found = self.parts.support(nodes, self.ways.reshape(-1, 3)).reshape(*self.offsets.shape, -1)
+        return np.asarray(found + self.offsets[:, :, None])
+
+    @property
+    def root(self) -> int:
+        """The node of the whole body."""
+        return 0 if self.parts is None else len(self.parts.first) - 1
+
+    @property
+    def depth(self) -> int:
+        """The number of levels below it."""
+        return 0 if self.parts is None else self.parts.depth - 1
+
+    def single(self, node: int) -> bool:
+        """Whether a node is a part, and not a group."""
+        return self.parts is None or bool(self.parts.first[node] == node)
+
+    @property
+    def record(self) -> Record:
+        """The C struct of that name."""
+        lengths = np.sqrt(np.einsum("ksi,ksi->ks", self.ways, self.ways))
+        return Record(0 if self.parts is None else self.parts.record, self.ways, lengths, self.offsets)
+
+
+class Walk:
+    """A walk through all pairs of nodes of two bodies, and the least that is known of those behind it."""
+
+    def __init__(self, a: Side, b: Side, moved: tuple[float, float], within: float, enough: float) -> None:
+        """Begin at the roots. Pairs count as settled when their distance is larger than `within` [m] and their bound at
+        least `enough`; the bodies are `moved` by this much at most, and by this much beyond a straight line [m]."""
+        self.a, self.b, self.moved = a, b, moved
+        self.within, self.enough = within, enough
+        self.least = self.proven = self.known = np.inf  # [m] distance and bound of pairs settled, and what limits both
+        self.stack = np.empty((1 + MOST * (a.depth + b.depth), 2), np.int64)
+        self.stack[0], self.height, self.newest = (a.root, b.root), 1, 0
+
+    def ask(self, a: Side, b: Side, pairs: Rows) -> tuple[Array, Array]:
+        """Take more directions in the place of the oldest, and return the best distances and bounds (i,) of pairs of
+        nodes (i, 2)."""
+        self.newest = max(self.newest - max(len(self.a.ways) - LATEST, 0), 0)
+        self.a, self.b = self.a.more(a), self.b.more(b)
+        distances, bounds = self.bounds(*pairs.T)
+        return distances.max(axis=0), bounds.max(axis=0)
+
+    def bounds(self, one: Rows, other: Rows) -> tuple[Array, Array]:
+        """Return the distances of pairs of nodes (k, i) by each direction, and the bounds."""
+        gaps = -self.a.reach(one) - self.b.reach(other)  # (k, 3, i)
+        straight = np.minimum(gaps[:, 1], gaps[:, 2]) - self.moved[1]
+        return gaps[:, 0], np.maximum(straight, gaps[:, 0] - self.moved[0])
+
+    def settle(self, distance: float, bound: float) -> None:
+        """Note what is known of a pair."""
+        self.least, self.proven = min(self.least, distance), min(self.proven, bound)
+
+    def go_on(self, most: int) -> Rows:
+        """Settle pairs by the directions, until it is finished or `most` pairs of parts (i, 2) cannot be settled."""
+        open_ones = np.empty((most, 2), np.int64)
+        if not (loop := library()):
+            left = self._go_on(open_ones)
+        else:
+            state = np.array([self.least, self.proven, self.known, self.within, self.enough, *self.moved])
+            place = np.array([self.height, self.newest])
+            sides = self.a.record, self.b.record, len(self.a.ways)
+            left = call(loop.walk, *sides, state, self.stack, place, most, open_ones)
+            self.least, self.proven = state[:2].tolist()
+            self.height, self.newest = place.tolist()
+        return open_ones[:left]
+
+    def _go_on(self, open_ones: Rows) -> int:
+        left = 0
+        while self.height > 0 and left < len(open_ones):
+            self.height -= 1
+            i, j = self.stack[self.height].tolist()
+            distances, bounds = self.bounds(np.array([i]), np.array([j]))
+            distance, bound = float(distances.max()), float(bounds.max())
+            far = distance > self.within or distance >= self.known
+            if far and (bound >= self.enough or not self.proven >= self.enough):
+                self.settle(distance, bound)
+            elif self.a.single(i) and self.b.single(j):
+                open_ones[left], left = (i, j), left + 1
+            else:
+                one, other = self._children(i, j)
+                far = self.bounds(one, other)[0][distances.argmax()]
+                order = np.argsort(-far, kind="stable")  # the closest is looked at first
+                self.stack[self.height : self.height + len(one)] = np.stack([one, other], axis=1)[order]
+                self.height += len(one)
+        return left
+
+    def _children(self, i: int, j: int) -> tuple[Rows, Rows]:
+        """Return the pairs of the children of the larger of two nodes with the other one."""
+        a, b = self.a.parts, self.b.parts
+        if a is not None and (b is None or a.size[i] > b.size[j]):
+            one = np.arange(a.first[i], a.last[i])
+            return one, np.full(len(one), j)
+        assert b is not None
+        other = np.arange(b.first[j], b.last[j])
+        return np.full(len(other), i), other

@@ -1,0 +1,139 @@
+"""Laws of the horizon: no nearer pair is overlooked, nothing beyond it matters, and clouds are kept clear of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
+from hdplan.planner.control.controller import Controller, Mode
+from hdplan.planner.control.rollout import simulate
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.control.tasks import standing
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
+
+Array = NDArray[np.float64]
+
+READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+HANGING = RobotSpec("panda", base=Pose((0.0, 0.0, 1.2), (1.0, 0.0, 0.0, 0.0)))
+
+
+PANDA = RobotSpec("panda")
+
+
+def scene_of(*obstacles: Obstacle, robot: RobotSpec = PANDA) -> Scene:
+    ends = [JointTarget(name, READY[: 6 if robot.name == "ur5" else 7]) for name in ("start", "goal")]
+    return Scene("room", Path("room.yaml"), robot, obstacles, *ends)
+
+
+def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """A cloud that is turned, boxes, and a ball that comes."""
+    cloud = Cloud(rng.uniform(-0.5, 0.5, size=(3000, 3)), 0.005)
+    boxes = [Obstacle(f"box{k}", Box((0.1, 0.2, 0.05)), Pose(tuple(rng.uniform(-0.8, 0.8, 3)))) for k in range(4)]
+    ball = Obstacle("ball", Sphere(0.05), Pose((0.9, 0.0, 0.5)), motion=SteadyMotion((-0.1, 0.0, 0.0)))
+    return Obstacle("view", cloud, Pose((0.6, 0.1, 0.4), (0.1, 0.3, -0.3, 0.9)), 0.01), *boxes, ball
+
+
+@pytest.mark.parametrize("distance", ["hdsdf", "euclidean"])
+@pytest.mark.parametrize("spec", [PANDA, HANGING, RobotSpec("ur5")], ids=["panda", "hanging", "ur5"])
+def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: RobotSpec) -> None:
+    rng = np.random.default_rng(0)
+    obstacles = clutter(rng) if distance == "hdsdf" else clutter(rng)[1:]
+    scene = scene_of(*obstacles, robot=spec)
+    robot = load_scene_robot(scene)
+    barriers = scene_barriers(scene, robot, BarrierSettings(distance))
+    left = 0
+    for q in robot.draw(rng, 10):
+        time, horizon = rng.uniform(0.0, 2.0), float(rng.choice([0.01, 0.1, 0.25, 0.5]))
+        seen = barriers.within(q, time, horizon)
+        separation = barriers.evaluate(q, time).separation
+        beyond = np.setdiff1d(np.arange(len(barriers.names)), seen)
+        assert (separation[beyond] >= horizon - 1e-9).all()
+        assert barriers.standing[beyond].all()
+        np.testing.assert_array_equal(seen, np.unique(seen))
+        left += len(beyond)
+    assert left
+    assert len(barriers.within(robot.draw(rng, 1)[0], 0.0, np.inf)) == len(barriers.names)
+
+
+def test_what_lies_beyond_the_horizon_changes_no_command() -> None:
+    rng = np.random.default_rng(1)
+    boxes = [Obstacle(f"box{k}", Box((0.1, 0.1, 0.1)), Pose(tuple(rng.uniform(-0.9, 0.9, 3)))) for k in range(30)]
+    robot = load_scene_robot(scene_of())
+    controller, compared = Controller.of(scene_of(*boxes), robot=robot), 0
+    for q, goal in zip(robot.draw(rng, 20), robot.draw(rng, 20), strict=True):
+        step = controller.step(q, standing(goal))
+        near = {controller.barriers.names[pair][1] for pair in step.pairs.tolist()}
+        some = Controller.of(scene_of(*(box for box in boxes if box.name in near)), robot=robot)
+        other = some.step(q, standing(goal))
+        np.testing.assert_allclose(other.velocity, step.velocity, atol=1e-9)
+        assert (other.mode, other.slack) == (step.mode, step.slack)
+        compared += len(near) < len(boxes)
+    assert compared > 10
+
+
+def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
+    """An arm that is driven straight at a wall is braked as the module's equation says, and from the horizon on not."""
+    goal = np.array(READY) + [0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]
+    for away, free in ((0.55, False), (0.9, True)):
+        wall = scene_of(Obstacle("wall", Box((0.02, 2.0, 2.0)), Pose((away, 0.0, 0.5))))
+        settings = ControlSettings(look_ahead=False, horizon=0.3)
+        controller = Controller.of(wall, settings, robot)
+        step = controller.step(np.array(READY), standing(goal, gain=50.0))
+        outer = step.pairs < controller.barriers.obstacle_pairs
+        assert outer.any() != free
+        rows, slack = step.rows, step.rows.value - np.where(outer, settings.margin, settings.self_margin)
+        rate = settings.rate / np.where(outer, 1.0 - (rows.separation / 0.3) ** 2, 1.0)
+        binding = rows.gradient @ step.velocity + rate * slack
+        assert binding.min() > -1e-6
+        assert (binding[outer].min(initial=np.inf) < 1e-6) != free
+        linear = Controller.of(wall, replace(settings, as_published=True), robot).step(np.array(READY), standing(goal))
+        assert len(linear.pairs) == len(controller.barriers.names)
+
+
+def test_an_arm_goes_about_its_way_clear_of_a_cloud(robot: Robot) -> None:
+    """Through a gap in a wall of points, each step from what is near alone; what was executed is certified."""
+    rng = np.random.default_rng(2)
+    wall = rng.uniform([0.25, -0.01, 0.0], [0.9, 0.01, 1.0], size=(12_000, 3))
+    wall = wall[~((np.abs(wall[:, 0] - 0.5) < 0.25) & (wall[:, 2] > 0.35))]
+    scene = scene_of(Obstacle("view", Cloud(wall, 0.005)))
+    begin, end = np.array(READY) + [-0.6, 0, 0, 0, 0, 0, 0], np.array(READY) + [0.6, 0, 0, 0, 0, 0, 0]
+    controller = Controller.of(scene, robot=robot)
+    step = controller.step(begin, standing(end))
+    assert len(step.pairs) < 0.5 * len(controller.barriers.names)
+    run = simulate(controller, begin, standing(end, gain=2.0), 3.0, until_met=False)
+    assert Mode.STOPPED not in run.counted
+    motion = Trajectory(robot.joint_names, run.positions, robot.locked)
+    verdict = Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False)
+    assert verdict.certified
+    assert verdict.clearance is not None
+    assert verdict.clearance > 0.0
+
+
+def test_a_horizon_nearer_than_the_margin_is_refused(robot: Robot) -> None:
+    scene = scene_of(Obstacle("box", Box((0.1, 0.1, 0.1)), Pose((0.6, 0.0, 0.4))))
+    with pytest.raises(InputError, match=r"control\.horizon: 0\.02 m is too near for a margin of 0\.014 m, more than"):
+        Controller.of(scene, ControlSettings(horizon=0.02), robot)
+    with pytest.raises(InputError, match=r"horizon"):
+        ControlSettings(horizon=0.0)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_scene_robot(scene_of())
