@@ -34,8 +34,8 @@ Examples:
   hdplan reproduce conservativeness
 
 Shipped scenes are called by their bare names: baxter_bimanual_carry, empty,
-kinova_shelf, panda_bookshelf, panda_cable, panda_cage, panda_carry, panda_conveyor,
-panda_corridor, panda_cup, panda_fold, panda_gate, panda_grasp, panda_heavy,
+kinova_shelf, panda_bookshelf, panda_cable, panda_cage, panda_camera, panda_carry,
+panda_conveyor, panda_corridor, panda_cup, panda_fold, panda_gate, panda_grasp, panda_heavy,
 panda_table_pick, panda_vase, planar_arm, pr2_shelf, tiago_shelf, ur5_ceiling,
 ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 

@@ -17,6 +17,7 @@ NAMES = {
     "panda_bookshelf",
     "panda_cable",
     "panda_cage",
+    "panda_camera",
     "panda_carry",
     "panda_conveyor",
     "panda_corridor",
@@ -56,7 +57,7 @@ def test_each_is_found_by_its_bare_name_and_says_what_it_shows(
 
 def test_they_use_every_shape() -> None:
     shapes = {type(obstacle.shape).__name__ for name in NAMES for obstacle in load_scene(name).obstacles}
-    assert shapes == {"Box", "Sphere", "Cylinder", "Capsule", "Points", "Mesh"}
+    assert shapes == {"Box", "Sphere", "Cylinder", "Capsule", "Points", "Mesh", "Cloud"}
 
 
 def test_the_files_they_name_are_shipped_too() -> None:
