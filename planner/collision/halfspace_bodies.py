@@ -76,11 +76,11 @@ def from_obstacle(
     check_time("building the problem")
     placement = obstacle.pose.matrix
     if isinstance(obstacle.shape, Cloud):
-        from hdplan.planner.collision.cloud_bodies import from_cloud
+        from hdplan.planner.collision.cell_bodies import from_cloud
 
         return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes, closely)
     if isinstance(obstacle.shape, Map):
-        from hdplan.planner.collision.cloud_bodies import from_boxes
+        from hdplan.planner.collision.cell_bodies import from_boxes
 
         boxes = load_boxes(obstacle.shape, f"obstacles.{obstacle.name}")
         return from_boxes(obstacle.name, boxes, obstacle.pose, planes), ()
@@ -90,7 +90,7 @@ def from_obstacle(
     split = convex_pieces(mesh, seconds)
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None and closely:
-        from hdplan.planner.collision.cloud_bodies import from_surface
+        from hdplan.planner.collision.cell_bodies import from_surface
 
         bodies = from_surface(obstacle.name, mesh, obstacle.pose, planes)
         return bodies, (f"{about} is planned around by {len(bodies)} boxes that contain its surface",)

@@ -12,8 +12,8 @@ import trimesh
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.collision import cloud_bodies, convex_pieces
-from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud, from_surface
+from hdplan.planner.collision import cell_bodies, convex_pieces
+from hdplan.planner.collision.cell_bodies import from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.solvers.solution import SolverStatus
@@ -122,7 +122,7 @@ def scan_of(scene: Scene, seed: int) -> Scene:
 
 
 def test_where_large_boxes_leave_no_way_small_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cloud_bodies, "CELL", 1.0)
+    monkeypatch.setattr(cell_bodies, "CELL", 1.0)
     scene = scan_of(load_scene("panda_cage"), 100)
     problem = hdplan.build(scene)
     closer = more_closely(problem)
