@@ -172,6 +172,27 @@ def test_copies_count_at_every_hard_pose(name, hard):
     assert np.sign(many.value) == np.sign(one.value)
 
 
+@pytest.mark.slow
+def test_copies_count_at_the_hard_poses_of_boxes_in_jax():
+    for case in HARD:
+        alone = case.body_a, case.body_b
+        if [len(body.vertices) for body in alone] == [8, 8]:  # another kind compiles for seconds
+            one = evaluator("numpy", *alone)(case.pose_a, case.pose_b)
+            many = evaluator("jax", ConvexBody.union([case.body_a] * 3), case.body_b)(case.pose_a, case.pose_b)
+            right = _scaled(one, 3.0 ** (np.sign(one.value) * -1.0 / 3))
+            agree(right, many, (case.pose_a, case.pose_b), alone, gamma=2)
+
+
+@pytest.mark.slow
+def test_float32_as_far_as_its_digits_go(poses):
+    found = evaluator("jax", ELL, BODIES["box"], dtype="float32")(*poses)
+    right = evaluator("numpy", ELL, BODIES["box"])(*poses)
+    clear = np.abs(right.separation) > 0.05
+    assert clear.any()
+    np.testing.assert_allclose(found.value[clear], right.value[clear], rtol=1e-3)
+    np.testing.assert_allclose(found.separation, right.separation, atol=1e-5)
+
+
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 @pytest.mark.parametrize("case", HARD[::6], ids=lambda case: case.name)
 def test_hard_poses_in_many_digits(name, case):
