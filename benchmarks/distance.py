@@ -1,6 +1,6 @@
 """The ladder of normals and what a query takes: ours called once, in bulk and in JAX, beside FCL, coal, coal in C++.
 
-    python benchmarks/distance.py [--section ladder|exact|batch|compile ...] [--poses N] [--configurations N]
+    python benchmarks/distance.py [--section ladder|unions|exact|batch|compile ...] [--poses N] [--configurations N]
 
 Prints a Markdown table for each section; `exact` needs a C++ compiler for coal's loop. Times are processor time on one
 core over poses of the paper's kind, each another one, warm; medians of rounds in which the ways take turns, so that
@@ -30,6 +30,7 @@ from hdplan.distance.baselines.fcl import FclPair
 from hdplan.distance.bodies import PLATONIC, ConvexBody
 from hdplan.distance.studies.conservativeness import conservativeness
 from hdplan.distance.studies.random_poses import paper_poses
+from hdplan.distance.studies.unions import study_unions
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.studies.report import markdown_text, short
@@ -100,6 +101,23 @@ def ladder(options: argparse.Namespace) -> None:
         )
         print(*rows[-1].values(), file=sys.stderr)
     print(f"{markdown_text(rows)}\nOver {found.planned:,} configurations; contacts called free: {found.missed}.\n")
+
+
+def unions(options: argparse.Namespace) -> None:
+    """A box and a ring cut into more and more pieces, against a box."""
+    found = study_unions(report=lambda done, of, what: print(f"{done} of {of}: {what}", file=sys.stderr))
+    rows = [
+        {
+            "body": one.body,
+            "pieces": one.pieces,
+            **{f"false, > {100 * gap:g} cm [%]": f"{100 * rate:.2g}" for gap, rate in one.false_positives.items()},
+            "D/d": f"{one.ratio:.2f}",
+            "near: d − D [mm]": f"{1e3 * one.near_error:.1f}",
+            **{f"{order} [µs]": 1e6 * time for order, time in one.seconds.items()},
+        }
+        for one in found
+    ]
+    print(f"{markdown_text(rows)}\nContacts called free: {sum(one.missed for one in found)}.\n")
 
 
 def exact(options: argparse.Namespace) -> None:
@@ -197,7 +215,7 @@ def compile_times(options: argparse.Namespace) -> None:
     print(markdown_text(rows))
 
 
-SECTIONS = {"ladder": ladder, "exact": exact, "batch": batch, "compile": compile_times}
+SECTIONS = {"ladder": ladder, "unions": unions, "exact": exact, "batch": batch, "compile": compile_times}
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
 """Signed distances of convex bodies: smooth (``hdsdf`` and its fast versions) and exact (``signed_distance``).
 
-Positive = separated, everywhere. ``hdsdf`` is the NumPy reference; ``hdsdf_compiled`` (CasADi, generated C) and
-``hdsdf_batch`` (JAX) evaluate the same for many poses, with gradient and Hessian; ``hdsdf_function`` is it as a CasADi
-Function. Each is loaded, with what it needs of CasADi, JAX and coal, when it is asked for.
+Positive = separated, everywhere; of unions (``ConvexBody.union``), too. ``hdsdf`` is the NumPy reference;
+``hdsdf_compiled`` (CasADi, generated C) and ``hdsdf_batch`` (JAX) evaluate the same for many poses, with gradient and
+Hessian; ``hdsdf_function`` is it as a CasADi Function. Each is loaded, with what it needs of CasADi, JAX and coal, when
+it is asked for.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ if TYPE_CHECKING:
     from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
     from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
     from hdplan.distance.symbolic.graph_distance import hdsdf_function
+    from hdplan.distance.unions import BodyUnion
 
 __all__ = [
     "RUNGS",
+    "BodyUnion",
     "ConvexBody",
     "Proximity",
     "fcl_distances",
@@ -45,6 +48,7 @@ __all__ = [
 __getattr__ = lazy_imports(
     __name__,
     {
+        "BodyUnion": "unions",
         "ConvexBody": "bodies",
         "Proximity": "baselines.ground_truth",
         "RUNGS": "normals",

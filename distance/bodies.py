@@ -6,9 +6,10 @@ A sphere is one vertex, a capsule two. Everything is in the body's own frame, le
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
 from hdplan.scenes.values import Whole, checked, instance
+
+if TYPE_CHECKING:
+    from hdplan.distance.unions import BodyUnion
 
 NONE = read_only(np.empty((0, 3)))
 FLAT = 1e-9  # an extent below this part of the body's size is zero: the body is a point, a segment or a flat polygon
@@ -124,6 +128,18 @@ class ConvexBody:
             raise InputError("points: found none, at least one is needed")
         return cls(*_hull(cloud), radius)
 
+    @classmethod
+    def union(cls, pieces: Iterable[ConvexBody | BodyUnion]) -> BodyUnion:
+        """Return the union of convex bodies, all in one frame: a body that is not convex, for the same distances.
+
+        Its HD-SDF is the Hölder minimum of the pieces', as smooth and as safe in sign: see ``unions``.
+
+        Raises InputError for no pieces and for what is no body.
+        """
+        from hdplan.distance.unions import union_of
+
+        return union_of(pieces)
+
     def inflated(self, clearance: float) -> ConvexBody:
         """Return this body grown by ``clearance`` >= 0 [m] in all directions, that is with a larger radius."""
         return replace(self, radius=self.radius + _length("clearance", clearance, zero=True))
@@ -140,7 +156,7 @@ class ConvexBody:
 
 
 def check_bodies(body_a: object, body_b: object) -> None:
-    """Raise InputError unless both are convex bodies."""
+    """Raise InputError unless both are convex bodies; a union of some is not."""
     instance(body_a, ConvexBody, "body_a")
     instance(body_b, ConvexBody, "body_b")
 

@@ -109,6 +109,19 @@ def shaped_minimum(
     )
 
 
+def minimum_shares(values: ArrayLike, gamma: int) -> tuple[Array, Array]:
+    """Return the Hölder minimum u (...,) of ``values`` (..., n), and the share (..., n) that each value has in it.
+
+    With p = gamma + 1: (u/x_i)^p for u > 0; (x_i/u)^p for u < 0 and x_i < 0; else 0. They sum to 1 where u is not 0,
+    and du/u = Σ share_i dx_i/x_i.
+    """
+    x, u = _values("values", values), holder_minimum(values, gamma)
+    least = u[..., None]
+    apart, in_contact = least > 0, (least < 0) & (x < 0)
+    ratio = np.where(apart, least, x) / np.where(apart, x, np.where(in_contact, least, 1.0))
+    return u, np.where(apart | in_contact, ratio, 0.0) ** (gamma + 1)
+
+
 def check_gamma(gamma: int) -> int:
     """Return ``gamma`` if it is a whole number from 1 to HIGHEST, else raise InputError."""
     return int(checked(Whole(1, HIGHEST), gamma, "gamma"))

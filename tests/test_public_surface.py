@@ -69,7 +69,7 @@ SURFACE: dict[ModuleType, set[str]] = {
         "solve",
     },
     distance: {
-        *("RUNGS", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),
+        *("RUNGS", "BodyUnion", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),
         *("hdsdf_derivatives", "hdsdf_function", "holder_maximum", "holder_minimum", "separating_axis_distance"),
         *("separation", "shaping", "signed_distance", "signed_distances"),
     },

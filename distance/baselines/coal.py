@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import threading
+from functools import reduce
 from typing import NamedTuple
 
 import coal
@@ -21,6 +22,7 @@ from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.normals import PARALLEL, own_directions, separating_axes
 from hdplan.distance.poses import check_pose, check_pose_lists
+from hdplan.distance.unions import Body, pairs_of
 from hdplan.scenes.array_types import Array, Mask
 
 __all__ = ["CoalPair", "Proximity", "signed_distance", "signed_distances"]
@@ -50,18 +52,23 @@ class _Answers(NamedTuple):
     normals: Array  # (N, 3)
 
 
-def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> Proximity:
+def signed_distance(body_a: Body, pose_a: ArrayLike, body_b: Body, pose_b: ArrayLike) -> Proximity:
     """Return the exact signed distance of body_a and body_b [m], at pose_a and pose_b (4, 4), world from body.
 
     d = max over unit n of min n·(a - b) - r_A - r_B (paper: Theorem III.1, eq. (2)): the radii are subtracted from the
-    signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not rigid.
+    signed distance of the polytopes. Of unions, the answer for the pair of pieces with the least: exact where they are
+    apart. In overlap it is how deep one piece is in another, and the unions are as deep or deeper: an upper bound of
+    the signed distance, with its sign (``unions``), and a normal along which that pair is taken apart.
+
+    Raises InputError for what is no body, and for poses of another shape, not finite or not rigid.
     """
-    check_bodies(body_a, body_b)
-    found = _exact(body_a, check_pose("pose_a", pose_a)[None], body_b, check_pose("pose_b", pose_b)[None])
+    poses = check_pose("pose_a", pose_a)[None], check_pose("pose_b", pose_b)[None]
+    every = [_exact(a, poses[0], b, poses[1]) for a, b in pairs_of(body_a, body_b)]
+    found = min(every, key=lambda answers: float(answers.distances[0]))
     return Proximity(float(found.distances[0]), found.points_a[0], found.points_b[0], found.normals[0])
 
 
-def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> Array:
+def signed_distances(body_a: Body, poses_a: ArrayLike, body_b: Body, poses_b: ArrayLike) -> Array:
     """Return the exact signed distances (N,) [m] of body_a and body_b at N poses each.
 
     poses_a and poses_b: (N, 4, 4), world from body.
@@ -71,8 +78,13 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
 
     Raises InputError for poses of another shape, not finite or not rigid, and for lists of unequal length.
     """
-    check_bodies(body_a, body_b)
+    pairs = pairs_of(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)
+    return np.asarray(reduce(np.minimum, (_of_pair(a, world_a, b, world_b) for a, b in pairs)))
+
+
+def _of_pair(body_a: ConvexBody, world_a: Array, body_b: ConvexBody, world_b: Array) -> Array:
+    """Return the exact signed distances (N,) of two convex bodies, block by block."""
     axes = len(body_a.faces) + len(body_b.faces) + len(body_a.edges) * len(body_b.edges)
     block = max(1, min(512, BLOCK // (1 + axes * (len(body_a.vertices) + len(body_b.vertices)))))
     blocks = [slice(start, start + block) for start in range(0, len(world_a), block)]
@@ -87,7 +99,8 @@ class CoalPair(threading.local):
     """
 
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
-        """Build coal's objects once."""
+        """Build coal's objects once. Raises InputError for unions: they are several pairs."""
+        check_bodies(body_a, body_b)
         self._hulls = _hull(body_a, 0), _hull(body_b, 0)  # the functor below does not keep them alive
         compute, result = coal.ComputeDistance(*self._hulls), coal.DistanceResult()
         self._own = coal.Transform3s(), coal.Transform3s(), compute, result, body_a.radius + body_b.radius

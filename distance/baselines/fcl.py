@@ -21,7 +21,7 @@ import sys
 import tempfile
 import threading
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.poses import check_pose_lists
+from hdplan.distance.unions import Body, pairs_of
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError
 
@@ -58,7 +59,8 @@ class FclPair(threading.local):
     """
 
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
-        """Build FCL's objects once."""
+        """Build FCL's objects once. Raises InputError for unions: they are several pairs."""
+        check_bodies(body_a, body_b)
         self._fcl = fcl = _library()
         self._placed = tuple(fcl.CollisionObject(_shape(body), fcl.Transform()) for body in (body_a, body_b))
         self._request = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
@@ -86,10 +88,11 @@ class FclPair(threading.local):
         return a, b
 
 
-def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> FclAnswers:
+def fcl_distances(body_a: Body, poses_a: ArrayLike, body_b: Body, poses_b: ArrayLike) -> FclAnswers:
     """Return FCL's signed distances of body_a and body_b [m]; as exact as FCL is.
 
-    poses_a and poses_b: N poses (N, 4, 4) each, world from body.
+    poses_a and poses_b: N poses (N, 4, 4) each, world from body. Of unions, the answers for the pair of pieces with the
+    least: as ``signed_distance``; none where FCL crashed for any pair.
 
     They are computed in another process. It forks workers, each of which continues after the pose that crashed the one
     before (so it needs os.fork: Linux, macOS).
@@ -98,8 +101,16 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
     of unequal length; RuntimeError if the process fails in any other way.
     """
     _library()
-    check_bodies(body_a, body_b)
+    pairs = pairs_of(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)
+    every = [_of_pair(a, world_a, b, world_b) for a, b in pairs]
+    nearest = np.argmin([each.distances for each in every], axis=0)  # the first NaN, where there is one
+    rows = np.arange(len(world_a))
+    return FclAnswers(*(np.stack([getattr(each, f.name) for each in every])[nearest, rows] for f in fields(FclAnswers)))
+
+
+def _of_pair(body_a: ConvexBody, world_a: Array, body_b: ConvexBody, world_b: Array) -> FclAnswers:
+    """Return FCL's answers for two convex bodies, from another process."""
     answers = np.zeros(len(world_a), ANSWER)
     for name in ("distance", "point_a", "point_b"):
         answers[name] = np.nan

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.poses import check_pose
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -77,9 +77,10 @@ def gdf(
         iterations: the most pairs of projections.
         start: (3,) a first point of A in the world [m]; None takes the centre of A's bounding box.
 
-    Raises InputError for flat and for swept bodies, poses that are not finite, not rigid or of another shape, and
-    parameters out of range.
+    Raises InputError for flat and for swept bodies, for unions, for poses that are not finite, not rigid or of another
+    shape, and for parameters out of range.
     """
+    check_bodies(body_a, body_b)
     if not (np.isfinite(h) and h > 0) or h in (0.5, 1.0):
         raise InputError(f"h: found {h}, allowed are positive numbers but 0.5 and 1, where the metric is singular")
     for name, number in (("bulging", bulging), ("tolerance", tolerance)):

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.batch.tables import FARTHEST, Pair, pair_tables
-from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.batch.tables import FARTHEST, pair_tables
 from hdplan.distance.body_distance import BodyDistance
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
+from hdplan.distance.unions import Body, pairs_of, pieces_of
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.values import Choice, Whole, checked
 
@@ -34,12 +34,13 @@ SIZES = (2, 2, 1, 2)  # array axes of the rotations of A and of B, the offset, a
 FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are padded, more go block by block
 CPU_LANES = 128  # in its innermost loops: enough to vectorize, ...
 CPU_NUMBERS = 2**16  # ... few enough that this many numbers stay in the cache
+RESULTS = 12 * 13  # of every pair of pieces, kept until all are there
 GPU_NUMBERS = 2**25  # a GPU needs many; this takes about 1 GB
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BatchDistance(BodyDistance[Array]):
-    """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
+    """D of two bodies (Definition III.2) or unions at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign of D
     even where D underflows. Made by ``hdsdf_batch``.
@@ -63,7 +64,8 @@ class BatchDistance(BodyDistance[Array]):
     Raises InputError for poses and witnesses of another shape or number, not finite or, of poses, not rigid.
     """
 
-    pair: Pair  # the bodies, on the device
+    pairs: Any  # of pieces, ``unions.Pairs`` on the device
+    numbers: int  # the most that one pair computes with at a pose
     gamma: int
     shaping_length: float  # [m]
     witness_count: int
@@ -76,20 +78,21 @@ class BatchDistance(BodyDistance[Array]):
     @property
     def device(self) -> str:
         """The device that it runs on, e.g. ``cpu`` or ``gpu: NVIDIA H100``."""
-        (device,) = self.pair.radii.devices()
+        (device,) = self.pairs[0].radii.devices()
         return device.platform if device.platform == "cpu" else f"{device.platform}: {device.device_kind}"
 
     def _evaluate(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         import jax
 
-        from hdplan.distance.batch.kernel import Places, evaluate
+        from hdplan.distance.batch.kernel import Places
         from hdplan.distance.batch.traced import Settings, traced
+        from hdplan.distance.batch.unions import evaluate
 
         given = pose_a, pose_b, witnesses
         lanes = self._lanes(jax.default_backend())
         if any(isinstance(part, jax.core.Tracer) for part in given):
             settings = Settings(self.gamma, self.dtype, lanes, order)
-            return traced(self.pair, self.shaping_length, *given, self.witness_count, settings)
+            return traced(self.pairs, self.shaping_length, *given, self.witness_count, settings)
         units = check_witnesses(witnesses)
         check_witness_count(units.shape, self.witness_count)
         on_device = isinstance(pose_a, jax.Array) or isinstance(pose_b, jax.Array)
@@ -113,22 +116,22 @@ class BatchDistance(BodyDistance[Array]):
 
             def run(turn_a: Array, turn_b: Array, apart: Array, axes: Array, lanes: int) -> Any:
                 places = Places(turn_a, turn_b, apart)
-                return evaluate(self.pair, length, places, axes, gamma=self.gamma, order=order, lanes=lanes)
+                return evaluate(self.pairs, length, places, axes, gamma=self.gamma, order=order, lanes=lanes)
 
             results = _in_blocks(run, rows, lanes, numpy)
             return [part.reshape(shape + part.shape[1:]) for part in results]
 
     def _lanes(self, backend: str) -> int:
         """Return how many poses to evaluate at once, a power of two."""
-        numbers = self.pair.numbers(self.witness_count)
         if backend == "cpu":
-            return min(CPU_LANES, _power_of_two(CPU_NUMBERS // numbers))
-        return _power_of_two(GPU_NUMBERS // numbers)
+            return min(CPU_LANES, _power_of_two(CPU_NUMBERS // self.numbers))
+        kept = RESULTS * sum(len(group.radii) for group in self.pairs)
+        return _power_of_two(GPU_NUMBERS // max(self.numbers, kept))
 
 
 def hdsdf_batch(
-    body_a: ConvexBody,
-    body_b: ConvexBody,
+    body_a: Body,
+    body_b: Body,
     *,
     gamma: int = 2,
     shaping_length: float = 1e-3,
@@ -151,17 +154,23 @@ def hdsdf_batch(
     witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
     if length < SHORTEST[dtype]:
         raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST[dtype]:g} m or more")
-    tables = pair_tables(normals, body_a, body_b)
-    for name, body in (("body_a", body_a), ("body_b", body_b)):
+    tables = [pair_tables(normals, *pair) for pair in pairs_of(body_a, body_b)]
+    for name, body in (
+        *(("body_a", piece) for piece in pieces_of(body_a)),
+        *(("body_b", p) for p in pieces_of(body_b)),
+    ):
         if (size := float(np.abs(body.vertices).max()) + body.radius) > FARTHEST[dtype]:
             raise InputError(f"{name}: found a size of {size:g} m, allowed in {dtype} is up to {FARTHEST[dtype]:g} m")
     try:
         jax = importlib.import_module("jax")
     except ModuleNotFoundError:
         raise InputError("hdsdf_batch: needs jax, which is not installed: pip install jax") from None
+    from hdplan.distance.batch.unions import stacked
+
     with jax.enable_x64(dtype == "float64"):
-        pair = jax.tree.map(lambda part: jax.numpy.asarray(part, dtype=dtype), tables)
-    return BatchDistance(pair, int(gamma), length, witness_count, dtype)
+        pairs = stacked(jax.tree.map(lambda part: jax.numpy.asarray(part, dtype=dtype), tables))
+    numbers = max(pair.numbers(witness_count) for pair in tables)
+    return BatchDistance(pairs, numbers, int(gamma), length, witness_count, dtype)
 
 
 def _checked(name: str, poses: ArrayLike) -> Array:

@@ -7,7 +7,6 @@ wrenches. Automatic derivatives would include branches not taken, where they are
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial, reduce
 from operator import add
 from typing import NamedTuple
@@ -62,52 +61,6 @@ class Factors(NamedTuple):
     sharp: Array
 
 
-@partial(jax.jit, static_argnames=("gamma", "order", "lanes"))
-def evaluate(
-    pair: Pair, length: Array, places: Places, witnesses: Array, *, gamma: int, order: int, lanes: int
-) -> tuple[Array, ...]:
-    """Return D and D̃ (N,) [m]; from order 1 on the gradient (N, 12), for order 2 the Hessian (N, 12, 12).
-
-    Witnesses (N, W, 3), unit, in B's frame; N is a multiple of ``lanes``, the number of poses evaluated at a time: few
-    enough for the processor's cache, so that memory does not grow with N.
-    """
-    return _mapped(partial(_evaluate, pair, length, gamma=gamma, order=order), places, witnesses, lanes)
-
-
-@partial(jax.jit, static_argnames=("lanes",))
-def separation_gradient(pair: Pair, places: Places, witnesses: Array, *, lanes: int) -> Array:
-    """Return the gradient (N, 12) of D̃ by the same twists; where several axes or vertices tie, a mean of theirs."""
-
-    def some(places: Places, witnesses: Array) -> tuple[Array]:
-        def moved(twists: Array) -> Array:
-            (v_a, turn_a), (v_b, turn_b) = (
-                (twist[:3], skew(twist[3:])[..., None]) for twist in (twists[:6], twists[6:])
-            )
-            there = Places(
-                places.turn_a + _turned(places.turn_a, turn_a),
-                places.turn_b + _turned(places.turn_b, turn_b),
-                places.offset + _turned(places.turn_b, v_b[:, None, None])[:, 0]
-                - _turned(places.turn_a, v_a[:, None, None])[:, 0],
-            )  # fmt: skip
-            by_b, by_a, _ = _all_axes(pair, there, witnesses)
-            return jnp.max(jnp.concatenate([_along(axes).bound for axes in by_b + by_a]), axis=0)
-
-        slopes = jax.jacfwd(moved)(jnp.zeros(12, places.offset.dtype))
-        return (jnp.moveaxis(slopes, -1, 0),)
-
-    return _mapped(some, places, witnesses, lanes)[0]
-
-
-def _mapped(some: Callable[..., tuple[Array, ...]], places: Places, witnesses: Array, lanes: int) -> tuple[Array, ...]:
-    """Return the results of ``some`` for all poses, called with as many as there are lanes, the poses last."""
-
-    def block(inputs: tuple[Places, Array]) -> tuple[Array, ...]:
-        return some(*jax.tree.map(lambda part: jnp.moveaxis(part, 0, -1), inputs))
-
-    split = jax.tree.map(lambda x: x.reshape(len(x) // lanes, lanes, *x.shape[1:]), (places, witnesses))
-    return tuple(jnp.moveaxis(part, -1, 1).reshape(-1, *part.shape[1:-1]) for part in lax.map(block, split))
-
-
 def _all_axes(pair: Pair, places: Places, witnesses: Array) -> tuple[list[Axes], list[Axes], tuple[Frame, Frame]]:
     """Return the groups differentiated by B's twist, those by A's, and the frames of B in A and of A in B."""
     rotation = dot(places.turn_a[:, :, None], places.turn_b[:, None])
@@ -124,10 +77,13 @@ def _all_axes(pair: Pair, places: Places, witnesses: Array) -> tuple[list[Axes],
     return by_b, by_a, (b_in_a, a_in_b)
 
 
-def _evaluate(
+def pair_distance(
     pair: Pair, length: Array, places: Places, witnesses: Array, *, gamma: int, order: int
 ) -> tuple[Array, ...]:
-    """Return the results of ``evaluate``; the poses come last, in and out."""
+    """Return D and D̃ (N,) [m]; from order 1 on the gradient (12, N), for order 2 the Hessian (12, 12, N).
+
+    Here the poses come last in places and witnesses, too: (3, 3, N), (3, N) and (W, 3, N).
+    """
     by_b, by_a, (b_in_a, a_in_b) = _all_axes(pair, places, witnesses)
     sums = [_sums(axes, gamma, order) for axes in by_b + by_a]
     least = jnp.concatenate([s.least for s in sums])
@@ -170,6 +126,23 @@ def _evaluate(
         mixed = to_a(0.5 * blocks(jnp.zeros_like(force), force, force, torque) - hessian)
         results.append(blocks(to_a(to_a(hessian).swapaxes(0, 1)), mixed, mixed.swapaxes(0, 1), hessian))
     return tuple(results)
+
+
+def pair_separation(pair: Pair, places: Places, witnesses: Array) -> Array:
+    """Return D̃ (N,) alone; places and witnesses as in ``pair_distance``."""
+    by_b, by_a, _ = _all_axes(pair, places, witnesses)
+    return jnp.max(jnp.concatenate([_along(axes).bound for axes in by_b + by_a]), axis=0)
+
+
+def moved(places: Places, twists: Array) -> Places:
+    """Return the places (poses last) after twists (12,) of both bodies, to the first order."""
+    (v_a, turn_a), (v_b, turn_b) = ((twist[:3], skew(twist[3:])[..., None]) for twist in (twists[:6], twists[6:]))
+    return Places(
+        places.turn_a + _turned(places.turn_a, turn_a),
+        places.turn_b + _turned(places.turn_b, turn_b),
+        places.offset + _turned(places.turn_b, v_b[:, None, None])[:, 0]
+        - _turned(places.turn_a, v_a[:, None, None])[:, 0],
+    )  # fmt: skip
 
 
 class Along(NamedTuple):
@@ -270,7 +243,7 @@ def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Arra
     above = m > 0
     x = jnp.maximum(x, m)  # a compiler may compute x again with other rounding
     r = jnp.minimum(x, jnp.where(above, m, 0)) / jnp.where(above, x, m)
-    low = counts * (_power(r, gamma - 1) if gamma > 1 else (r > 0).astype(x.dtype))
+    low = counts * (power(r, gamma - 1) if gamma > 1 else (r > 0).astype(x.dtype))
     more = jnp.where(above, r * r, 1)
     return low * r * r, low * r * more, low * more * more
 
@@ -287,13 +260,13 @@ def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
     size = jnp.abs(u)
     near = size < length
     ratio = jnp.minimum(size, length) / jnp.maximum(size, length)
-    lower = _power(ratio, gamma - 1)
-    power = lower * ratio
-    s, rest = jnp.where(near, power, 1) / (1 + power), jnp.where(near, 1, power) / (1 + power)
-    s_by_u = jnp.sign(m) * jnp.where(near, lower, 1) / (jnp.maximum(size, length) * (1 + power))
+    lower = power(ratio, gamma - 1)
+    steepness = lower * ratio
+    s, rest = jnp.where(near, steepness, 1) / (1 + steepness), jnp.where(near, 1, steepness) / (1 + steepness)
+    s_by_u = jnp.sign(m) * jnp.where(near, lower, 1) / (jnp.maximum(size, length) * (1 + steepness))
     steep = 1 + gamma * rest
     bend = s_by_u * steep * jnp.where(above, p + 1, 1 - p)
-    scale_sharp = _power(inverse, p - 2)
+    scale_sharp = power(inverse, p - 2)
     return Shaped(
         value=u * s,
         slope=s * steep,
@@ -315,9 +288,9 @@ def _moved(rotation: Array, position: Array, wrench: Array) -> Array:
     return jnp.concatenate([force, torque + cross(position[:, None], force)])
 
 
-def _power(base: Array, exponent: int) -> Array:
+def power(base: Array, exponent: int) -> Array:
     """Return base^exponent by squaring, exponent >= 0."""
     if exponent == 0:
         return jnp.ones_like(base)
-    half = _power(base, exponent // 2)
+    half = power(base, exponent // 2)
     return half * half * base if exponent % 2 else half * half

@@ -51,8 +51,8 @@ class MovingAxes(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Everything about two bodies. It is an argument of the compiled function, so that pairs of equal array shapes
-    share it."""
+    """Everything about two convex bodies. It is an argument of the compiled function, so that pairs of equal array
+    shapes share it."""
 
     vertices_a: Array  # (V_A, 3, 1) [m]
     vertices_b: Array  # (V_B, 3, 1) [m]

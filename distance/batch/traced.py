@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from hdplan.distance.batch.kernel import Places, evaluate, separation_gradient
-from hdplan.distance.batch.tables import FARTHEST, Pair
+from hdplan.distance.batch.kernel import Places
+from hdplan.distance.batch.tables import FARTHEST
+from hdplan.distance.batch.unions import Pairs, evaluate, separation_gradient
 from hdplan.distance.normals import check_witness_count
 from hdplan.distance.poses import FAR, RIGID
 from hdplan.scenes.errors import InputError
@@ -37,7 +38,7 @@ class Settings(NamedTuple):
 
 
 def traced(
-    pair: Pair, length: float, pose_a: Any, pose_b: Any, witnesses: Any, witness_count: int, settings: Settings
+    pairs: Pairs, length: float, pose_a: Any, pose_b: Any, witnesses: Any, witness_count: int, settings: Settings
 ) -> list[Array]:
     """Return D, D̃ (...,) and the derivatives of D by twists up to the order, for traced poses (..., 4, 4).
 
@@ -53,13 +54,15 @@ def traced(
     parts = [*(pose.astype(dtype) for pose in poses), units]
     shape = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
     rows = [jnp.broadcast_to(x, shape + x.shape[-2:]).reshape(prod(shape), *x.shape[-2:]) for x in parts]
-    found = _distance(settings, pair, jnp.asarray(length, dtype), *rows)
+    found = _distance(settings, pairs, jnp.asarray(length, dtype), *rows)
     return [part.reshape(shape + part.shape[1:]) for part in found]
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _distance(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
-    found: tuple[Array, ...] = _many(settings)(pair, length, a, b, witnesses)
+def _distance(
+    settings: Settings, pairs: Pairs, length: Array, a: Array, b: Array, witnesses: Array
+) -> tuple[Array, ...]:
+    found: tuple[Array, ...] = _many(settings)(pairs, length, a, b, witnesses)
     return found
 
 
@@ -70,10 +73,10 @@ def _change(
     """Return the results and their changes: each order's derivative is the next order."""
     if settings.order == ORDERS:
         raise InputError("hdsdf_batch: asked for a third derivative, allowed are two: there are no more closed forms")
-    pair, length, a, b, witnesses = primals
+    pairs, length, a, b, witnesses = primals
     twists = jnp.concatenate([_twist(a, tangents[2]), _twist(b, tangents[3])], axis=-1)
     found = _distance(settings._replace(order=settings.order + 1), *primals)
-    (of_separation,) = _many(settings._replace(order=-1))(pair, length, *map(lax.stop_gradient, (a, b, witnesses)))
+    (of_separation,) = _many(settings._replace(order=-1))(pairs, length, *map(lax.stop_gradient, (a, b, witnesses)))
     changes = [jnp.sum(slopes * twists, axis=-1) for slopes in (found[2], of_separation)]
     if settings.order == 1:
         changes.append(jnp.einsum("nij,nj->ni", found[3], twists) + _bracket(found[2], twists))
@@ -85,21 +88,21 @@ def _many(settings: Settings) -> Any:
     """Return the kernel as a function of rows that stacks whatever ``vmap`` asks of it."""
 
     @jax.custom_batching.custom_vmap
-    def run(pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
-        return _run(settings, pair, length, a, b, witnesses)
+    def run(pairs: Pairs, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
+        return _run(settings, pairs, length, a, b, witnesses)
 
     @run.def_vmap
     def _side_by_side(
-        size: int, batched: Any, pair: Pair, length: Array, *rows: Array
+        size: int, batched: Any, pairs: Pairs, length: Array, *rows: Array
     ) -> tuple[tuple[Array, ...], tuple[bool, ...]]:
         every = [x if own else jnp.broadcast_to(x, (size, *x.shape)) for x, own in zip(rows, batched[2:], strict=True)]
-        found = run(pair, length, *(x.reshape(size * x.shape[1], *x.shape[2:]) for x in every))
+        found = run(pairs, length, *(x.reshape(size * x.shape[1], *x.shape[2:]) for x in every))
         return tuple(x.reshape(size, len(x) // size, *x.shape[1:]) for x in found), (True,) * len(found)
 
     return run
 
 
-def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
+def _run(settings: Settings, pairs: Pairs, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
     """Return the kernel's results for rows of poses, padded to whole blocks of lanes."""
     given, count = a.dtype, len(a)
     lanes = max(1, min(settings.lanes, count))
@@ -113,11 +116,11 @@ def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witn
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
         found: tuple[Array, ...]
         if settings.order < 0:
-            found = (separation_gradient(pair, Places(*places), units, lanes=lanes),)
+            found = (separation_gradient(pairs, Places(*places), units, lanes=lanes),)
         else:
             delta = lax.convert_element_type(length, settings.dtype)
             found = evaluate(
-                pair, delta, Places(*places), units, gamma=settings.gamma, order=settings.order, lanes=lanes
+                pairs, delta, Places(*places), units, gamma=settings.gamma, order=settings.order, lanes=lanes
             )
         found = tuple(lax.convert_element_type(part, given)[:count] for part in found)
     return tuple(part + mark.reshape(-1, *(1,) * (part.ndim - 1)) for part in found)

@@ -19,6 +19,7 @@ from hdplan.distance.holder import (
     check_gamma,
     holder_maximum,
     holder_minimum,
+    minimum_shares,
     resolve_shaping_length,
     shaped_minimum,
     shaping,
@@ -27,6 +28,7 @@ from hdplan.distance.normals import candidate_normals, check_witnesses, separati
 from hdplan.distance.numpy_reference.jets import Jet, fixed, moving, stack
 from hdplan.distance.numpy_reference.projections import Along, separations
 from hdplan.distance.poses import check_pose, check_poses
+from hdplan.distance.unions import Body, pairs_of
 from hdplan.scenes.array_types import Array
 
 
@@ -45,9 +47,9 @@ class Derivatives:
 
 
 def hdsdf(
-    body_a: ConvexBody,
+    body_a: Body,
     pose_a: ArrayLike,
-    body_b: ConvexBody,
+    body_b: Body,
     pose_b: ArrayLike,
     *,
     gamma: int = 2,
@@ -67,7 +69,8 @@ def hdsdf(
     2.8).
 
     Args:
-        body_a, body_b: the bodies, each in its own frame.
+        body_a, body_b: the bodies, each in its own frame; of unions D is the Hölder minimum over their pieces' pairs
+            (``unions``).
         pose_a, pose_b: (..., 4, 4) rigid transforms from body to world [m]; leading axes broadcast.
         gamma: order of differentiability, an integer >= 1.
         shaping_length: half-height of the shaping function [m]; near contact D is flat within it.
@@ -82,17 +85,20 @@ def hdsdf(
     for parameters out of range.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    shaped, counts = [], []
-    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
-        shaped.append(shaping(holder_minimum(along.x.value, gamma), gamma, length))
-        counts.append(along.count)
-    return shaping(holder_maximum(np.stack(shaped, axis=-1), gamma, counts), gamma, length)
+    values = []
+    for a, b in pairs_of(body_a, body_b):
+        shaped, counts = [], []
+        for along in _separations(a, pose_a, b, pose_b, normals, witnesses):
+            shaped.append(shaping(holder_minimum(along.x.value, gamma), gamma, length))
+            counts.append(along.count)
+        values.append(shaping(holder_maximum(np.stack(shaped, axis=-1), gamma, counts), gamma, length))
+    return holder_minimum(np.stack(values, axis=-1), gamma)
 
 
 def separation(
-    body_a: ConvexBody,
+    body_a: Body,
     pose_a: ArrayLike,
-    body_b: ConvexBody,
+    body_b: Body,
     pose_b: ArrayLike,
     *,
     normals: str = "paper",
@@ -102,16 +108,18 @@ def separation(
 
     A lower bound of the signed distance for every set of normals, separated and in overlap (proof in ``normals``), up
     to rounding: 4 ulp of the size. It has the sign of D even where D underflows. Continuous in the pose, except for an
-    axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
+    axis across edges that are exactly parallel. Of unions it is the least over the pairs of pieces: the same where they
+    are apart, in overlap a lower bound of the least signed distance of a pair (``unions``). Arguments and errors as
+    ``hdsdf``.
     """
-    rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
-    return np.asarray(reduce(np.maximum, (along.bound for along in rows)))
+    rows = (_separations(a, pose_a, b, pose_b, normals, witnesses) for a, b in pairs_of(body_a, body_b))
+    return np.asarray(reduce(np.minimum, (reduce(np.maximum, (along.bound for along in row)) for row in rows)))
 
 
 def hdsdf_derivatives(
-    body_a: ConvexBody,
+    body_a: Body,
     pose_a: ArrayLike,
-    body_b: ConvexBody,
+    body_b: Body,
     pose_b: ArrayLike,
     *,
     gamma: int = 2,
@@ -128,11 +136,15 @@ def hdsdf_derivatives(
     there. Arguments and errors as ``hdsdf``.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    shaped, counts = [], []
-    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
-        shaped.append(_shaped(along.x, gamma, length, None))
-        counts.append(along.count)
-    d = _shaped(stack(shaped) * -1.0, gamma, length, counts) * -1.0  # a maximum is a minimum of the opposites
+    pairs = []
+    for a, b in pairs_of(body_a, body_b):
+        shaped, counts = [], []
+        for along in _separations(a, pose_a, b, pose_b, normals, witnesses, moved=True):
+            shaped.append(_shaped(along.x, gamma, length, None))
+            counts.append(along.count)
+        # a maximum is a minimum of the opposites
+        pairs.append(_shaped(stack(shaped) * -1.0, gamma, length, counts) * -1.0)
+    d = _least(pairs, gamma)
     return Derivatives(d.value, d.first, d.second)
 
 
@@ -167,6 +179,28 @@ def _separations(
     jets = (moving(a, 0), moving(b, 6)) if moved else (fixed(a), fixed(b))
     axes = candidate_normals(normals, body_a, body_b)
     return separations(axes, body_a, jets[0], body_b, jets[1], check_witnesses(witnesses))
+
+
+def _least(pairs: list[Jet], gamma: int) -> Jet:
+    """Return the Hölder minimum u of the pairs' distances x_k, with its derivatives.
+
+    With the shares s_k of u (they sum to 1), relative slopes l_k = dx_k/x_k and their mean l = Σ s_k l_k, du = u l and
+
+        d²u = u (Σ s_k d²x_k/x_k - c Σ s_k (l_k - l)(l_k - l)ᵀ),    c = p + 1 for u > 0, 1 - p for u < 0.
+
+    Relative slopes are moderate even where x_k is tiny. Where u is 0, all derivatives are (``unions``).
+    """
+    if len(pairs) == 1:
+        return pairs[0]
+    x = stack(pairs)
+    u, shares = minimum_shares(x.value, gamma)
+    over = np.where(shares > 0, shares / np.where(shares > 0, x.value, 1.0), 0.0)
+    slope = np.einsum("...k,...kP->...P", over, x.first)
+    spread = x.first / np.where(shares > 0, x.value, 1.0)[..., None] - slope[..., None, :]
+    bent = np.where(u > 0, gamma + 2, -gamma)[..., None, None]
+    curved = np.einsum("...k,...kPQ->...PQ", over, x.second)
+    curved = curved - bent * np.einsum("...k,...kP,...kQ->...PQ", shares, spread, spread, optimize=True)
+    return Jet(u, u[..., None] * slope, u[..., None, None] * curved)
 
 
 def _shaped(x: Jet, gamma: int, length: float, counts: list[float] | None) -> Jet:

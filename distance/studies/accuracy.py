@@ -189,8 +189,8 @@ def _distance(setting: Setting, body_a: ConvexBody, body_b: ConvexBody) -> Any:
 
 def _forget() -> None:
     """Drop what JAX has compiled: it is not needed again, and would grow to gigabytes."""
-    kernel: Any = import_module("hdplan.distance.batch.kernel")
-    kernel.evaluate.clear_cache()
+    unions: Any = import_module("hdplan.distance.batch.unions")
+    unions.evaluate.clear_cache()
 
 
 def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, float]:

@@ -14,6 +14,7 @@ import numpy as np
 from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.studies.random_poses import paper_poses
+from hdplan.distance.unions import Body
 from hdplan.scenes.array_types import Array
 
 NEAR = (-0.12, 0.06)  # [m] range of the gaps that poses near contact are aimed at
@@ -52,7 +53,7 @@ class Poses:
         return self.poses_a[some], self.poses_b[some]
 
 
-def study_poses(body_a: ConvexBody, body_b: ConvexBody, random: int, near: int, rng: np.random.Generator) -> Poses:
+def study_poses(body_a: Body, body_b: Body, random: int, near: int, rng: np.random.Generator) -> Poses:
     """Return ``random`` poses drawn as the paper does, scaled from solids of 1 m to these, and ``near`` ones close to
     contact.
 

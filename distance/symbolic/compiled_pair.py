@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.body_distance import BodyDistance
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import candidate_normals, check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic.graph_poses import relative_pose
-from hdplan.distance.symbolic.polytopes import relative_function
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.distance.symbolic.unions import union_function
+from hdplan.distance.unions import Body, pairs_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
 
@@ -24,7 +24,7 @@ SHAPES: tuple[tuple[int, ...], ...] = ((), (), (12,), (12, 12))  # of D, D̃, gr
 
 
 class CompiledDistance(BodyDistance[Array]):
-    """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
+    """D of two bodies (Definition III.2) or unions at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the
     sign of D where D itself is too small for a number. Rounding, and which derivatives exist where:
@@ -34,8 +34,8 @@ class CompiledDistance(BodyDistance[Array]):
 
     def __init__(
         self,
-        body_a: ConvexBody,
-        body_b: ConvexBody,
+        body_a: Body,
+        body_b: Body,
         gamma: int,
         shaping_length: float,
         normals: str,
@@ -84,8 +84,8 @@ class CompiledDistance(BodyDistance[Array]):
 
 
 def hdsdf_compiled(
-    body_a: ConvexBody,
-    body_b: ConvexBody,
+    body_a: Body,
+    body_b: Body,
     *,
     gamma: int = 2,
     shaping_length: float = 1e-3,
@@ -99,13 +99,11 @@ def hdsdf_compiled(
     ``numpy_reference.hdsdf``. Another shaping length compiles nothing anew.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    candidate_normals(normals, body_a, body_b)  # an unknown name is refused now
+    candidate_normals(normals, *pairs_of(body_a, body_b)[0])  # an unknown name is refused now
     return CompiledDistance(body_a, body_b, int(gamma), length, normals, witness_count)
 
 
-def twist_function(
-    body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
-) -> ca.Function:
+def twist_function(body_a: Body, body_b: Body, gamma: int, normals: str, witness_count: int, order: int) -> ca.Function:
     """Return D, D̃ and, by order, the gradient (12) and the Hessian (12, 12) of D by both bodies' own twists.
 
     Inputs, row-major as NumPy lays them out: pose_a (16), pose_b (16), shaping_length [m], witnesses (3 W).
@@ -116,7 +114,7 @@ def twist_function(
     flat_a, flat_b = ca.MX.sym("pose_a", 16), ca.MX.sym("pose_b", 16)
     length, witnesses = ca.MX.sym("shaping_length"), ca.MX.sym("witnesses", 3 * witness_count)
     rotation, position = relative_pose(ca.reshape(flat_a, 4, 4).T, ca.reshape(flat_b, 4, 4).T)
-    relative = relative_function(body_a, body_b, gamma, normals, witness_count, order)
+    relative = union_function(body_a, body_b, gamma, normals, witness_count, order)
     results = list(relative(rotation, position, length, ca.reshape(witnesses, 3, witness_count)))
     if order:
         adjoint = ca.blockcat([[rotation, ca.skew(position) @ rotation], [ca.MX.zeros(3, 3), rotation]])
@@ -135,7 +133,5 @@ def twist_function(
 
 
 @made_once(256)
-def _row_function(
-    body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
-) -> RowFunction:
+def _row_function(body_a: Body, body_b: Body, gamma: int, normals: str, witness_count: int, order: int) -> RowFunction:
     return RowFunction(twist_function(body_a, body_b, gamma, normals, witness_count, order))

@@ -11,18 +11,18 @@ from typing import Any
 
 import casadi as ca
 
-from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.symbolic.compiled_pair import twist_function
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.distance.unions import Body
 
 # CasADi takes a custom Jacobian only where it cannot inline the Function and has no derivative of its own.
 CLOSED: dict[str, Any] = {"jac_penalty": 0, "never_inline": True, "enable_forward": False, "enable_reverse": False}
 
 
 def hdsdf_function(
-    body_a: ConvexBody,
-    body_b: ConvexBody,
+    body_a: Body,
+    body_b: Body,
     *,
     gamma: int = 2,
     shaping_length: float = 1e-3,

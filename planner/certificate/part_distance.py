@@ -18,7 +18,7 @@ import numpy as np
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_direction, directions, transform
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
-from hdplan.planner.motion.motion_bounds import Array, cross
+from hdplan.planner.motion.motion_bounds import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.once import read_only
 
@@ -44,12 +44,21 @@ class Placed:
 
     def along(self, directions: Array) -> Side:
         """Return what is needed of the piece along directions n (k, 3)."""
-        turn, slide = cross(directions, self.omega[None]), directions @ self.velocity
-        ways = directions[:, None] + _SIGNS[:, None] * turn[:, None]  # (k, 3, 3)
-        offsets, local = ways @ self.origin + slide[:, None] * _SIGNS, ways @ self.rotation
+        turned, centers = self._turned
+        ways, offsets = (directions @ turned).reshape(-1, 3, 3), directions @ centers
         if self.piece.parts is None:
-            offsets += self.piece.support(local.reshape(-1, 3)).reshape(offsets.shape)
-        return Side(self.piece.parts, local, offsets)
+            offsets += self.piece.support(ways.reshape(-1, 3)).reshape(offsets.shape)
+        return Side(self.piece.parts, ways, offsets)
+
+    @cached_property
+    def _turned(self) -> tuple[Array, Array]:
+        """Matrices (3, 9), (3, 3) that turn n into n + s n × Ω in the piece's frame, and into how far the piece's
+        origin is along it with its motion, for s = 0, 1, −1."""
+        x, y, z = self.omega.tolist()
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # n @ across = n × Ω
+        ways = _EYE + _SIGNS[:, None, None] * across  # (3, 3, 3)
+        turned = (ways @ self.rotation).transpose(1, 0, 2).reshape(3, 9)
+        return turned, (ways @ self.origin + _SIGNS[:, None] * self.velocity).T
 
     def shape(self, node: int) -> tuple[Any, Any]:
         """Return a part and its place for coal."""
@@ -139,5 +148,6 @@ def part_distance(
     return Found(walk.least, walk.proven, tried[-KEPT:], closest)
 
 
+_EYE = read_only(np.eye(3))
 _SIGNS = read_only(np.array([0.0, 1.0, -1.0]))
 _UP = read_only(np.array([[0.0, 0.0, 1.0]]))

@@ -1,6 +1,6 @@
 """The parts that make up a piece's exact shape, triangles or balls, and ever larger groups of them, each enclosed.
 
-A node is a point, triangle or rectangle, swept by a ball: a part itself, or the rectangle of a group's principal axes,
+A node is a point, triangle or rectangle, swept by a ball: a part itself, or the rectangle of a group's longer sides,
 swept by what sticks out of its plane. So the support of any node, exact for the parts, comes from four points and a
 radius, for all nodes and directions in one product.
 """
@@ -15,7 +15,6 @@ import coal
 import numpy as np
 
 from hdplan.distance.compiled.c_library import Record
-from hdplan.planner.geometry.cells import axes_of
 from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze, read_only
@@ -45,7 +44,7 @@ class Parts:
     def of(cls, corners: Array, radius: Array) -> Parts:
         """Group parts: the hulls of corners (m, 1 or 3, 3), swept by balls of these radii (m,)."""
         if (count := len(corners)) > MOST:
-            order = np.concatenate(_near_one_another(corners.mean(axis=1), np.arange(count)))
+            order = _near_one_another(corners.mean(axis=1))
             corners, radius = corners[order], radius[order]
         corners = corners[:, np.minimum(np.arange(4), corners.shape[1] - 1)]
         levels, first, last = [(corners, radius)], [np.arange(count)], [np.arange(1, count + 1)]
@@ -82,28 +81,26 @@ class Parts:
         return self._shapes[part]
 
 
-def _near_one_another(places: Array, rows: Rows) -> list[Rows]:
-    """Sort places (m, 3) so that any BRANCH, any BRANCH² of them … in a row are near one another."""
-    if len(rows) <= BRANCH:
-        return [rows]
-    first = BRANCH * 2 ** int(np.log2((len(rows) - 1) // BRANCH))  # at least half of them
-    axis = np.ptp(places[rows], axis=0).argmax()
-    rows = rows[np.argsort(places[rows, axis], kind="stable")]
-    return _near_one_another(places, rows[:first]) + _near_one_another(places, rows[first:])
+def _near_one_another(places: Array) -> Rows:
+    """Return an order of places (m, 3) in which those in a row are near one another: along a Morton curve."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    cells = ((places - low) * (1023.0 / max(float((high - low).max()), 1e-300))).astype(np.int64)  # ten bits
+    for shift, kept in _SPREAD:
+        cells = (cells | cells << shift) & kept
+    return np.argsort(cells @ np.array([1, 2, 4]), kind="stable")
 
 
 def _enclosed(corners: Array, radius: Array, first: Rows) -> tuple[Array, Array]:
-    """Return the rectangles (c, 4, 3), and the radii (c,) of the balls that sweep them, which contain groups of
-    nodes."""
-    points = corners.reshape(-1, 3)
-    axes = axes_of(points, 4 * first)
-    sizes = np.diff(np.append(first, len(corners)))
-    local = np.einsum("mki,mij->mkj", corners, np.repeat(axes, sizes, axis=0))
-    low, high = np.minimum.reduceat(local.min(axis=1), first), np.maximum.reduceat(local.max(axis=1), first)
+    """Return the rectangles (c, 4, 3), and the radii (c,) of the balls that sweep them, which contain groups of nodes:
+    the two longer sides of their boxes, swept by half of the third."""
+    low, high = np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    flat = middle[:, None] + half[:, None] * _RECTANGLE
-    around = np.maximum.reduceat(radius, first) + half[:, 0] + ROOM * np.abs(points).max()
-    return np.einsum("ckj,cij->cki", flat, axes), around
+    flat = middle[:, None] + half[:, None] * _RECTANGLES[half.argmin(axis=1)]
+    around = np.maximum.reduceat(radius, first) + half.min(axis=1) + ROOM * max(np.abs(low).max(), np.abs(high).max())
+    return flat, around
 
 
-_RECTANGLE = read_only(np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]]))
+_SPREAD = ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249))  # puts two zeros between ten bits
+_RECTANGLES = read_only(  # normal to each axis
+    np.array([np.insert([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], axis, 0.0, axis=1) for axis in range(3)])
+)

@@ -26,10 +26,10 @@ typedef struct {
 } parts;
 
 /* One of the two bodies: its parts, if it has any; and for each direction and s = 0, 1, -1 the direction in the body's
-   frame, its length, and how far along it the frame's origin is, or the whole body. */
+   frame, and how far along it the frame's origin is, or the whole body. */
 typedef struct {
   const parts* of;
-  const double *ways, *lengths, *offsets;
+  const double *ways, *offsets;
 } side;
 
 /* The least distance and bound of all settled pairs, what settles a pair, and how far the bodies move. */
@@ -48,7 +48,9 @@ static double reach(const side* body, long long node, long long row) {
     along = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
     best = along > best ? along : best;
   }
-  return body->offsets[row] + best + body->of->radius[node] * body->lengths[row];
+  along = body->of->radius[node];
+  if (along) along *= sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+  return body->offsets[row] + best + along;
 }
 
 /* The distance at the midpoint, and the bound over the interval, by one direction. */
@@ -164,8 +166,7 @@ class Side:
     @property
     def record(self) -> Record:
         """The C struct of that name."""
-        lengths = np.sqrt(np.einsum("ksi,ksi->ks", self.ways, self.ways))
-        return Record(0 if self.parts is None else self.parts.record, self.ways, lengths, self.offsets)
+        return Record(0 if self.parts is None else self.parts.record, self.ways, self.offsets)
 
 
 class Walk:

@@ -12,6 +12,7 @@ import mpmath as mp
 import numpy as np
 
 from hdplan.distance.normals import candidate_normals
+from hdplan.distance.unions import pieces_of
 
 
 class Truth(NamedTuple):
@@ -63,8 +64,16 @@ def swept_truth(
         return Truth(*map(float, (*here, slope, (after[0] - 2 * here[0] + before[0]) / step**2)))
 
 
-def hdsdf(body_a, pose_a, body_b, pose_b, *, gamma=2, shaping_length=1e-3, normals="paper", witnesses=()):
-    """Return D and D-tilde of two bodies at poses as rows of numbers, in the digits of the context."""
+def hdsdf(body_a, pose_a, body_b, pose_b, *, gamma=2, **settings):
+    """Return D and D-tilde of two bodies or unions at poses as rows of numbers, in the digits of the context."""
+    found = [
+        _of_pair(a, pose_a, b, pose_b, gamma=gamma, **settings) for a in pieces_of(body_a) for b in pieces_of(body_b)
+    ]
+    values, separations = zip(*found, strict=True)
+    return values[0] if len(values) == 1 else _minimum(values, [1] * len(values), gamma), min(separations)
+
+
+def _of_pair(body_a, pose_a, body_b, pose_b, *, gamma, shaping_length=1e-3, normals="paper", witnesses=()):
     radii = mp.mpf(body_a.radius) + mp.mpf(body_b.radius)
     corners_a, corners_b = _placed(pose_a, body_a.vertices), _placed(pose_b, body_b.vertices)
     shaped, counts, least = [], [], []

@@ -41,7 +41,13 @@ FAMILY = {  # where each witness begins; what it may share with the others
     "casadi": {"symbolic.compiled_pair", "symbolic.graph_distance", "symbolic.polytopes"},
     "jax": {"batch.distance"},
 }
-SHARED = {"bodies", "normals", "poses", "body_distance"}  # what bodies, sets and poses are; how a distance is asked
+SHARED = {
+    "bodies",
+    "unions",
+    "normals",
+    "poses",
+    "body_distance",
+}  # what bodies, sets and poses are; how a distance is asked
 SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 

@@ -173,7 +173,7 @@ def test_any_number_of_poses(random_poses):
 
 
 def test_pairs_of_equal_shapes_and_any_shaping_length_share_what_is_compiled(poses):
-    from hdplan.distance.batch.kernel import evaluate
+    from hdplan.distance.batch.unions import evaluate
 
     hdsdf_batch(BOX, POINT).value(*poses)
     compiled = evaluate._cache_size()

@@ -10,6 +10,7 @@ import time
 import tracemalloc
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +19,23 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.planner.certificate import parts_loop
+from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.exact_proximity import Piece, Surface, box_piece, hull_piece
 from hdplan.planner.certificate.part_distance import Placed, closest_parts, distance, part_distance
 from hdplan.planner.certificate.parts import Parts
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 
 Array = NDArray[np.float64]
 
@@ -288,6 +301,47 @@ def test_groups_contain_their_nodes_and_every_part_is_in_one(
     own = (along @ corners.reshape(-1, 3).T).reshape(60, count, -1).max(axis=2)
     own += np.linalg.norm(along, axis=1)[:, None] * radius
     np.testing.assert_allclose(np.sort(own, axis=1), np.sort(reach[:, :count], axis=1), rtol=0, atol=1e-12)
+
+
+ARM = """<robot name="arm"><link name="base"/><link name="elbow"/>
+ <link name="hand"><collision><geometry><mesh filename="L.stl"/></geometry></collision></link>
+ <joint name="turn" type="revolute"><parent link="base"/><child link="elbow"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
+ <joint name="lift" type="revolute"><parent link="elbow"/><child link="hand"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint></robot>"""
+
+
+def test_a_hanging_arm_with_a_hollow_hand_and_object_beside_a_moving_ring(tmp_path: Path) -> None:
+    """Certified where no two triangles ever meet, with nearly the least distance of any two."""
+    rng = np.random.default_rng(9)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    shapes = {name: mesh for name, mesh in meshes(rng).items() if name in ("L", "U", "torus")}
+    for name, mesh in shapes.items():
+        mesh.export(tmp_path / f"{name}.stl")
+    upside_down, grip = Pose((0.1, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0)), Pose((0.0, -0.1, 0.15))
+    spec = RobotSpec(urdf=tmp_path / "arm.urdf", base=upside_down)
+    held, times = Attached("fork", "hand", Mesh(tmp_path / "U.stl"), grip), np.linspace(0.0, 2.0, 9)
+    statuses = list[Status]()
+    for z in (-0.4, 0.1, 0.2):
+        moves = SteadyMotion((0.05, -0.03, 0.02), (0.3, 0.1, 0.2))
+        ring = Obstacle("ring", Mesh(tmp_path / "torus.stl"), Pose((0.4, 0.1, z)), motion=moves)
+        ends = np.array([[-0.4, 0.1], [0.5, -0.3]])
+        goals = (JointTarget(name, tuple(q.tolist())) for name, q in zip(("start", "goal"), ends, strict=True))
+        scene = Scene("ring", tmp_path / "s.yaml", spec, (ring,), *goals, attached=(held,), timing=Timing(duration=2.0))
+        motion = Trajectory(("turn", "lift"), np.linspace(*ends, 9), times=times)
+        found, truth = certify(scene, motion, check_ends=False, required=0.0), np.inf
+        for share in np.linspace(0.0, 1.0, 17):
+            turn, lift = (1.0 - share) * ends[0] + share * ends[1]
+            hand = upside_down.matrix.copy()
+            hand[:3, :3] = hand[:3, :3] @ Rotation.from_euler("ZY", [turn, lift]).as_matrix()
+            there = ObstacleMotion.of(ring).at(np.array([2.0 * share]))[0]
+            for name, place in (("L", hand), ("U", hand @ grip.matrix)):
+                truth = min(truth, judged(moved(shapes[name], place), moved(shapes["torus"], there)))
+        statuses.append(found.status)
+        assert found.certified == (truth > 0.0)
+        if found.clearance is not None:
+            assert truth - max(1e-3, 0.06 * truth) <= found.clearance <= truth
+    assert set(statuses) == {Status.CERTIFIED, Status.IN_CONTACT}
 
 
 def test_a_mesh_of_a_hundred_thousand_triangles_takes_bounded_time_and_memory() -> None:
