@@ -19,8 +19,8 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
     kinematics finds the candidates, and the certificate checks them. Raises InputError for errors in the scene or its
     robot.
 
-    Optional steps end at `deadline` (time.perf_counter()): for meshes that are not split into convex pieces by then,
-    their hulls are planned around, with a note.
+    Optional steps end at `deadline` (time.perf_counter()): meshes that are not split into convex pieces by then are
+    enclosed by boxes around their surfaces, with a note.
     """
     instance(scene, Scene, "scene")
     with naming(scene.source):

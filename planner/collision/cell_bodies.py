@@ -52,14 +52,16 @@ def from_balls(
 
 
 @made_once(4)
-def from_surface(name: str, mesh: TriangleMesh, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+def from_surface(
+    name: str, mesh: TriangleMesh, pose: Pose, planes: str, closely: bool = False
+) -> tuple[HalfspaceBody, ...]:
     """Enclose the surface of a mesh that stands at `pose` in the world, and nothing of what it bounds: one body for
-    each small cell."""
+    each cell, a small one if it is to be enclosed `closely`."""
     import trimesh
 
     a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    edge = max(SMALL_CELL, math.sqrt(area / MOST_BODIES))
+    edge = max(SMALL_CELL if closely else CELL, math.sqrt(area / MOST_BODIES))
     vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=HALVINGS)
     corners = vertices[triangles]  # (F, 3, 3)
     order, first = grouped(corners.mean(axis=1), edge)

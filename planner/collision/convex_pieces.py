@@ -22,7 +22,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
 
 CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
-MOST_SECONDS = 60.0  # that splitting may take
+MOST_SECONDS = 5.0  # that splitting may take: what takes longer has many pieces, and boxes around it do as well
 MOST_MEMORY = 8 * 2**30  # [bytes] of address space: several times what is used
 
 
@@ -30,7 +30,7 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
     """Return point sets (m, 3) whose convex hulls together represent `mesh`: exactly, if its connected parts are
     convex.
 
-    None where it cannot be split, or not within `seconds`.
+    None where it cannot be split, or not within `seconds`; that MOST_SECONDS were not enough is kept as well.
     """
     parts = mesh.components()
     if all(part.convex and part.volume > 0 for part in parts):
@@ -38,12 +38,10 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
     key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
     known = load("convex_pieces", key)
     if known is None:
-        found = _taken_apart(mesh, min(seconds, MOST_SECONDS))
-        if not found:
-            return None
-        known = [vertices.tolist() for vertices in found]
-        store("convex_pieces", key, known)
-    return tuple(np.array(vertices) for vertices in known)
+        known = [vertices.tolist() for vertices in _taken_apart(mesh, min(seconds, MOST_SECONDS))]
+        if known or seconds >= MOST_SECONDS > 0.0:
+            store("convex_pieces", key, known)
+    return tuple(np.array(vertices) for vertices in known) or None
 
 
 def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Array]:

@@ -70,8 +70,8 @@ def from_obstacle(
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
 
-    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull, or `closely` by boxes around parts of
-    its surface. A cloud is enclosed by boxes around parts of it, `closely` by smaller ones.
+    A mesh that cannot be split, or not within `seconds`, is enclosed by boxes around parts of its surface, as a cloud
+    is by boxes around parts of it; `closely` by smaller ones.
     """
     check_time("building the problem")
     placement = obstacle.pose.matrix
@@ -89,18 +89,13 @@ def from_obstacle(
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
     split = convex_pieces(mesh, seconds)
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
-    if split is None and closely:
+    if split is None:
         from hdplan.planner.collision.cell_bodies import from_surface
 
-        bodies = from_surface(obstacle.name, mesh, obstacle.pose, planes)
-        return bodies, (f"{about} is planned around by {len(bodies)} boxes that contain its surface",)
-    pieces = (mesh.vertices,) if split is None else split
-    bodies = tuple(from_points(obstacle.name, piece, placement, planes) for piece in pieces)
-    if split is None:
-        limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
-        failed = f"{about} could not be split into convex pieces within {limit}"
-        return bodies, (f"{failed}: its hull is planned around, or its surface where that leaves no way",)
-    return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+        bodies = from_surface(obstacle.name, mesh, obstacle.pose, planes, closely)
+        return bodies, (f"{about} is planned around as {len(bodies)} boxes that contain its surface",)
+    bodies = tuple(from_points(obstacle.name, piece, placement, planes) for piece in split)
+    return bodies, (f"{about} split into {len(split)} convex pieces",) if len(split) > 1 else ()
 
 
 def enclosed_loosely(obstacle: Obstacle) -> bool:

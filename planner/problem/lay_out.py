@@ -49,8 +49,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
     robot.
 
     Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
-    replaced by its convex hull for planning, with a note. Clouds are enclosed by large boxes, or `closely` by small
-    ones.
+    enclosed by boxes around its surface, with a note. Such meshes and clouds are enclosed by large boxes, or `closely`
+    by small ones.
     """
     scene, robot = setup.scene, setup.robot
     settings = scene.planner
@@ -169,11 +169,12 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
 
 
 def more_closely(problem: Problem) -> Problem:
-    """Lay out the same problem again with clouds enclosed by smaller boxes, and meshes that could not be split by boxes
-    around their surface in place of their hull; the problem itself if there are none, or if this was done already."""
+    """Lay out the same problem again with clouds, and meshes that were not split, enclosed by smaller boxes; the
+    problem itself if there are none, or if this was done already."""
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
-    return lay_out(problem.setup, Query(problem.start, problem.goal), closely=True)
+    query, now = Query(problem.start, problem.goal), time.perf_counter()  # nothing more is split
+    return lay_out(problem.setup, query, deadline=now, closely=True)
 
 
 def _distance(
