@@ -33,6 +33,7 @@ from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.studies.unions import study_unions
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.studies.distance import union_row
 from hdplan.planner.studies.report import markdown_text, short
 
 Array = NDArray[np.float64]
@@ -106,17 +107,7 @@ def ladder(options: argparse.Namespace) -> None:
 def unions(options: argparse.Namespace) -> None:
     """A box and a ring cut into more and more pieces, against a box."""
     found = study_unions(report=lambda done, of, what: print(f"{done} of {of}: {what}", file=sys.stderr))
-    rows = [
-        {
-            "body": one.body,
-            "pieces": one.pieces,
-            **{f"false, > {100 * gap:g} cm [%]": f"{100 * rate:.2g}" for gap, rate in one.false_positives.items()},
-            "D/d": f"{one.ratio:.2f}",
-            "near: d − D [mm]": f"{1e3 * one.near_error:.1f}",
-            **{f"{order} [µs]": 1e6 * time for order, time in one.seconds.items()},
-        }
-        for one in found
-    ]
+    rows = [union_row(one) for one in found]
     print(f"{markdown_text(rows)}\nContacts called free: {sum(one.missed for one in found)}.\n")
 
 

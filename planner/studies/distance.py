@@ -26,11 +26,17 @@ from hdplan.scenes.planner_settings import PlannerSettings
 
 if TYPE_CHECKING:
     from hdplan.distance.studies.accuracy import Entry, Study
+    from hdplan.distance.studies.unions import Cut
 
 FILES = ("distance_study.csv", "distance_study.md", "distance_study.png")
+UNIONS_FILE = "distance_unions.csv"
 GAP = 1e-2  # [m] at which settings are compared
 GAMMA = 2  # to take: the least with second derivatives, which the optimizer needs
 DEFAULTS = PlannerSettings()
+UNIONS_LEGEND = """\
+A box in slices and a ring of hulls, against a box, with paper+edges, gamma 2, shaping length 1 mm: false positives as
+above; the median of D/d beyond 5 cm and of d - D within it, d the exact distance of the finest cut; and times.
+"""
 LEGEND = """\
 Times are per query [µs], on {block} poses at once, half of them near contact; the geometric mean over the pairs of
 bodies. Everything else is the mean. float64 runs as generated C on one core, float32 as a JAX batch on whatever JAX
@@ -42,14 +48,16 @@ gradient turns near contact, the root mean square of D's largest curvature along
 
 
 def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -> Report:
-    """Measure, and write FILES into ``folder``; for ``quick`` one pair of bodies, two orders, and no Hessians.
+    """Measure, and write FILES and UNIONS_FILE into ``folder``; for ``quick`` one pair of bodies, two orders, and
+    neither Hessians nor unions.
 
     Raises InputError for a folder that cannot be written and a missing matplotlib, KeyboardInterrupt if it is stopped
     before there is anything to show.
     """
     from hdplan.distance.studies.accuracy import BLOCK, FULL, QUICK, best_buy, study
+    from hdplan.distance.studies.unions import BODIES, PIECES, study_unions
 
-    paths = check_report(folder, FILES)
+    paths = check_report(folder, FILES if quick else (*FILES, UNIONS_FILE))
     begin = perf_counter()
     plan = QUICK if quick else FULL
     if importlib.util.find_spec("jax") is None:
@@ -61,20 +69,41 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
         raise KeyboardInterrupt
     from hdplan.planner.studies.distance_sheet import study_sheet
 
+    cuts = study_unions(report=report, stop=stop) if found.complete and not quick else []
+    complete = found.complete and (quick or len(cuts) == len(BODIES) * len(PIECES))
     choice = best_buy(eligible, GAP, "gradient", found.plan.random * len(found.bodies))
     notes = [*_about(found), *_advice(means, choice)]
     title = "# What accuracy of the distance costs in time\n"
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
-    measured = f"- **measured** in {took}{'' if found.complete else ', interrupted: what there was until then'}\n"
+    measured = f"- **measured** in {took}{'' if complete else ', interrupted: what there was until then'}\n"
     markdown = "\n".join(
         [title, told + measured, LEGEND.format(block=BLOCK), markdown_text([_short_row(e) for e in means])]
     )
     every = [_row(entry) for entry in (*found.entries, *means)]
-    write_report(paths, [csv_text(every), markdown, png(study_sheet(found, choice))])
+    contents: list[str | bytes] = [csv_text(every), markdown, png(study_sheet(found, choice))]
+    unions = [union_row(each) for each in cuts]
+    if unions:
+        contents[1] = f"{markdown}\n## Unions of pieces\n\n{UNIONS_LEGEND}\n{markdown_text(unions)}"
+        contents.append(csv_text(unions))
+    paths = paths[: len(contents)]
+    write_report(paths, contents)
     rungs = [_summary(e) for e in means if _is_default(e)]
     words = f"gamma {DEFAULTS.gamma}, shaping length {_length(DEFAULTS.shaping_length)}, float64"
-    return Report({f"sets of normals at {words}": rungs} if rungs else {}, notes, paths, found.complete)
+    tables = {f"sets of normals at {words}": rungs, "unions of pieces": unions}
+    return Report({title: rows for title, rows in tables.items() if rows}, notes, paths, complete)
+
+
+def union_row(each: Cut) -> dict[str, Cell]:
+    """Return what a body cut into pieces gives, as a row of a table."""
+    return {
+        "body": each.body,
+        "pieces": each.pieces,
+        **{f"> {_length(gap)} [%]": 100.0 * rate for gap, rate in each.false_positives.items()},
+        "D/d": each.ratio,
+        "near: d - D [mm]": 1e3 * each.near_error,
+        **{f"{order} [µs]": 1e6 * time for order, time in each.seconds.items()},
+    }
 
 
 def _about(found: Study) -> list[tuple[str, str]]:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 OPACITY = 0.45
 PLANE, LEFT_OUT, BOXES = "separating plane", "points left out", "boxes of obstacles"
+HEIGHT, CLEARANCE = "height", "clearance"
+COLORED = "of clouds: by height, or by about how close the active motion comes to each point"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
@@ -44,6 +46,8 @@ class Layers:
         self._boxes = {name: viewer.server.gui.add_checkbox(name, on, hint=hint) for name, (on, hint) in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
+        self._color = viewer.server.gui.add_dropdown("colour of points", (HEIGHT, CLEARANCE), hint=COLORED)
+        self._color.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
         self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
 
@@ -71,6 +75,13 @@ class Layers:
             if self.on(name):
                 nodes.show(q)
         self.boxes.show(self.on(BOXES))
+        viewer = self._viewer
+        clouds, active = viewer.stage.clouds, viewer.motions.active
+        if self._color.visible != bool(clouds):
+            self._color.visible = bool(clouds)
+        by_clearance = self._color.value == CLEARANCE and active is not None
+        for cloud in () if viewer.panel.handles.dragging else clouds:
+            cloud.color(viewer.robot, active.motion if by_clearance and active is not None else None)
 
     def _switch(self) -> None:
         viewer = self._viewer

@@ -10,6 +10,7 @@ import viser
 
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.clash import ClashNode
+from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
@@ -20,6 +21,7 @@ from hdplan.planner.view.things import START as THE_START
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.words import contact_words
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.once import read_only
 
 GHOST = 0.35  # opacity
@@ -94,6 +96,11 @@ class Stage:
         for node in self.obstacles:
             self._listen(node)
 
+    @property
+    def clouds(self) -> list[CloudNode]:
+        """The obstacles that are clouds of points."""
+        return [node for node in self.obstacles if isinstance(node, CloudNode)]
+
     def highlight(self, thing: Thing | None) -> None:
         """Show what is selected; labels make room for its handle."""
         self.closest.labelled = thing is None
@@ -117,7 +124,8 @@ class Stage:
             node.take(obstacle)
             return node
         self._sent += 1
-        node = ObstacleNode(self._server, self._sent, obstacle)
+        kind = CloudNode if isinstance(obstacle.shape, Cloud) else ObstacleNode
+        node = kind(self._server, self._sent, obstacle)
         self._listen(node)
         return node
 

@@ -41,13 +41,24 @@ SCALE = read_only(  # from contact to FAR, at equal steps
         + [[49, 54, 149]]
     )
 )
+HEIGHTS = read_only(  # matplotlib's cividis without its ends, which a dark or a light page would swallow
+    np.array([[47, 68, 107], [87, 93, 109], [122, 119, 119], [156, 145, 118], [194, 173, 105], [230, 204, 84]])
+)
 
 
 def clearance_colors(clearance: ArrayLike) -> NDArray[np.uint8]:
     """Return colours (..., 3) for clearances (...) [m]; contact and beyond is the first of the scale."""
-    share = np.clip(np.asarray(clearance, dtype=np.float64) / FAR, 0.0, 1.0)
-    steps = np.linspace(0.0, 1.0, len(SCALE))
-    channels = [np.interp(share, steps, SCALE[:, channel]) for channel in range(3)]
+    return _along(SCALE, np.clip(np.asarray(clearance, dtype=np.float64) / FAR, 0.0, 1.0))
+
+
+def height_colors(share: ArrayLike) -> NDArray[np.uint8]:
+    """Return colours (..., 3) for heights (...), 0 to 1 from the lowest to the highest."""
+    return _along(HEIGHTS, np.asarray(share, dtype=np.float64))
+
+
+def _along(scale: NDArray[np.int64], share: NDArray[np.float64]) -> NDArray[np.uint8]:
+    steps = np.linspace(0.0, 1.0, len(scale))
+    channels = [np.interp(share, steps, scale[:, channel]) for channel in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)
 
 

@@ -131,7 +131,7 @@ class ObstacleNode:
         )
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
         self.parts = obstacle_parts(obstacle)  # (b, 2, 3)
-        self._in_contact = self._selected = False
+        self._in_contact = self._selected = self._faded = False
         self.take(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
@@ -151,23 +151,29 @@ class ObstacleNode:
     def mark(self, in_contact: bool) -> None:
         """Colour it as being in contact, or as it was."""
         self._in_contact = in_contact
-        self._color()
+        self._paint()
 
     def select(self, selected: bool) -> None:
         """Colour it as being selected, or as it was."""
         self._selected = selected
-        self._color()
+        self._paint()
 
     def fade(self, faded: bool) -> None:
         """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
-        opacity = FADED if faded else None
-        if self.mesh.opacity != opacity:
-            self.mesh.opacity = opacity
+        self._faded = faded
+        self._paint()
 
-    def _color(self) -> None:
+    @property
+    def opacity(self) -> float | None:
+        """Of its mesh; None if it is solid."""
+        return FADED if self._faded else None
+
+    def _paint(self) -> None:
         color = CONTACT if self._in_contact else SELECTED if self._selected else OBSTACLE
         if tuple(self.mesh.color) != color:
             self.mesh.color = color
+        if self.mesh.opacity != self.opacity:
+            self.mesh.opacity = self.opacity
 
 
 def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from hdplan.distance.studies import accuracy as measuring
+from hdplan.distance.studies import unions as cutting
 from hdplan.distance.studies.accuracy import BANDS, FULL, GAPS, NORMALS, Entry, Plan, Setting, Study
 from hdplan.distance.studies.conservativeness import Conservativeness, RungAlarms
 from hdplan.distance.studies.query_time import METHODS, PairTimes, QueryTimes
-from hdplan.planner.studies.distance import FILES, study_distance
+from hdplan.distance.studies.unions import BODIES, PIECES, Cut
+from hdplan.planner.studies.distance import FILES, UNIONS_FILE, study_distance
 from hdplan.planner.studies.report import check_report, csv_text, markdown_text, png, short, write_report
 from hdplan.scenes.errors import InputError
 
@@ -38,11 +40,20 @@ def made_up(plan: Plan) -> Iterator[Entry]:
         )  # fmt: skip
 
 
+def made_up_cuts() -> Iterator[Cut]:
+    for body, count in product(BODIES, PIECES):
+        yield Cut(
+            body, count, dict.fromkeys(GAPS[:3], 0.01 / count), 0, 0.6 / count, 1e-3 * count,
+            {order: 1e-6 * count for order in FULL.orders},
+        )  # fmt: skip
+
+
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> Study:
-    """What `study` returns, without measuring."""
+    """What `study` returns, without measuring, and `study_unions`."""
     found = Study(FULL, tuple(made_up(FULL)), complete=True)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: found)
+    monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts()))
     return found
 
 
@@ -60,10 +71,10 @@ def assert_drawn(data: bytes) -> None:
     assert len(np.unique(image.reshape(-1, 3), axis=0)) > 100
 
 
-def test_three_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
+def test_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
     report = study_distance(tmp_path / "out", False, nothing, nothing)
     assert report.complete
-    assert [path.name for path in report.files] == list(FILES)
+    assert [path.name for path in report.files] == [*FILES, UNIONS_FILE]
     with report.files[0].open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     settings = len(FULL.kernels) * len(FULL.shaping_lengths)
@@ -71,12 +82,28 @@ def test_three_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> No
     assert all(cell != "" for row in rows for cell in row.values())
     table = report.files[1].read_text(encoding="utf-8")
     assert sum(line.startswith("| paper") for line in table.splitlines()) == settings
+    assert table.count("| ring |") == len(PIECES)
     assert_drawn(report.files[2].read_bytes())
+    with report.files[3].open(encoding="utf-8") as file:
+        cuts = list(csv.DictReader(file))
+    assert [(row["body"], int(row["pieces"])) for row in cuts] == list(product(BODIES, PIECES))
+    assert float(cuts[-1]["D/d"]) == pytest.approx(0.6 / PIECES[-1])
+
+
+def test_interrupted_unions_are_written_and_said(
+    measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts())[:3])
+    report = study_distance(tmp_path, False, nothing, nothing)
+    assert not report.complete
+    assert len(report.tables["unions of pieces"]) == 3
+    assert "interrupted" in report.files[1].read_text(encoding="utf-8")
 
 
 def test_the_summary_has_a_line_per_rung_and_the_advice(measured: Study, tmp_path: Path) -> None:
     report = study_distance(tmp_path, False, nothing, nothing)
-    (rows,) = report.tables.values()
+    rows, cuts = report.tables.values()
+    assert [row["pieces"] for row in cuts] == [*PIECES, *PIECES]
     assert [row["normals"] for row in rows] == list(NORMALS)
     notes = dict(report.notes)
     assert notes["take"].startswith("paper+")

@@ -31,6 +31,7 @@ SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enab
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
 SCENE = 340  # [px] of its width, where the panel is not
+LIT = 40  # pixels, at least, that change where something lights up under the mouse
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
 
@@ -225,6 +226,22 @@ def typed(page: Any, viewer: Viewer, label: str, text: str) -> None:
     field.blur()
 
 
+def gripped(page: Any, at: tuple[float, float]) -> None:
+    """Press the button on a part of a handle, which lights up under the mouse: where the processor is busy, the handle
+    is drawn long after it is sent."""
+
+    def lit() -> bool:
+        page.mouse.move(1.0, 1.0)
+        page.wait_for_timeout(300)
+        before = picture(page)
+        page.mouse.move(*at)
+        page.wait_for_timeout(300)
+        return changed(picture(page), before) > LIT
+
+    until(lit, "nothing lights up under the mouse")
+    page.mouse.down()
+
+
 def arrow_dragged(
     page: Any, viewer: Viewer, place: NDArray[np.float64], way: NDArray[np.float64], steps: int = 10
 ) -> None:
@@ -232,9 +249,7 @@ def arrow_dragged(
     frame); the button stays down."""
     along = place[:3, :3].T @ way
     held = grip(page, viewer, place, int(np.abs(along).argmax()))
-    page.mouse.move(*seen(page, viewer, held))
-    page.wait_for_timeout(500)
-    page.mouse.down()
+    gripped(page, seen(page, viewer, held))
     for share in np.linspace(1 / steps, 1.0, steps):
         page.mouse.move(*seen(page, viewer, held + share * way))
         page.wait_for_timeout(100)

@@ -24,6 +24,7 @@ from tests.planner.view.in_browser import (
     changed,
     coloured,
     grip,
+    gripped,
     picture,
     plainly,
     press,
@@ -125,9 +126,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         page.wait_for_timeout(2000)  # until nothing else is
         place = np.block([[np.eye(3), begin[:, None]], [np.zeros(3), 1.0]])
         held = grip(page, viewer, place, int(np.abs(axis).argmax()))
-        page.mouse.move(*seen(page, viewer, held))
-        page.wait_for_timeout(500)
-        page.mouse.down()
+        gripped(page, seen(page, viewer, held))
         for share in np.linspace(0.1, 1.0, 10):
             page.mouse.move(*seen(page, viewer, held + share * (np.linalg.norm(way) + 0.05) * axis))
             page.wait_for_timeout(200)

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import hdplan
+from hdplan.planner.view.drawing import clouds
 from hdplan.planner.view.edits import placed
 from hdplan.planner.view.layers import BOXES, LEFT_OUT
 from hdplan.planner.view.things import Thing
@@ -56,6 +58,56 @@ def test_it_is_selected_dragged_and_a_dragged_start_carves_nothing_out_of_it(ope
     assert isinstance(kept, Cloud)
     assert kept.points == shape.points
     assert low.contacts[0]
+
+
+def test_points_are_sent_once_and_coloured_by_height_or_by_clearance(opened: Opener) -> None:
+    viewer = opened(seen(), planned=hdplan.plan(seen()).trajectory)
+    (cloud,) = viewer.stage.clouds
+    assert len(cloud.points.points) == 3000
+    sent = cloud.points.points
+    bright = cloud.points.colors.astype(float).sum(axis=1)
+    height = sent[:, 2]
+    assert bright[height > 0.059].min() > bright[height < 0.051].max()
+    motion = viewer.motions.active.motion  # type: ignore[union-attr]
+    tips, up = motion.tip, float(motion.tip[:, 2].min()) - 0.12
+    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, up))))
+    viewer.worker.ask("color", lambda: cloud.color(viewer.robot, motion))
+    viewer.worker.settle(PATIENCE)
+    away = np.linalg.norm(sent[:, None, :2] - tips[None, :, :2], axis=2).min(axis=1)
+    red = cloud.points.colors[:, 0].astype(float) - cloud.points.colors[:, 2]
+    assert red[away < 0.02].mean() > red[away > 0.2].mean() + 50.0
+    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.settle(PATIENCE)
+    assert viewer.stage.clouds == [cloud]
+    assert cloud.points.points is sent
+    viewer.worker.ask("color", lambda: cloud.color(viewer.robot, None))
+    viewer.worker.settle(PATIENCE)
+    np.testing.assert_array_equal(cloud.points.colors.astype(float).sum(axis=1), bright)
+
+
+def test_its_boxes_are_seen_only_where_they_mean_something(opened: Opener) -> None:
+    viewer = opened(seen())
+    (cloud,) = viewer.stage.clouds
+    assert cloud.mesh.opacity == 0.0
+    size = cloud.points.point_size
+    assert size == 0.01
+    for change, opacity, share in (
+        (lambda: cloud.select(True), 0.25, 1.0),
+        (lambda: cloud.select(False), 0.0, 1.0),
+        (lambda: cloud.mark(True), 0.25, 1.0),
+        (lambda: cloud.mark(False), 0.0, 1.0),
+        (lambda: cloud.fade(True), 0.0, 0.35),
+        (lambda: cloud.fade(False), 0.0, 1.0),
+    ):
+        viewer.worker.ask("change", change)
+        viewer.worker.settle(PATIENCE)
+        assert (cloud.mesh.opacity, cloud.points.point_size) == (opacity, share * size)
+
+
+def test_of_huge_clouds_some_points_are_drawn(opened: Opener, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clouds, "MOST_POINTS", 1000)
+    (cloud,) = opened(seen()).stage.clouds
+    assert 700 <= len(cloud.points.points) <= 1000
 
 
 def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Opener) -> None:

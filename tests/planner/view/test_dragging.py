@@ -20,6 +20,7 @@ from tests.planner.view.in_browser import (
     arrow_dragged,
     calm,
     grip,
+    gripped,
     look,
     plainly,
     seen,
@@ -81,9 +82,7 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
     page.wait_for_timeout(2000)
     place = place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)
     x, y = seen(page, viewer, grip(page, viewer, place.matrix, 2))
-    page.mouse.move(x, y)
-    page.wait_for_timeout(500)
-    page.mouse.down()
+    gripped(page, (x, y))
     page.mouse.move(x, y - 16, steps=4)
     moved: Callable[[], Any] = lambda: place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)  # noqa: E731
     until(lambda: moved().position != place.position, "nothing moves")
