@@ -245,7 +245,7 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
     """
     rotation_a, origin_a, rotation_b, origin_b = pose_a[:3, :3], pose_a[:3, 3], pose_b[:3, :3], pose_b[:3, 3]
     best, largest = np.array([0.0, 0.0, 1.0]), -np.inf
-    for turn in _TURNS:
+    for turn in (np.eye(3), *TURNS):
         (normal,), _ = directions(
             [(a.shape, transform(rotation_a @ turn, origin_a), b.shape, transform(rotation_b, origin_b))]
         )
@@ -325,7 +325,7 @@ def _outermost(points: Array) -> Array:
 
 def _turns() -> tuple[Array, ...]:
     rng = np.random.default_rng(0)
-    turns = [np.eye(3)]
+    turns = []
     for axis in rng.normal(size=(NUDGES, 3)):
         x, y, z = NUDGE * axis / np.linalg.norm(axis)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -335,4 +335,4 @@ def _turns() -> tuple[Array, ...]:
 
 CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
-_TURNS = _turns()
+TURNS = _turns()  # slight ones

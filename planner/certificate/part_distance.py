@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import DOUBTFUL, Piece, best_direction, directions, transform
+from hdplan.planner.certificate.exact_proximity import DOUBTFUL, TURNS, Piece, directions, transform
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.motion_bounds import Array
@@ -60,12 +60,13 @@ class Placed:
         turned = (ways @ self.rotation).transpose(1, 0, 2).reshape(3, 9)
         return turned, (ways @ self.origin + _SIGNS[:, None] * self.velocity).T
 
-    def shape(self, node: int) -> tuple[Any, Any]:
-        """Return a part and its place for coal."""
-        if self.piece.parts is None:
-            return self.piece.shape, self._place
-        shape, origin = self.piece.parts.shape(node)
-        return shape, self._place if origin is None else transform(self.rotation, self.rotation @ origin + self.origin)
+    def shape(self, node: int, turn: Array | None = None) -> tuple[Any, Any]:
+        """Return a part and its place for coal, slightly turned (3, 3) if so told."""
+        shape, origin = (self.piece.shape, None) if self.piece.parts is None else self.piece.parts.shape(node)
+        if turn is None and origin is None:
+            return shape, self._place
+        rotation = self.rotation if turn is None else self.rotation @ turn
+        return shape, transform(rotation, self.origin if origin is None else rotation @ origin + self.origin)
 
     @cached_property
     def _place(self) -> Any:
@@ -134,9 +135,9 @@ def part_distance(
         while not sure[row := int(distances.argmin())]:  # the others are not closer than it seems
             sure[row] = True
             i, j = pairs[row].tolist()
-            normal = best_direction(*a.part(i), *b.part(j))[0][None]
-            distances, bounds = walk.ask(a.along(-normal), b.along(normal), pairs)
-            normals = np.concatenate([normals, normal])
+            again, _ = directions((*a.shape(i, turn), *b.shape(j)) for turn in TURNS)
+            distances, bounds = walk.ask(a.along(-again), b.along(again), pairs)
+            normals = np.concatenate([normals, again])
         tried = np.concatenate([tried, normals])
         walk.settle(float(distances[row]), float(bounds.min()))
         if (least := float(distances[row])) < found:

@@ -475,7 +475,6 @@ def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
     exact = swing(planar, 0.3, far)
     parts = "hdplan.planner.certificate.part_distance"
     monkeypatch.setattr(f"{parts}.directions", lambda pairs: (np.array([[0.0, 1.0, 0.0] for _ in pairs]), np.zeros(1)))
-    monkeypatch.setattr(f"{parts}.best_direction", lambda *_: (np.array([0.0, 0.0, 1.0]), 0.0))
     found = swing(planar, 0.3, far)
     assert found.certified
     assert exact.clearance is not None
