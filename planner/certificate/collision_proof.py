@@ -334,6 +334,8 @@ class _Run:
         """Return the distances of all pairs, given those of their hulls, and raise the bounds of those whose hulls are
         not their exact shape. A distance that would change nothing is infinite."""
         group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
+        if not hollow.any():
+            return hulls
         values = np.where(hollow, np.inf, hulls)
         known = [np.inf if spot is None else spot.distance for spot in self.closest]
         least = [min(known[which], float(values[group == which].min(initial=np.inf))) for which in (0, 1)]
