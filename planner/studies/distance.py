@@ -85,7 +85,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     unions = [union_row(each) for each in cuts]
     if unions:
         contents[1] = f"{markdown}\n## Unions of pieces\n\n{UNIONS_LEGEND}\n{markdown_text(unions)}"
-        contents.append(csv_text(unions))
+        contents.append(csv_text([_union_record(each) for each in cuts]))
     paths = paths[: len(contents)]
     write_report(paths, contents)
     rungs = [_summary(e) for e in means if _is_default(e)]
@@ -103,6 +103,19 @@ def union_row(each: Cut) -> dict[str, Cell]:
         "D/d": each.ratio,
         "near: d - D [mm]": 1e3 * each.near_error,
         **{f"{order} [µs]": 1e6 * time for order, time in each.seconds.items()},
+    }
+
+
+def _union_record(each: Cut) -> dict[str, Cell]:
+    """Return the same with full precision, for the CSV."""
+    return {
+        "body": each.body,
+        "pieces": each.pieces,
+        **{f"false_positives_at_{gap:g}_m_percent": 100.0 * rate for gap, rate in each.false_positives.items()},
+        "contacts_called_free": each.missed,
+        "median_ratio": each.ratio,
+        "near_median_error_m": each.near_error,
+        **{f"{order}_us": 1e6 * time for order, time in each.seconds.items()},
     }
 
 

@@ -87,7 +87,7 @@ def test_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
     with report.files[3].open(encoding="utf-8") as file:
         cuts = list(csv.DictReader(file))
     assert [(row["body"], int(row["pieces"])) for row in cuts] == list(product(BODIES, PIECES))
-    assert float(cuts[-1]["D/d"]) == pytest.approx(0.6 / PIECES[-1])
+    assert float(cuts[-1]["median_ratio"]) == pytest.approx(0.6 / PIECES[-1])
 
 
 def test_interrupted_unions_are_written_and_said(
