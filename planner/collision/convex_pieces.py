@@ -22,7 +22,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
 
 CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
-MOST_SECONDS = 5.0  # that splitting may take: what takes longer has many pieces, and boxes around it do as well
+MOST_SECONDS = 15.0  # that splitting may take: what takes longer has many pieces, and boxes around it do as well
 MOST_MEMORY = 8 * 2**30  # [bytes] of address space: several times what is used
 
 
