@@ -335,4 +335,4 @@ def _turns() -> tuple[Array, ...]:
 
 CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
-TURNS = _turns()  # slight ones
+TURNS = tuple(map(read_only, _turns()))  # slight ones
