@@ -19,7 +19,7 @@ from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import read_only
 
-CELL = 0.12  # [m] edge of the cubes whose points make a piece
+CELL = 0.08  # [m] edge of the cubes whose points make a piece
 THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
 ROOM = 1e-12  # share by which boxes are larger, for rounding
 
