@@ -18,7 +18,9 @@ from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.poses import Pose
 
 CELL, SMALL_CELL = 0.08, 0.04  # [m] edges of the cubes; the small ones for where the others leave no way
-MOST_BODIES = 20_000  # around a surface, about: larger cells are taken for a larger one
+MOST_TRIANGLES = 100_000  # of a surface when it is cut, about: larger cells are taken for a larger one,
+LARGER = 1.25  # by this factor
+SLIVER = math.log2(3.0)  # halving the two long sides of a triangle without area makes three of it
 HALVINGS = 40  # of a triangle, at most
 FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
@@ -60,8 +62,11 @@ def from_surface(
     import trimesh
 
     a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    edge = max(SMALL_CELL if closely else CELL, math.sqrt(area / MOST_BODIES))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())  # twice that of the triangles
+    long = np.linalg.norm([b - a, c - b, a - c], axis=2).max(axis=0)
+    edge = SMALL_CELL if closely else CELL
+    while area / edge**2 + ((long[long > edge] / edge) ** SLIVER).sum() > MOST_TRIANGLES:
+        edge *= LARGER
     vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=HALVINGS)
     corners = vertices[triangles]  # (F, 3, 3)
     order, first = grouped(corners.mean(axis=1), edge)

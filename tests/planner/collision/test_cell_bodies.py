@@ -84,8 +84,9 @@ def test_every_triangle_of_a_surface_is_inside_bodies(planes: str) -> None:
     assert max(body.half_size.max() for body in bodies) <= np.sqrt(3.0) * 0.04 + 0.04
     assert len(from_surface("thing", mesh, TURNED, planes)) < len(bodies)
     if planes == "faces":
-        huge = TriangleMesh(1e4 * mesh.vertices, mesh.triangles)
-        assert len(from_surface("thing", huge, Pose(), planes)) < 60_000
+        for stretched in ([1e4, 1e4, 1e4], [1e6, 1e-3, 1e-3]):
+            huge = TriangleMesh(stretched * mesh.vertices, mesh.triangles)
+            assert len(from_surface("thing", huge, Pose(), planes)) < 60_000
 
 
 def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
