@@ -12,14 +12,21 @@ async function unpacked(text) { // base64 of gzip
   return new Response(stream).arrayBuffer();
 }
 
-function between(rows, at) { // poses, or joint values, at a place along them; poses are turned the shorter way
-  const i = Math.min(Math.max(Math.floor(at), 0), Math.max(rows.length - 2, 0)), a = rows[i], b = rows[Math.min(i + 1, rows.length - 1)];
-  const share = Math.min(Math.max(at - i, 0), 1);
-  const mix = a.map((x, k) => x + share * (b[k] - x));
-  if (a.length !== 7) return mix;
+function around(rows, at) { // the two rows around a place among them, and its share of the way from one to the other
+  const i = Math.min(Math.max(Math.floor(at), 0), Math.max(rows.length - 2, 0));
+  return [rows[i], rows[Math.min(i + 1, rows.length - 1)], Math.min(Math.max(at - i, 0), 1)];
+}
+
+function between(rows, at) { // numbers at a place along rows of them
+  const [a, b, share] = around(rows, at);
+  return a.map((x, k) => x + share * (b[k] - x));
+}
+
+function poseBetween(rows, at) { // the same of poses, position and quaternion, turned the shorter way
+  const [a, b, share] = around(rows, at);
   const sign = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6] < 0 ? -1 : 1;
   const q = unit([3, 4, 5, 6].map((k) => a[k] + share * (sign * b[k] - a[k])));
-  return [...mix.slice(0, 3), ...q];
+  return [...between(rows, at).slice(0, 3), ...q];
 }
 
 function place(when, now) { // where a moment is among increasing ones
@@ -104,7 +111,7 @@ class Page {
     const still = (pose) => { const m = placed(pose); return () => m; };
     for (const o of said.obstacles) {
       const mesh = this.meshes[o.mesh];
-      const here = o.poses ? () => placed(between(o.poses, place(said.when, this.now))) : still(o.pose);
+      const here = o.poses ? () => placed(poseBetween(o.poses, place(said.when, this.now))) : still(o.pose);
       stage.solids.push({ mesh, place: here, color: rgb(mesh.color), alpha: o.alpha, group: o });
     }
     for (const { robot, poses, color } of said.ghosts) {
@@ -117,7 +124,7 @@ class Page {
       for (const i of said.robot) {
         const mesh = this.meshes[i];
         if (number && !mesh.joint) continue;
-        const along = () => placed(between(motion.poses[mesh.joint], place(motion.when, this.now)));
+        const along = () => placed(poseBetween(motion.poses[mesh.joint], place(motion.when, this.now)));
         stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1 });
       }
       const points = [], colors = [];

@@ -95,6 +95,18 @@ def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
+def test_seven_joints_are_not_taken_for_a_pose() -> None:
+    """Each joint's value is said as it is: the seven of a Panda once had four turned to a quaternion of length 1."""
+    program, result = find_browser(), hdplan.plan(hdplan.load_scene("panda_cage"))
+    assert program is not None
+    with Browser(program, result.show(), SIZE) as browser:
+        cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
+        for now, q in ((0.0, result.trajectory.positions[0]), (1.0, result.trajectory.positions[-1])):
+            values = browser.run(f"page.now = {now}, page.paint(), {cells}.map(cell => cell.innerText)")
+            np.testing.assert_allclose([float(value.split()[0]) for value in values], q, atol=6e-4)
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
 def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
     """The picture changes as the motion goes on, the slider and the keys move it, and nothing is complained of."""
     program = find_browser()
