@@ -31,6 +31,7 @@ SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enab
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
 SCENE = 340  # [px] of its width, where the panel is not
+SAME_PLACE = 1e-3  # [m]
 LIT = 40  # pixels, at least, that change where something lights up under the mouse
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
@@ -160,10 +161,24 @@ def press(page: Any, name: str) -> None:
 
 
 def look(viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
-    """Let every page look from one point at another."""
-    for client in viewer.server.get_clients().values():
-        client.camera.position = eye
-        client.camera.look_at = target
+    """Let every page look from one point at another, also where the viewer frames the scene anew meanwhile: a busy
+    browser says late how wide its picture is."""
+
+    def stays() -> bool:
+        for client in viewer.server.get_clients().values():
+            if np.abs(client.camera.position - eye).max() > SAME_PLACE:
+                client.camera.position = eye
+                client.camera.look_at = target
+        for _ in range(3):
+            time.sleep(0.7)
+            viewer.worker.settle(PATIENCE / 1e3)
+            if any(
+                np.abs(each.camera.position - eye).max() > SAME_PLACE for each in viewer.server.get_clients().values()
+            ):
+                return False
+        return True
+
+    until(stays, "the camera does not stay where it is set")
 
 
 def seen(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[float, float]:
