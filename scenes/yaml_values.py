@@ -120,8 +120,7 @@ def _built(content: str) -> object:
         if count > MOST_VALUES:
             fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
         if fault:
-            line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
-            raise InputError(f"{line}{fault}")
+            raise InputError(f"{_line(event)}{fault}")
     return made[0][0] if own and len(made[0]) == 1 else _MORE
 
 
@@ -150,6 +149,10 @@ def _of_scalar(event: yaml.ScalarEvent) -> object:
     return _MAKERS[tag](yaml.ScalarNode(tag, word)) if tag in _MAKERS else _MORE
 
 
+def _line(event: yaml.Event) -> str:
+    return f"line {event.start_mark.line + 1}: " if event.start_mark else ""
+
+
 def _resolved(word: str) -> str:
     """Return the tag that YAML 1.1 gives a word without quotes."""
     return str(_RULES.resolve(yaml.ScalarNode, word, (True, False)))  # type: ignore[no-untyped-call]
@@ -161,13 +164,12 @@ def _check_number(word: str, tag: str, event: yaml.ScalarEvent) -> None:
         return
     try:
         value = _MAKERS[tag](yaml.ScalarNode(tag, word))
-        same = read_number(word) == float(value)
+        same = value is not None and read_number(word) == float(value)
     except (ValueError, LookupError, OverflowError):
         same = False
     if not same:
         raise InputError(
-            f"line {event.start_mark.line + 1}: {shorten(word)} is not a number in decimal digits; a text or a name "
-            "like that stands in quotes"
+            f"{_line(event)}{shorten(word)} is not a number in decimal digits; a text or a name like that stands in quotes"
         )
 
 
