@@ -1,23 +1,25 @@
 """Mesh files as vertices and triangles, read strictly: a file is complete, or it is refused.
 
-STL, OBJ, OFF and PLY are read by `mesh_formats`, where everything in a file is understood, known to be harmless, or
-refused by name; COLLADA (dae) and glTF (glb, gltf) by trimesh, after a check for what it would silently skip. The size
-of a file bounds what reading it may cost.
+Each format is read by its reader of `mesh_formats`, to which everything in a file is understood, known to be harmless,
+or refused by name. The size of a file bounds what reading it may cost.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
-import json
 import logging
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hdplan.planner.geometry.mesh_formats.collada import read_collada
+from hdplan.planner.geometry.mesh_formats.gltf import read_gltf
+from hdplan.planner.geometry.mesh_formats.gltf_container import buffer_names
 from hdplan.planner.geometry.mesh_formats.obj import read_obj
 from hdplan.planner.geometry.mesh_formats.off import read_off
 from hdplan.planner.geometry.mesh_formats.ply import read_ply
@@ -25,7 +27,8 @@ from hdplan.planner.geometry.mesh_formats.stl import read_stl
 from hdplan.planner.geometry.mesh_formats.text import shown
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.once import ForkSafeLock
 
@@ -36,7 +39,6 @@ else:
 
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
-FAN = 6  # mode of a glTF primitive that trimesh skips
 
 _reading = ForkSafeLock()  # warnings and trimesh's log belong to the whole process
 
@@ -82,33 +84,36 @@ def _check_range(vertices: Sequence[Any] | Array, triangles: Rows) -> None:
             raise InputError(f"a triangle has vertex {wrong} (counted from 0); there are {len(vertices)} vertices")
 
 
-# --- formats that trimesh reads ---------------------------------------------------------------------------------------
+# --- files beside a mesh file -----------------------------------------------------------------------------------------
 
 
-def _beside(path: Path) -> Any:
-    """Return what finds the files that a mesh file refers to; regular ones only."""
-
-    class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-        def get(self, name: str) -> bytes:
-            found = Path(self.parent) / name
-            if not os.path.isfile(found) or found.stat().st_size > MOST_BYTES:
-                raise InputError(f"names the file {shown(name)}, which is missing, no regular file, or too large")
-            return bytes(super().get(name))
-
-    return Beside(str(path))
+def mesh_stamps(files: Iterable[Path]) -> Stamps:
+    """Return the stamps of mesh files and of the files that hold their buffers, to be taken before they are read."""
+    files = tuple(files)
+    own = stamps_of(files)  # first: a glTF file that changes meanwhile may name others
+    return own + stamps_of(beside for file in files for beside in files_beside(file))
 
 
-def _gltf(data: bytes, path: Path) -> Triangles:
-    text = data
-    if data[:4] == b"glTF":
-        text = data[20 : 20 + int.from_bytes(data[12:16], "little")]
-    header = json.loads(text)
-    if any("bufferView" not in accessor or "sparse" in accessor for accessor in header.get("accessors", ())):
-        raise InputError("holds compressed or sparse data, which is not read: export it without")
-    modes = [primitive.get("mode") for mesh in header.get("meshes", ()) for primitive in mesh["primitives"]]
-    if FAN in modes:
-        raise InputError("holds a triangle fan, which is not read: export it as triangles")
-    return _by_trimesh(data, path)
+def files_beside(path: Path) -> tuple[Path, ...]:
+    """Return the files that hold the buffers of a glTF file; none for other files, and for one that cannot be read."""
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return ()
+    with contextlib.suppress(InputError):
+        return tuple(path.parent / name for name in buffer_names(read_file(path)))
+    return ()
+
+
+def _beside(path: Path) -> Callable[[str], bytes]:
+    """Return what reads the files that a mesh file refers to."""
+
+    def read(name: str) -> bytes:
+        with naming(f"names the file {shown(name)}, which cannot be used"):
+            return read_file(path.parent / name)
+
+    return read
+
+
+# --- drawing ----------------------------------------------------------------------------------------------------------
 
 
 def read_scene(data: bytes, path: Path) -> trimesh.Scene:
@@ -117,6 +122,11 @@ def read_scene(data: bytes, path: Path) -> trimesh.Scene:
 
     Only for drawing a file that `read_mesh_file` has accepted, as trimesh overlooks much damage.
     """
+
+    class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
+        def get(self, name: str) -> bytes:
+            return _beside(path)(name)
+
     log = logging.getLogger("trimesh")
     quiet = logging.NullHandler()  # without a handler, complaints about colours and the like would go to stderr
     with _reading, warnings.catch_warnings():
@@ -125,28 +135,9 @@ def read_scene(data: bytes, path: Path) -> trimesh.Scene:
         log.addHandler(quiet)
         try:
             kind = path.suffix.lower().lstrip(".")
-            return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_beside(path), process=False)
+            return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=Beside(str(path)), process=False)
         finally:
             log.removeHandler(quiet)
-
-
-def _by_trimesh(data: bytes, path: Path) -> Triangles:
-    scene = read_scene(data, path)
-    parts = [(place, scene.geometry[name]) for place, name in map(scene.graph.get, scene.graph.nodes_geometry)]
-    parts = [(place, part) for place, part in parts if hasattr(part, "faces")]  # points and lines enclose nothing
-    count = sum(len(part.faces) for _, part in parts)
-    if count > MOST_TRIANGLES:
-        raise InputError(f"has {count} triangles; at most {MOST_TRIANGLES} are used: simplify it")
-    vertices, triangles, first = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
-    for place, part in parts:
-        points, corners = np.array(part.vertices, dtype=np.float64), np.array(part.faces, dtype=np.int64)
-        _check_range(points, corners)
-        mirrored = np.linalg.det(place[:3, :3]) < 0
-        with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
-            vertices.append(points @ place[:3, :3].T + place[:3, 3])
-        triangles.append(first + (corners[:, ::-1] if mirrored else corners))
-        first += len(points)
-    return np.concatenate(vertices), np.concatenate(triangles)
 
 
 FORMATS: dict[str, Callable[[bytes, Path], Triangles]] = {
@@ -154,7 +145,7 @@ FORMATS: dict[str, Callable[[bytes, Path], Triangles]] = {
     "obj": lambda data, _: read_obj(data),
     "off": lambda data, _: read_off(data),
     "ply": lambda data, _: read_ply(data),
-    "dae": _by_trimesh,
-    "glb": _gltf,
-    "gltf": _gltf,
+    "dae": lambda data, _: read_collada(data),
+    "glb": lambda data, path: read_gltf(data, _beside(path)),
+    "gltf": lambda data, path: read_gltf(data, _beside(path)),
 }
