@@ -31,6 +31,7 @@ from recheck_cloud import touching
 
 import hdplan
 from hdplan import control
+from hdplan.planner.geometry.opened import opened
 from hdplan.planner.studies.report import markdown_text
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 
@@ -48,7 +49,7 @@ PIXELS, OPENING = 480, np.radians(60.0)  # along both sides of each picture, and
 def surfaces(scene: hdplan.Scene, count: int | None, seed: int) -> Array:
     """Points on all obstacles' surfaces (m, 3) in the world."""
     rng = np.random.default_rng(seed)
-    meshes = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in scene.obstacles]
+    meshes = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in opened(scene).obstacles]
     whole = trimesh.util.concatenate(meshes)
     wanted = count or int(whole.area / SPACING**2)
     return np.asarray(trimesh.sample.sample_surface(whole, wanted, seed=rng.integers(1 << 31))[0])

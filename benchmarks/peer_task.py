@@ -64,7 +64,8 @@ class Task:
         """Load the scene's robot and list the bodies; with a hand, its pose at the goal is the goal. Raises
         InputError."""
         robot = load_scene_robot(scene)
-        query = Setup.of(scene, robot).query
+        setup = Setup.of(scene, robot)
+        query = setup.query
         bodies: list[Body] = []
         links: dict[str, list[int]] = {}
         for link, geometries in robot.link_geometry.items():
@@ -74,7 +75,7 @@ class Task:
                     name = f"{item.name}/{len(bodies)}"
                     bodies.append(Body(name, piece, int(item.parentJoint), item.placement.homogeneous))
         own = len(bodies)
-        for obstacle in scene.obstacles:
+        for obstacle in setup.scene.obstacles:
             for piece in obstacle_pieces(obstacle):
                 bodies.append(Body(f"{obstacle.name}/{len(bodies)}", piece, 0, obstacle.pose.matrix))
         pairs = [(a, b) for a, b in product(range(own), range(own, len(bodies))) if bodies[a].joint]

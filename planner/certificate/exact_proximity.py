@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.geometry.coal_shapes import convex_hull
-from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
+from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, below
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
 
 Array = NDArray[np.float64]
 
@@ -121,14 +121,15 @@ class Surface:
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
-    """Return the obstacle's true shape, in its frame. Raises InputError for a mesh file that cannot be used."""
+    """Return the true shape of an obstacle whose file was read, in its frame."""
     match obstacle.shape:
-        case Mesh() as shape:
-            return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
+        case ReadMesh(mesh=mesh):
+            return mesh_pieces(mesh)
         case Points(points):
             return (hull_piece(np.array(points, dtype=np.float64)),)
-        case shape:
+        case Box() | Sphere() | Ellipsoid() | Cylinder() | Capsule() as shape:
             return (_solid(shape),)
+    raise TypeError(f"obstacles.{obstacle.name}: a {type(obstacle.shape).__name__} is not one that was read")
 
 
 @functools.lru_cache(maxsize=4096)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from hdplan.planner.certificate.cloud_pieces import box_pieces, moving_box_pieces, moving_pieces, standing_pieces
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.certificate.intervals import Body
-from hdplan.planner.geometry.clouds import load_balls
-from hdplan.planner.geometry.voxel_grids import load_boxes
+from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Obstacle, Seen
@@ -30,18 +30,16 @@ def link_bodies(robot: Robot) -> tuple[Body, ...]:
 
 
 def obstacle_bodies(obstacle: Obstacle) -> list[Body]:
-    """Return the pieces of an obstacle's true shape. Raises InputError for files that cannot be used."""
+    """Return the pieces of the true shape of an obstacle whose file was read."""
     name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
-    where, shape = f"obstacles.{name}", obstacle.shape
+    shape = obstacle.shape
     if not isinstance(shape, Seen):
         return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
     if motion is not None:
         if isinstance(shape, Cloud):
-            return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(load_balls(shape, where))]
-        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(load_boxes(shape, where))]
-    pieces, frames = (
-        standing_pieces(load_balls(shape, where)) if isinstance(shape, Cloud) else box_pieces(load_boxes(shape, where))
-    )
+            return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(balls_in(shape))]
+        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(boxes_in(shape))]
+    pieces, frames = standing_pieces(balls_in(shape)) if isinstance(shape, Cloud) else box_pieces(boxes_in(shape))
     return [Body(name, piece, 0, place) for piece, place in zip(pieces, read_only(pose @ frames), strict=True)]
 
 

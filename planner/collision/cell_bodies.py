@@ -9,7 +9,7 @@ import numpy as np
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
 from hdplan.planner.geometry.cells import axes_of, cells_of, grouped
-from hdplan.planner.geometry.clouds import load_balls, merged, reach
+from hdplan.planner.geometry.clouds import balls_in, merged, reach
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
@@ -28,9 +28,9 @@ FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 def from_cloud(
     name: str, cloud: Cloud, pose: Pose, planes: str, closely: bool = False
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Enclose a cloud that stands at `pose` in the world: bodies, and notes on what was merged and what can hardly be
-    meant. Raises InputError as `load_balls` does."""
-    balls, notes = load_balls(cloud, f"obstacles.{name}"), []
+    """Enclose a cloud that was read and stands at `pose` in the world: bodies, and notes on what was merged and what
+    can hardly be meant."""
+    balls, notes = balls_in(cloud), []
     if (far := reach(balls.array)) > FAR:
         notes.append(f"reaches as far as {far:.0f} m: is it in millimetres? hdplan takes metres")
     if cloud.voxel is not None:

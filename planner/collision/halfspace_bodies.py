@@ -19,16 +19,16 @@ import numpy as np
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
-from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.geometry.meshes import ReadMesh
 from hdplan.planner.geometry.shapes import operations
-from hdplan.planner.geometry.voxel_grids import load_boxes
+from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.shapes import Box, Mesh, Points, Shape
+from hdplan.scenes.shapes import Box, Points, Shape
 from hdplan.scenes.voxel_grids import Map
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
@@ -68,7 +68,8 @@ class HalfspaceBody:
 def from_obstacle(
     obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS, closely: bool = False
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
+    """Enclose an obstacle whose file was read: one body, or one for each convex piece of its mesh; and notes on how it
+    was split.
 
     A mesh that cannot be split, or not within `seconds`, is enclosed by boxes around parts of its surface, as a cloud
     is by boxes around parts of it; `closely` by smaller ones.
@@ -82,11 +83,10 @@ def from_obstacle(
     if isinstance(obstacle.shape, Map):
         from hdplan.planner.collision.cell_bodies import from_boxes
 
-        boxes = load_boxes(obstacle.shape, f"obstacles.{obstacle.name}")
-        return from_boxes(obstacle.name, boxes, obstacle.pose, planes), ()
-    if not isinstance(obstacle.shape, Mesh):
+        return from_boxes(obstacle.name, boxes_in(obstacle.shape), obstacle.pose, planes), ()
+    if not isinstance(obstacle.shape, ReadMesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
-    mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
+    mesh = obstacle.shape.mesh
     split = convex_pieces(mesh, seconds)
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None:
@@ -100,8 +100,8 @@ def from_obstacle(
 
 def enclosed_loosely(obstacle: Obstacle) -> bool:
     """Whether `from_obstacle` can enclose it more closely: a cloud, or a mesh that is not split."""
-    if isinstance(obstacle.shape, Mesh):
-        return convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"), 0.0) is None
+    if isinstance(obstacle.shape, ReadMesh):
+        return convex_pieces(obstacle.shape.mesh, 0.0) is None
     return isinstance(obstacle.shape, Cloud)
 
 

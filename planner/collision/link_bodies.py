@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import coal
@@ -213,11 +212,7 @@ def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | b
     """Return what determines one geometry in the link's frame, for the cache's key."""
     place = _link_frame(robot, link).inverse() * item.placement
     rounded = np.round(np.hstack([place.rotation.ravel(), place.translation]), 9) + 0.0
-    kind = type(item.geometry).__name__
-    mesh = Path(item.meshPath)
-    if mesh.is_file():
-        return kind, rounded.tobytes(), np.asarray(item.meshScale).tobytes(), mesh.read_bytes()
-    return kind, rounded.tobytes(), _outline(item).tobytes()
+    return type(item.geometry).__name__, rounded.tobytes(), (np.round(_outline(item), 9) + 0.0).tobytes()
 
 
 def link_triangles(robot: Robot, link: str) -> Array:

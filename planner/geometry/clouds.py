@@ -7,6 +7,7 @@ middle of the points' bounding box, that contains them.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,33 +26,50 @@ from hdplan.scenes.once import made_once, read_only
 MOST_BOXES = 4000  # drawn around a cloud's points
 
 
-def load_balls(cloud: Cloud, field: str) -> FixedArray:
-    """Return the balls of a cloud (m, 4): centres in its frame and radii [m]. `field` is its field in the scene, for
-    error messages.
+def read_cloud(cloud: Cloud, where: str) -> Cloud:
+    """Return a cloud with its points and radii in memory, read from its file or worked out from its depth image; itself
+    if they are. `where` is its field in the scene, for error messages.
 
     Raises InputError for a file that is missing, damaged or empty, and for points that are not finite.
     """
     source = cloud.points
     if isinstance(source, FixedArray):
-        return _balls(source, cloud.radius)
+        return cloud
     if isinstance(source, DepthImage):
-        with naming(f"{field}.depth: {source.image}"):
+        with naming(f"{where}.depth: {source.image}"):
             files = [source.image] if isinstance(source.image, Path) else []
-            return _swollen(balls_of(source, stamps_of(files)), cloud.radius)
-    with naming(f"{field}.cloud: {source}"):
-        return _read(source, cloud.radius, cloud.drop_nan, stamps_of([source]))
+            points, radii = _apart(_swollen(balls_of(source, stamps_of(files)), cloud.radius))
+        return replace(cloud, points=points, radius=radii)
+    with naming(f"{where}.cloud: {source}"):
+        points, radius = _read(source, cloud.radius, cloud.drop_nan, stamps_of([source]))
+    return replace(cloud, points=points, radius=radius)
+
+
+def balls_in(cloud: Cloud) -> FixedArray:
+    """Return the balls (m, 4) of a cloud that was read: centres in its frame, and radii [m]."""
+    if not isinstance(cloud.points, FixedArray):
+        raise TypeError("a cloud is read before it is used: planner.geometry.opened")
+    return _balls(cloud.points, cloud.radius)
 
 
 @made_once(4)
-def _read(file: Path, radius: float | FixedArray, drop_nan: bool, stamps: Stamps) -> FixedArray:
-    """Read a file; the stamps make a file that was written again another one."""
+def _read(
+    file: Path, radius: float | FixedArray, drop_nan: bool, stamps: Stamps
+) -> tuple[FixedArray, float | FixedArray]:
+    """Read points and radii; the stamps make a file that was written again another one."""
     found = read_points(file)
     try:
         cloud = Cloud(found, radius, drop_nan=drop_nan)
     except FieldError as error:
         raise InputError(error.problem if error.where == "points" else f"{error.where}: {error.problem}") from None
     assert isinstance(cloud.points, FixedArray)
-    return _balls(cloud.points, cloud.radius)
+    return cloud.points, cloud.radius
+
+
+@made_once(4)
+def _apart(balls: FixedArray) -> tuple[FixedArray, FixedArray]:
+    """Return the centres and the radii of balls (m, 4)."""
+    return FixedArray(balls.array[:, :3]), FixedArray(balls.array[:, 3])
 
 
 @made_once(4)
@@ -81,11 +99,11 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
     return FixedArray(np.column_stack([middle, radius])), added
 
 
-def cloud_words(cloud: Cloud, field: str) -> str:
-    """Return what `hdplan explain` says of a cloud. Raises InputError as `load_balls` does."""
-    source = cloud.points.image if isinstance(cloud.points, DepthImage) else cloud.points
+def cloud_words(asked: Cloud, read: Cloud) -> str:
+    """Return what `hdplan explain` says of a cloud, as it was asked for and as it was read."""
+    source = asked.points.image if isinstance(asked.points, DepthImage) else asked.points
     file = f" of {source.name}" if isinstance(source, Path) else ""
-    balls = load_balls(cloud, field)
+    balls = balls_in(read)
     low, high = 1e3 * float(balls.array[:, 3].min()), 1e3 * float(balls.array[:, 3].max())
     size = f"{low:.3g} mm" if low == high else f"{low:.3g} to {high:.3g} mm"
     return f"cloud{file}, {len(balls)} points as balls of {size}"

@@ -6,7 +6,9 @@ are finite and it is not flat.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +52,13 @@ class TriangleMesh:
         outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
         triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
         return cls(found.points, triangles.astype(np.int64)).trimmed()
+
+    @cached_property
+    def content(self) -> bytes:
+        """What tells it from others."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.vertices).data)
+        digest.update(np.ascontiguousarray(self.triangles).data)
+        return digest.digest()
 
     @property
     def closed(self) -> bool:
@@ -113,13 +122,24 @@ class TriangleMesh:
         return np.asarray(angle)
 
 
-def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
+@dataclass(frozen=True, repr=False)
+class ReadMesh(Mesh):
+    """A mesh that was read: equal to another one of the same file, scale and content."""
+
+    mesh: TriangleMesh = field(kw_only=True, compare=False, repr=False)
+    content: bytes = field(init=False, repr=False)  # tells its triangles from others
+
+    def _check_whole(self) -> None:
+        object.__setattr__(self, "content", self.mesh.content)
+
+
+def load_mesh(shape: Mesh, where: str) -> TriangleMesh:
     """Read a mesh file (stl, obj, ply, off, dae, glb, gltf), scaled, its parts merged into one.
 
-    `field` is its field in the scene, for error messages. Raises InputError when the file is missing, damaged or of an
+    `where` is its field in the scene, for error messages. Raises InputError when the file is missing, damaged or of an
     unknown format, holds no triangles or numbers that are not finite, or is flat.
     """
-    with naming(f"{field}: mesh {shape.file}"):
+    with naming(f"{where}: mesh {shape.file}"):
         vertices, triangles = read_mesh_file(shape.file)
         used = np.bincount(triangles.ravel(), minlength=len(vertices)) > 0
         with np.errstate(over="ignore"):

@@ -8,14 +8,12 @@ Autonomous Robots 2013, and its file formats).
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from hdplan.scenes.array_types import Mask, Rows
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.files import read_file
 
 DEPTH = 16  # of the tree
 FREE, OCCUPIED, INNER = 1, 2, 3  # of a child's two bits in a .bt file; 0 is unknown
@@ -31,10 +29,9 @@ class Leaves(NamedTuple):
     occupied: Mask  # (k,) or else free
 
 
-def read_octomap(source: Path | bytes) -> Leaves:
-    """Read the leaves of an octomap's file, or of its content. Raises InputError for a file that is missing, damaged,
-    or of another kind."""
-    head, _, data = (source if isinstance(source, bytes) else read_file(source)).partition(b"\ndata\n")
+def read_octomap(content: bytes) -> Leaves:
+    """Read the leaves of an octomap's file. Raises InputError for content that is damaged, or of another kind."""
+    head, _, data = content.partition(b"\ndata\n")
     lines = head.decode("ascii", errors="replace").splitlines()
     kind = lines[0].strip() if lines else ""
     if kind not in (BINARY, FULL):

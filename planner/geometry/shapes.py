@@ -17,11 +17,11 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.planner.geometry.meshes import FLAT, ReadMesh, TriangleMesh, thinness
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import LazyModule
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere
 
 if TYPE_CHECKING:
     import trimesh
@@ -50,13 +50,15 @@ class Operations:
     words: Callable[[Any], str]
     coal: Callable[[Any, str], Any]  # the geometry that links have
     inertia: Callable[[Any, float, str], pin.Inertia]  # for a uniform density and a mass [kg]
-    triangles: Callable[[Any, str], trimesh.Trimesh]  # for drawing
+    triangles: Callable[[Any], trimesh.Trimesh]  # for drawing
     outline: Outline | None = None  # hulls of points and meshes have no formulas
     from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and its geometry as a shape
 
 
 def operations(shape: Shape) -> Operations:
-    """Return the row of a shape's kind."""
+    """Return the row of a shape's kind; a mesh has one once it was read (`geometry.opened`)."""
+    if type(shape) not in TABLE:
+        raise TypeError(f"{type(shape).__name__}: no operations are known for this shape, or its file was not read")
     return TABLE[type(shape)]
 
 
@@ -79,19 +81,17 @@ def _points_coal(shape: Points, field: str) -> Any:
     return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
 
 
-def _mesh_inertia(shape: Mesh, mass: float, field: str) -> pin.Inertia:
-    mesh = load_mesh(shape, field)
-    if not mesh.closed:
+def _mesh_inertia(shape: ReadMesh, mass: float, field: str) -> pin.Inertia:
+    if not shape.mesh.closed:
         raise InputError(
             f"{field}.mass: mesh {shape.file} is not closed, so its mass has no volume to be spread over; give it as "
             "payload, with its com and inertia"
         )
-    return _even(trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False), mass)
+    return _even(_mesh_triangles(shape), mass)
 
 
-def _mesh_triangles(shape: Mesh, field: str) -> trimesh.Trimesh:
-    mesh = load_mesh(shape, field)
-    return trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+def _mesh_triangles(shape: ReadMesh) -> trimesh.Trimesh:
+    return trimesh.Trimesh(shape.mesh.vertices, shape.mesh.triangles, process=False)
 
 
 def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
@@ -128,7 +128,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"box {' × '.join(f'{edge:g}' for edge in shape.size)} m",
         coal=lambda shape, _: coal.Box(*shape.size),
         inertia=lambda shape, mass, _: pin.Inertia.FromBox(mass, *shape.size),
-        triangles=lambda shape, _: trimesh.creation.box(shape.size),
+        triangles=lambda shape: trimesh.creation.box(shape.size),
         outline=Outline(
             half_size=lambda shape: np.array(shape.size) / 2,
             support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
@@ -141,7 +141,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"sphere, radius {shape.radius:g} m",
         coal=lambda shape, _: coal.Sphere(shape.radius),
         inertia=lambda shape, mass, _: pin.Inertia.FromSphere(mass, shape.radius),
-        triangles=lambda shape, _: trimesh.creation.icosphere(subdivisions=FINE, radius=shape.radius),
+        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=FINE, radius=shape.radius),
         outline=Outline(
             half_size=lambda shape: np.full(3, shape.radius),
             support=lambda shape, n: np.full(len(n), shape.radius),
@@ -154,7 +154,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"ellipsoid, radii {', '.join(f'{radius:g}' for radius in shape.radii)} m",
         coal=lambda shape, _: coal.Ellipsoid(*shape.radii),
         inertia=lambda shape, mass, _: pin.Inertia.FromEllipsoid(mass, *shape.radii),
-        triangles=lambda shape, _: trimesh.creation.icosphere(subdivisions=FINE).apply_scale(shape.radii),
+        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=FINE).apply_scale(shape.radii),
         outline=Outline(
             half_size=lambda shape: np.array(shape.radii),
             support=lambda shape, n: np.linalg.norm(n * shape.radii, axis=1),
@@ -167,7 +167,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"cylinder, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Cylinder(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCylinder(mass, shape.radius, shape.length),
-        triangles=lambda shape, _: trimesh.creation.cylinder(shape.radius, shape.length, sections=SECTIONS),
+        triangles=lambda shape: trimesh.creation.cylinder(shape.radius, shape.length, sections=SECTIONS),
         outline=Outline(
             half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2]),
             support=lambda shape, n: shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.length / 2 * np.abs(n[:, 2]),
@@ -180,7 +180,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"capsule, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Capsule(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCapsule(mass, shape.radius, shape.length),
-        triangles=lambda shape, _: _capsule_triangles(shape.radius, shape.length),
+        triangles=lambda shape: _capsule_triangles(shape.radius, shape.length),
         outline=Outline(
             half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2 + shape.radius]),
             support=lambda shape, n: shape.radius + shape.length / 2 * np.abs(n[:, 2]),
@@ -193,11 +193,11 @@ TABLE: dict[type, Operations] = {
         words=_points_words,
         coal=_points_coal,
         inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(shape.points), mass),
-        triangles=lambda shape, _: trimesh.PointCloud(shape.points).convex_hull,
+        triangles=lambda shape: trimesh.PointCloud(shape.points).convex_hull,
     ),
-    Mesh: Operations(
+    ReadMesh: Operations(
         words=lambda shape: f"mesh {shape.file.name}",
-        coal=lambda shape, field: triangle_tree(load_mesh(shape, field)),
+        coal=lambda shape, _: triangle_tree(shape.mesh),
         inertia=_mesh_inertia,
         triangles=_mesh_triangles,
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,34 +17,48 @@ from hdplan.scenes.once import made_once
 from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, checked_grid
 
 
-def load_boxes(shape: Map, field: str) -> FixedArray:
-    """Return the boxes (k, 6) of which a map is the union: lower and upper corners [m] in its frame. `field` is its
-    field in the scene, for error messages.
+def read_map(shape: Map, where: str) -> Map:
+    """Return a map with its cells in memory, itself if they are. `where` is its field in the scene, for error messages.
 
-    Raises InputError for a file that is missing, damaged, too large or without an occupied cell.
+    Raises InputError for a file that is missing, damaged, too large or without an occupied cell, and for such content.
     """
     source = shape.source if isinstance(shape, OctoMap) else shape.occupied
-    where = f"{field}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}"
-    with naming(f"{where}: {source}" if isinstance(source, Path) else where):
-        return _boxes(shape, stamps_of([source] if isinstance(source, Path) else []))
+    field = f"{where}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}"
+    with naming(f"{field}: {source}" if isinstance(source, Path) else field):
+        read = _read_map(shape, stamps_of([source])) if isinstance(source, Path) else shape
+        boxes_in(read)
+    return read
 
 
-def map_words(shape: Map, field: str) -> str:
-    """Return what `hdplan explain` says of a map. Raises InputError as `load_boxes`."""
+@made_once(8)
+def _read_map(shape: Map, stamps: Stamps) -> Map:
+    """Read a file; the stamps make a file that was written again another one."""
+    if isinstance(shape, OctoMap):
+        assert isinstance(shape.source, Path)
+        return replace(shape, source=read_file(shape.source))
+    assert isinstance(shape.occupied, Path)
+    return replace(shape, occupied=FixedArray(_read(shape.occupied)))
+
+
+def map_words(shape: Map) -> str:
+    """Return what `hdplan explain` says of a map, as it was asked for."""
     source = shape.source if isinstance(shape, OctoMap) else shape.occupied
     kind = "octomap" if isinstance(shape, OctoMap) else "voxels"
     return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
 
 
 @made_once(8)
-def _boxes(shape: Map, stamps: Stamps) -> FixedArray:
-    """Read and merge; the stamps make a file that was written again another one."""
+def boxes_in(shape: Map) -> FixedArray:
+    """Return the boxes (k, 6) of which a map that was read is the union: lower and upper corners [m] in its frame.
+
+    Raises InputError for an octomap's content that is damaged, too large or without an occupied cell.
+    """
     if isinstance(shape, OctoMap):
         grid, size, origin = _of_octomap(shape)
+    elif isinstance(shape.occupied, FixedArray):
+        grid, size, origin = shape.occupied.array.astype(bool), shape.size, np.array(shape.origin)
     else:
-        source = shape.occupied
-        grid = source.array.astype(bool) if isinstance(source, FixedArray) else _read(source)
-        size, origin = shape.size, np.array(shape.origin)
+        raise TypeError("a map is read before it is used: planner.geometry.opened")
     low, high = merged(grid)
     return FixedArray(np.hstack([origin + size * low, origin + size * high]))
 
@@ -70,6 +85,8 @@ def merged(grid: Mask) -> tuple[Rows, Rows]:
 def _of_octomap(shape: OctoMap) -> tuple[Mask, float, Array]:
     """Return the grid of an octomap around its occupied cells, or around all that it knows, the edge of its cells [m]
     and its lower corner."""
+    if isinstance(shape.source, Path):
+        raise TypeError("a map is read before it is used: planner.geometry.opened")
     leaves = read_octomap(shape.source)
     free = shape.unknown == "free"
     shown = leaves.occupied if free else np.ones(len(leaves.size), dtype=bool)
@@ -90,8 +107,8 @@ def _of_octomap(shape: OctoMap) -> tuple[Mask, float, Array]:
     return grid, leaves.resolution, leaves.resolution * (corner - middle)
 
 
-def _read(path: Path) -> Mask:
-    """Read a grid: the array `occupied`, or the only one."""
+def _read(path: Path) -> np.ndarray:
+    """Read a grid (x, y, z): the array `occupied`, or the only one."""
     ending = path.suffix.lower()
     if ending not in (".npz", ".npy"):
         raise InputError(f"format '{path.suffix}' is not known{nearest(ending, ('.npz', '.npy'))}")

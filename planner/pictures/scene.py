@@ -157,7 +157,7 @@ def _bodies(obstacle: Obstacle) -> list[Skin]:
     """Return the pieces of an obstacle's true shape, of a cloud boxes around its points."""
     if not isinstance(obstacle.shape, Seen):
         return [skin(piece, whole=True) for piece in obstacle_pieces(obstacle)]
-    return [Skin(*seen_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))]
+    return [Skin(*seen_mesh(obstacle.shape))]
 
 
 def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) -> None:

@@ -142,8 +142,9 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
     shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
-    seen = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
-    setup = replace(problem.setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
+    setup = problem.setup.changed(obstacles=obstacles)
+    seen = without_own_image(setup.scene, problem.robot)
+    setup = replace(setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
     found = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
     terms = replace(problem.terms, obstacles=standing, moving_obstacles=moving)
@@ -160,9 +161,8 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
     smoothness."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
-    other = replace(scene, planner=replace(scene.planner, activation=activation))
-    query = Query(problem.start, problem.goal)
-    laid_out = lay_out(replace(problem.setup, scene=other), query, closely=problem.closely)
+    setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
+    laid_out = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
     if not quick or limits is None or not (limits <= FASTEST).any():
         return laid_out
     return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))

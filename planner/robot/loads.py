@@ -35,8 +35,8 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
 def with_loads(
     robot: Robot, payload: Payload | None, attached: tuple[Attached, ...], needed: str = "limits.torque"
 ) -> pin.Model:
-    """Return the same for a payload and held objects; errors do not name the scene's file, but what masses are `needed`
-    for."""
+    """Return the same for a payload and held objects whose files were read; errors do not name the scene's file, but
+    what masses are `needed` for."""
     model = robot.model.copy()
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.geometry.cells import grouped
-from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.geometry.solids import Solid
@@ -20,7 +20,6 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
@@ -42,8 +41,8 @@ class Ignoring:
 
 
 def without_own_image(scene: Scene, robot: Robot) -> Ignoring:
-    """Leave the points out that a scene's clouds ask to ignore. Raises InputError for a cloud that cannot be read, or
-    of which nothing is left, and for unknown links."""
+    """Leave the points out that the clouds of a scene, its files read, ask to ignore. Raises InputError for a cloud of
+    which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
     for obstacle in scene.obstacles:
         kept, words, near = obstacle, "", np.empty((0, 3))
@@ -61,7 +60,7 @@ def without_own_image(scene: Scene, robot: Robot) -> Ignoring:
 def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple[Obstacle, str, Array]:
     """Return an obstacle without the points to be ignored, a note on them, and where they are in the world (m, 3)."""
     where = f"obstacles.{obstacle.name}"
-    balls = load_balls(cloud, where)
+    balls = balls_in(cloud)
     placement = obstacle.pose.matrix
     world = balls.array[:, :3] @ placement[:3, :3].T + placement[:3, 3]
     near, words = np.zeros(len(world), dtype=bool), []
@@ -83,8 +82,7 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
 
 def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
     """Return the radii (m,) that are left, as the cloud has them."""
-    several = isinstance(cloud.radius, FixedArray) or isinstance(cloud.points, DepthImage)
-    return FixedArray(left) if several else cloud.radius
+    return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
 
 
 def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[tuple[str, float, Sequence[Placed]]]:

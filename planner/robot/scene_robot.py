@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.files import stamps_of
 from hdplan.scenes.once import ForkSafeLock, made_once
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
@@ -44,8 +44,7 @@ def load_scene_robot(scene: Scene) -> Robot:
         if scene.limits.position:
             robot = _narrowed(robot, tuple(scene.limits.position.items()))
         if scene.attached:
-            meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
-            robot = _holding(robot, scene.attached, stamps_of(meshes))
+            robot = _holding(robot, tuple(with_content(held, "attached") for held in scene.attached))
     if scene.self_collision.clearance:
         robot = _all_kept_apart(robot)
     return robot if scene.self_collision.checked else _unchecked(robot)
@@ -133,8 +132,8 @@ def _load_bare(scene: Scene) -> Robot:
 
 
 @made_once(MOST)
-def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
-    """Return the robot holding the objects; made once while the `stamps` of their mesh files are equal."""
+def _holding(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
+    """Return the robot holding objects whose files were read."""
     from hdplan.planner.robot.attached import with_attached
 
     return with_attached(robot, attached)

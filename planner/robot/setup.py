@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.planner.geometry.opened import opened
 from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.own_image import without_own_image
@@ -32,13 +34,20 @@ class Query:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A scene with its robot. Properties are computed on first use and kept."""
+    """A scene with its robot, the content of its files in memory: nothing behind it opens them again. Properties are
+    computed on first use and kept."""
 
-    scene: Scene
+    scene: Scene  # its shapes read (`geometry.opened`)
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
     own_image: Array | None = None  # (m, 3) those points, in the world [m]
+    asked: Scene = None  # type: ignore[assignment]  # the scene with the names of its files, to be shown and saved
+
+    def __post_init__(self) -> None:
+        """Read the files that the scene names. Raises InputError for one that cannot be used."""
+        object.__setattr__(self, "asked", self.asked or self.scene)
+        object.__setattr__(self, "scene", opened(self.scene))
 
     def __repr__(self) -> str:
         """Name the scene and its robot."""
@@ -57,13 +66,22 @@ class Setup:
         else:
             instance(robot, Robot, "robot")
             check_robot(scene, robot)
-        seen = without_own_image(scene, robot)
-        return cls(_with_links(seen.scene, robot), robot, ignored=seen.notes, own_image=seen.points)
+        asked = _with_links(scene, robot)
+        read = opened(asked)
+        seen = without_own_image(read, robot)
+        left = {old.name: new for old, new in zip(read.obstacles, seen.scene.obstacles, strict=True) if new is not old}
+        if left:
+            asked = replace(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
+        return cls(seen.scene, robot, ignored=seen.notes, own_image=seen.points, asked=asked)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
-        scene = self.scene if goal is self.scene.goal else replace(self.scene, goal=goal)
-        return replace(self, scene=scene, aimed=True)
+        return replace(self if goal is self.scene.goal else self.changed(goal=goal), aimed=True)
+
+    def changed(self, **fields: Any) -> Setup:
+        """Return the same with other fields of its scene. Raises InputError for what no scene can have, and for files
+        that cannot be used."""
+        return replace(self, scene=replace(self.scene, **fields), asked=replace(self.asked, **fields))
 
     @cached_property
     def query(self) -> Query:

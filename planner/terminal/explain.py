@@ -118,8 +118,9 @@ def _obstacles(problem: Problem) -> Rows:
         met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.halfspace_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
+    asked = {obstacle.name: obstacle for obstacle in problem.setup.asked.obstacles}
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
-        words, kind = _words(obstacle)
+        words, kind = _words(asked[obstacle.name], obstacle)
         words += f" in {pieces[obstacle.name]} {kind}" if pieces[obstacle.name] > 1 else ""
         words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
         total = moving * pieces[obstacle.name]
@@ -137,11 +138,12 @@ def _obstacles(problem: Problem) -> Rows:
     return [*rows, ("…", f"and {left} more")] if left > 0 else rows
 
 
-def _words(obstacle: Obstacle) -> tuple[str, str]:
+def _words(asked: Obstacle, read: Obstacle) -> tuple[str, str]:
     """Return words for an obstacle's shape, and for what the planner takes it apart into."""
-    shape = obstacle.shape
+    shape = read.shape
     if isinstance(shape, Seen):
-        return seen_words(shape, f"obstacles.{obstacle.name}"), "boxes"
+        assert isinstance(asked.shape, Seen)
+        return seen_words(asked.shape, shape), "boxes"
     return operations(shape).words(shape), "convex pieces"
 
 

@@ -26,7 +26,7 @@ class BoxLayer:
 
     def show(self, on: bool) -> None:
         """Show the boxes of the scene as it is now, or nothing."""
-        scene = self._viewer.scene
+        scene = self._viewer.edited.read
         if on and scene is not self._scene:
             if self.node is not None:
                 self.node.remove()

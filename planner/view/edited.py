@@ -47,7 +47,12 @@ class Edited:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with its goal as it is asked for."""
+        """The scene, with its goal and its files as they are asked for."""
+        return self.setup.asked
+
+    @property
+    def read(self) -> Scene:
+        """The same, its files read, to be drawn."""
         return self.setup.scene
 
     @property
@@ -80,7 +85,7 @@ class Edited:
 
     def changed(self, **fields: Any) -> Edited:
         """Return it with other obstacles or settings: fields of `Scene`. Raises InputError as `Scene`."""
-        return replace(self, setup=Setup(replace(self.scene, **fields), self.robot))
+        return replace(self, setup=self.setup.changed(**fields))
 
     def starting_at(self, q: Array) -> Edited:
         """Return it with another start (n,). Raises InputError for values beyond the joint limits."""

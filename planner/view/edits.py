@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.planner.view.edited import Edited
@@ -49,7 +50,7 @@ def added(edited: Edited, shape: Shape, stem: str) -> tuple[Edited, Thing]:
 def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
     """Return it with a second obstacle of the same shape, clearance and motion, beside the first."""
     first = obstacle_of(edited, Thing("obstacle", name))
-    width = float(obstacle_mesh(first).extents[1])
+    width = float(obstacle_mesh(with_content(first, "obstacles")).extents[1])
     place = first.pose.matrix[:3, 3] + BESIDE * width * first.pose.matrix[:3, 1]
     second = moved(replace(first, name=free_name(edited, name)), replace(first.pose, position=tuple(place.tolist())))
     return edited.changed(obstacles=(*edited.scene.obstacles, second)), Thing("obstacle", second.name)

@@ -4,6 +4,7 @@ it and shown with the others."""
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +52,7 @@ class Opening:
         viewer, setup = self._viewer, Setup.of(load_scene(path))
         if not are_alike(setup.robot, viewer.robot):
             raise InputError(f"{path}: {OTHER_ROBOT}")
-        edited = Edited.of(Setup(setup.scene, viewer.robot))
+        edited = Edited.of(replace(setup, robot=viewer.robot))
         self._editing.apply("open", lambda _: edited)
         self._editing.say(f"opened: the scene {setup.scene.name}")
 

@@ -58,7 +58,7 @@ class Stage:
         """Show another scene of the same robot: what stays is moved, what is new is sent. Start and goal are drawn with
         what they touch in the colour of contact, and it is said in place."""
         before = {node.obstacle.name: node for node in self.obstacles}
-        after = [self._node(before, obstacle) for obstacle in edited.scene.obstacles]
+        after = [self._node(before, obstacle) for obstacle in edited.read.obstacles]
         for left in before.values():
             left.frame.remove()
         self.obstacles = after

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.scenes.clouds import MOST_POINTS, Cloud, Ignored
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
@@ -76,7 +76,7 @@ def test_each_point_may_have_its_own_radius(tmp_path: Path) -> None:
     scene = Scene(robot="panda", obstacles=[Cloud(POINTS, [0.01, 0.02])], start="default", goal="default")
     scene.save(tmp_path / "saved.yaml")
     assert load_scene(tmp_path / "saved.yaml") == scene
-    np.testing.assert_array_equal(load_balls(Cloud(POINTS, [0.01, 0.02]), "").array[:, 3], [0.01, 0.02])
+    np.testing.assert_array_equal(balls_in(read_cloud(Cloud(POINTS, [0.01, 0.02]), "")).array[:, 3], [0.01, 0.02])
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import clearance_colors, height_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
@@ -38,7 +38,7 @@ class CloudNode(ObstacleNode):
         """Send the points, and the boxes around them."""
         super().__init__(server, index, obstacle)
         assert isinstance(obstacle.shape, Cloud)
-        balls = load_balls(obstacle.shape, f"obstacles.{obstacle.name}").array
+        balls = balls_in(obstacle.shape).array
         self._balls = balls[:: -(-len(balls) // MOST_POINTS)]
         self._upward, self._size = self.place[2, :3], 2.0 * float(np.median(self._balls[:, 3]))
         self.points = server.scene.add_point_cloud(

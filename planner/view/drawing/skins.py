@@ -145,19 +145,18 @@ def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin
 
 
 def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
-    """Return an obstacle's true shape in its own frame, a cloud's as boxes around its points. Raises InputError for a
-    file that cannot be used."""
-    field = f"obstacles.{obstacle.name}"
+    """Return the true shape of an obstacle whose file was read, in its own frame; a cloud's as boxes around its
+    points."""
     if isinstance(obstacle.shape, Seen):
-        return trimesh.Trimesh(*seen_mesh(obstacle.shape, field), process=False)
-    return operations(obstacle.shape).triangles(obstacle.shape, field)
+        return trimesh.Trimesh(*seen_mesh(obstacle.shape), process=False)
+    return operations(obstacle.shape).triangles(obstacle.shape)
 
 
 def obstacle_parts(obstacle: Obstacle) -> Array:
     """Return boxes around an obstacle, or around the parts of a cloud: their lower and upper corners (b, 2, 3) in its
     own frame."""
     if isinstance(obstacle.shape, Seen):
-        return seen_parts(obstacle.shape, f"obstacles.{obstacle.name}")
+        return seen_parts(obstacle.shape)
     return np.asarray(obstacle_mesh(obstacle).bounds)[None]
 
 
@@ -221,7 +220,7 @@ def _solid(shape: Any) -> trimesh.Trimesh:
     """Return one of coal's shapes as triangles."""
     known = shape_of(shape)
     if known is not None:
-        return operations(known).triangles(known, "robot")
+        return operations(known).triangles(known)
     match shape:
         case coal.BVHModelBase():
             corners = np.array([[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))])

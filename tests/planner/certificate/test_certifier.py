@@ -20,6 +20,7 @@ from hdplan.planner.certificate.exact_proximity import Piece, best_direction, li
 from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.motion.motion_bounds import Chain, Motion
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -421,7 +422,7 @@ def random_pieces(rng: np.random.Generator) -> list[Piece]:
     cloud = tuple(tuple(p) for p in rng.normal(size=(20, 3)).tolist())
     shapes = [Box((1.0, 0.5, 0.2)), Sphere(0.4), Cylinder(0.3, 0.8), Capsule(0.2, 0.7), Points(cloud), Points(flat)]
     shapes.append(Ellipsoid((0.1, 0.5, 1.0)))
-    return [obstacle_pieces(Obstacle("x", shape))[0] for shape in shapes]
+    return [obstacle_pieces(with_content(Obstacle("x", shape), "obstacles"))[0] for shape in shapes]
 
 
 def test_support_bounds_hold_for_the_points_of_each_shape() -> None:

@@ -16,6 +16,7 @@ import hdplan
 from hdplan.planner.collision import cell_bodies, convex_pieces
 from hdplan.planner.collision.cell_bodies import from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.geometry.opened import opened
 from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
@@ -93,7 +94,7 @@ def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch
     """A cage whose bars are joined to one mesh; its hull holds the robot. What was not split is not split again."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     scene = load_scene("panda_cage")
-    bars = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in scene.obstacles]
+    bars = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in opened(scene).obstacles]
     whole = trimesh.util.concatenate(bars)
     first = np.cumsum([0, *(len(bar.vertices) for bar in bars[:-1])])
     joints = [[a, a + 1, b] for a, b in itertools.pairwise(first.tolist())]
@@ -115,7 +116,7 @@ def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch
 def scan_of(scene: Scene, seed: int) -> Scene:
     """Return a scene whose obstacles are only known as points."""
     seen = []
-    for i, obstacle in enumerate(scene.obstacles):
+    for i, obstacle in enumerate(opened(scene).obstacles):
         mesh = obstacle_mesh(obstacle)
         points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=seed + i)
         pose = obstacle.pose.matrix

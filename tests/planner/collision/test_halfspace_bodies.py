@@ -21,6 +21,8 @@ from hdplan.planner.collision.halfspace_bodies import (
     from_points,
     from_shape,
 )
+from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
+from hdplan.planner.geometry.opened import with_content
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
@@ -208,7 +210,7 @@ def test_link_bodies_are_enclosed_exactly(body: ConvexBody) -> None:
 def test_an_obstacle_stands_at_its_pose(shape: str) -> None:
     quaternion = tuple(Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_quat().tolist())
     obstacle = Obstacle("thing", SHAPES[shape], Pose((0.4, -1.0, 0.2), quaternion))
-    bodies, words = from_obstacle(obstacle)
+    bodies, words = from_obstacle(with_content(obstacle, "obstacles"))
     assert len(bodies) == 1
     assert words == ()
     matrix = obstacle.pose.matrix
@@ -222,7 +224,9 @@ def test_pieces_of_a_mesh_cover_it(tmp_path: Path) -> None:
     right.apply_translation([0.6, 0, 0])
     trimesh.util.concatenate([left, right]).export(tmp_path / "two.stl")
     pose = Pose((0.0, 0.5, 0.0), (0.0, 0.6, 0.0, 0.8))
-    bodies, words = from_obstacle(Obstacle("two", Mesh(tmp_path / "two.stl", (1.0, 2.0, 1.0)), pose))
+    bodies, words = from_obstacle(
+        with_content(Obstacle("two", Mesh(tmp_path / "two.stl", (1.0, 2.0, 1.0)), pose), "obstacles")
+    )
     assert [body.name for body in bodies] == ["two", "two"]
     assert words == ("obstacle 'two': mesh two.stl split into 2 convex pieces",)
     for part in (left, right):
@@ -235,10 +239,14 @@ def test_pieces_of_a_mesh_cover_it(tmp_path: Path) -> None:
 
 def test_a_convex_mesh_is_one_piece_without_words(tmp_path: Path) -> None:
     trimesh.creation.icosphere(2, 0.3).export(tmp_path / "ball.stl")
-    bodies, words = from_obstacle(Obstacle("ball", Mesh(tmp_path / "ball.stl")))
+    bodies, words = from_obstacle(with_content(Obstacle("ball", Mesh(tmp_path / "ball.stl")), "obstacles"))
     assert (len(bodies), words) == (1, ())
 
 
 def test_a_mesh_is_no_shape_to_enclose_whole() -> None:
+    shape = Mesh(Path("mesh.stl"))
+    with pytest.raises(TypeError, match="was not read"):
+        from_shape("mesh", shape, np.eye(4))
+    read = ReadMesh(shape.file, mesh=TriangleMesh.hull(np.eye(4, 3)))
     with pytest.raises(TypeError, match="convex pieces"):
-        from_shape("mesh", Mesh(Path("mesh.stl")), np.eye(4))
+        from_shape("mesh", read, np.eye(4))

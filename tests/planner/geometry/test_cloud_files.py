@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.geometry.cells import cells_of, grouped
 from hdplan.planner.geometry.cloud_files import FORMATS, read_points
-from hdplan.planner.geometry.clouds import drawn_boxes, load_balls, merged, part_bounds
+from hdplan.planner.geometry.clouds import balls_in, drawn_boxes, merged, part_bounds, read_cloud
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
@@ -103,7 +103,7 @@ def written(request: pytest.FixtureRequest) -> tuple[str, bytes]:
 def tried(file: Path) -> tuple[FixedArray | None, str]:
     """Read a file, or say in which words it is refused."""
     try:
-        return load_balls(Cloud(file, 0.01, drop_nan=True), "obstacles.view"), ""
+        return balls_in(read_cloud(Cloud(file, 0.01, drop_nan=True), "obstacles.view")), ""
     except InputError as error:
         return None, str(error)
 
@@ -170,7 +170,7 @@ def test_refused_in_one_clear_line(tmp_path: Path, name: str, data: bytes, words
     file = tmp_path / name
     file.write_bytes(data)
     with pytest.raises(InputError, match=words) as caught:
-        load_balls(Cloud(file, 0.01), "obstacles.view")
+        balls_in(read_cloud(Cloud(file, 0.01), "obstacles.view"))
     assert "\n" not in str(caught.value)
 
 
@@ -189,7 +189,7 @@ def test_a_file_that_is_written_again_is_read_again(tmp_path: Path) -> None:
     cloud = Cloud(tmp_path / "scan.npy", 0.01)
     for count in (5, 7):
         np.save(tmp_path / "scan.npy", POINTS[:count])
-        assert len(load_balls(cloud, "obstacles.view")) == count
+        assert len(balls_in(read_cloud(cloud, "obstacles.view"))) == count
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.clouds import balls_in, read_cloud
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError
@@ -39,7 +39,7 @@ def plane(normal: Array, distance: float) -> Array:
 
 
 def balls(image: Array, **more: Any) -> Array:
-    return load_balls(Cloud(DepthImage(image, CAMERA, scale=1.0, **more)), "obstacles.view").array
+    return balls_in(read_cloud(Cloud(DepthImage(image, CAMERA, scale=1.0, **more)), "obstacles.view")).array
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -87,8 +87,8 @@ def test_what_was_not_seen_is_no_obstacle_and_the_range_is_kept() -> None:
 
 def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
     image = np.round(1000.0 * plane(np.array([0.3, 0.2, 0.9]), 1.0))
-    expected = load_balls(Cloud(DepthImage(image, CAMERA)), "")
-    more = load_balls(Cloud(DepthImage(image, CAMERA), 0.01), "")
+    expected = balls_in(read_cloud(Cloud(DepthImage(image, CAMERA)), ""))
+    more = balls_in(read_cloud(Cloud(DepthImage(image, CAMERA), 0.01), ""))
     np.testing.assert_allclose(more.array, expected.array + [0.0, 0.0, 0.0, 0.01])
     np.savez(tmp_path / "view.npz", depth=image.astype(np.uint16), color=np.zeros((3, 3)))
     np.save(tmp_path / "view.npy", image.astype(np.float32))
@@ -96,15 +96,17 @@ def test_radius_is_added_and_files_are_read_alike(tmp_path: Path) -> None:
     pillow = pytest.importorskip("PIL.Image")
     pillow.fromarray(image.astype(np.uint16)).save(tmp_path / "view.png")
     for name in [*names, "view.png"]:
-        np.testing.assert_array_equal(load_balls(Cloud(DepthImage(tmp_path / name, CAMERA)), "").array, expected.array)
+        np.testing.assert_array_equal(
+            balls_in(read_cloud(Cloud(DepthImage(tmp_path / name, CAMERA)), "")).array, expected.array
+        )
     data = (tmp_path / "view.png").read_bytes()
     for cut in (0, 10, len(data) // 2, len(data) - 13):
         (tmp_path / "cut.png").write_bytes(data[:cut])
         with pytest.raises(InputError, match=r"obstacles.view.depth: .*cut.png: cannot be read"):
-            load_balls(Cloud(DepthImage(tmp_path / "cut.png", CAMERA)), "obstacles.view")
+            balls_in(read_cloud(Cloud(DepthImage(tmp_path / "cut.png", CAMERA)), "obstacles.view"))
     pillow.new("RGB", (4, 4)).save(tmp_path / "color.png")
     with pytest.raises(InputError, match="picture of mode RGB; a depth image has one channel"):
-        load_balls(Cloud(DepthImage(tmp_path / "color.png", CAMERA)), "obstacles.view")
+        balls_in(read_cloud(Cloud(DepthImage(tmp_path / "color.png", CAMERA)), "obstacles.view"))
 
 
 def test_in_a_scene_file_and_back(tmp_path: Path) -> None:
@@ -165,7 +167,7 @@ def test_refused_in_one_clear_line(arguments: dict[str, Any], words: str) -> Non
 
 def test_an_image_of_nothing_is_refused() -> None:
     with pytest.raises(InputError, match=r"obstacles.view.depth: .*has no pixel from 0.1 to 3 m: is its scale 0.001 m"):
-        load_balls(Cloud(DepthImage(np.full((3, 3), 1.0), CAMERA)), "obstacles.view")
+        balls_in(read_cloud(Cloud(DepthImage(np.full((3, 3), 1.0), CAMERA)), "obstacles.view"))
     with pytest.raises(InputError, match=r"Cloud.radius: must be one number"):
         Cloud(DepthImage([[1.0]], CAMERA), [0.1])
     assert isinstance(Cloud(DepthImage([[1.0]], CAMERA)).points, DepthImage)

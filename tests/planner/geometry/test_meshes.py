@@ -16,6 +16,7 @@ from hdplan.planner.collision import convex_pieces as module
 from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.meshes import TriangleMesh, connected, load_mesh
+from hdplan.planner.geometry.opened import with_content
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.shapes import Mesh, Sphere
@@ -82,7 +83,7 @@ def test_pieces_of_parts_are_exact_and_of_one_solid_cover_it(tmp_path: Path) -> 
     pieces = convex_pieces(solid)
     assert 2 <= len(pieces) <= 4
     assert sum(trimesh.convex.convex_hull(piece).volume for piece in pieces) == pytest.approx(solid.volume, rel=0.1)
-    bodies, notes = from_obstacle(Obstacle("thing", Mesh(tmp_path / "solid.stl")))
+    bodies, notes = from_obstacle(with_content(Obstacle("thing", Mesh(tmp_path / "solid.stl")), "obstacles"))
     assert len(bodies) == len(pieces)
     assert f"split into {len(pieces)} convex pieces" in notes[0]
 
@@ -187,7 +188,9 @@ def test_a_mesh_that_takes_too_long_to_split_is_planned_around_by_its_surface(
     mesh = rings(3)
     assert convex_pieces(mesh, 0.5) is None
     trimesh.Trimesh(mesh.vertices, mesh.triangles).export(tmp_path / "rings.obj")
-    bodies, (note,) = from_obstacle(Obstacle("thing", Mesh(tmp_path / "rings.obj")), seconds=0.5)
+    bodies, (note,) = from_obstacle(
+        with_content(Obstacle("thing", Mesh(tmp_path / "rings.obj")), "obstacles"), seconds=0.5
+    )
     assert f"rings.obj is planned around as {len(bodies)} boxes that contain its surface" in note
     beyond = np.min([(mesh.vertices @ body.normals.T - body.supports).max(axis=1) for body in bodies], axis=0)
     assert beyond.max() <= 1e-6

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.octomap_files import DEPTH, read_octomap
-from hdplan.planner.geometry.voxel_grids import load_boxes, merged
+from hdplan.planner.geometry.voxel_grids import boxes_in, merged, read_map
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -52,7 +52,7 @@ def test_a_solid_block_is_one_box() -> None:
     grid = np.zeros((9, 8, 7), dtype=bool)
     grid[2:6, 1:5, 3:7] = True
     assert [each.tolist() for each in merged(grid)] == [[[2, 1, 3]], [[6, 5, 7]]]
-    boxes = load_boxes(Voxels(grid, 0.1, (1.0, 0.0, -1.0)), "")
+    boxes = boxes_in(read_map(Voxels(grid, 0.1, (1.0, 0.0, -1.0)), ""))
     np.testing.assert_allclose(boxes.array, [[1.2, 0.1, -0.7, 1.6, 0.5, -0.3]])
 
 
@@ -123,10 +123,10 @@ def cells_of(seed: int) -> dict[tuple[int, int, int], bool]:
 def test_octomaps_are_their_occupied_cells(tmp_path: Path, kind: str, seed: int) -> None:
     cells, file = cells_of(seed), tmp_path / f"room.{kind}"
     file.write_bytes(written(cells, kind))
-    leaves = read_octomap(file)
+    leaves = read_octomap(file.read_bytes())
     assert leaves.size.max() > 1
     for unknown in ("free", "occupied"):
-        boxes = load_boxes(OctoMap(file, unknown), "").array
+        boxes = boxes_in(read_map(OctoMap(file, unknown), "")).array
         middle = 1 << (DEPTH - 1)
         places = np.array([*cells])
         low, high = places.min(axis=0), places.max(axis=0) + 1
@@ -145,7 +145,7 @@ def test_an_octomap_cut_anywhere_is_refused_in_one_line(tmp_path: Path, kind: st
     for cut in sorted({0, 20, 60, len(data) - 1, *rng.integers(len(data), size=30).tolist()}):
         file.write_bytes(data[:cut])
         with pytest.raises(InputError, match=r"obstacles.map.octomap: .*room") as caught:
-            load_boxes(OctoMap(file), "obstacles.map")
+            boxes_in(read_map(OctoMap(file), "obstacles.map"))
         assert "\n" not in str(caught.value)
     for _ in range(100):
         broken = bytearray(data)
@@ -153,7 +153,7 @@ def test_an_octomap_cut_anywhere_is_refused_in_one_line(tmp_path: Path, kind: st
             broken[place] = rng.integers(256)
         file.write_bytes(bytes(broken))
         try:
-            load_boxes(OctoMap(file), "obstacles.map")
+            boxes_in(read_map(OctoMap(file), "obstacles.map"))
         except InputError as error:
             words = str(error)
             continue
@@ -176,16 +176,16 @@ def test_an_octomap_cut_anywhere_is_refused_in_one_line(tmp_path: Path, kind: st
 def test_other_octomaps_are_refused(tmp_path: Path, name: str, data: bytes, words: str) -> None:
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match=words):
-        load_boxes(OctoMap(tmp_path / name), "obstacles.map")
+        boxes_in(read_map(OctoMap(tmp_path / name), "obstacles.map"))
 
 
 def test_grids_in_files_and_scenes(tmp_path: Path) -> None:
     grid = random_grid(3)
     np.savez(tmp_path / "grid.npz", occupied=grid, other=np.zeros(3))
     np.save(tmp_path / "grid.npy", grid.astype(np.uint8))
-    expected = load_boxes(Voxels(grid, 0.1), "")
+    expected = boxes_in(read_map(Voxels(grid, 0.1), ""))
     for name in ("grid.npz", "grid.npy"):
-        assert load_boxes(Voxels(tmp_path / name, 0.1), "") == expected
+        assert boxes_in(read_map(Voxels(tmp_path / name, 0.1), "")) == expected
     (tmp_path / "room.bt").write_bytes(written(cells_of(0), "bt"))
     shapes = [
         Voxels(tmp_path / "grid.npz", 0.1, [0, 0, 1]),
@@ -193,7 +193,7 @@ def test_grids_in_files_and_scenes(tmp_path: Path) -> None:
         OctoMap(tmp_path / "room.bt", "occupied"),
         held := OctoMap(written(cells_of(0), "bt")),
     ]
-    assert load_boxes(OctoMap(tmp_path / "room.bt"), "") == load_boxes(held, "")
+    assert boxes_in(read_map(OctoMap(tmp_path / "room.bt"), "")) == boxes_in(read_map(held, ""))
     scene = Scene(robot="panda", obstacles=[*shapes, Box([1, 1, 1])], start="default", goal="default")
     scene.save(tmp_path / "saved.yaml")
     assert load_scene(tmp_path / "saved.yaml") == scene
@@ -214,7 +214,7 @@ def test_bad_grids_are_refused(tmp_path: Path, grid: Any, words: str) -> None:
         Voxels(grid, 0.1)
     (tmp_path / "grid.npy").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"obstacles.a.voxels: .*grid.npy: cannot be read"):
-        load_boxes(Voxels(tmp_path / "grid.npy", 0.1), "obstacles.a")
+        boxes_in(read_map(Voxels(tmp_path / "grid.npy", 0.1), "obstacles.a"))
 
 
 @pytest.mark.parametrize("moves", [False, True])

@@ -15,6 +15,7 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -117,7 +118,7 @@ def test_any_shape_is_held_where_its_pose_in_the_link_says(carry: Scene, shape: 
     for q in robot.draw(rng, 5):
         pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
         place = data.oMf[robot.model.getFrameId("panda_hand", pin.FrameType.BODY)].homogeneous @ held.pose.matrix
-        true = support(obstacle_pieces(Obstacle("thing", held.shape)), place, directions)
+        true = support(obstacle_pieces(with_content(Obstacle("thing", held.shape), "obstacles")), place, directions)
         carried = data.oMi[joint].homogeneous
         seen = support(inner, carried @ item.placement.homogeneous, directions)
         np.testing.assert_allclose(seen, true, rtol=0, atol=1e-9)

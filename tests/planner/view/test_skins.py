@@ -13,6 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
+from hdplan.planner.geometry.opened import opened
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.drawing import skins as module
@@ -156,7 +157,7 @@ def test_collision_and_outer_bodies_are_the_planners_and_the_certificates(name: 
 
 @pytest.mark.parametrize("name", [name for name in shipped_scenes() if name not in ("empty", "panda_camera")])
 def test_obstacles_are_drawn_in_their_true_shapes(name: str) -> None:
-    for obstacle in load_scene(name).obstacles:
+    for obstacle in opened(load_scene(name)).obstacles:
         mesh = obstacle_mesh(obstacle)
         support = np.max([piece.support(DIRECTIONS) for piece in obstacle_pieces(obstacle)], axis=0)
         seen = (np.asarray(mesh.vertices) @ DIRECTIONS.T).max(axis=0)

@@ -1,0 +1,168 @@
+"""Laws of the one door: files are read where scene and robot become a Setup, and nothing behind it opens them again."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.exact_proximity import obstacle_pieces
+from hdplan.planner.certificate.solids import obstacle_bodies
+from hdplan.planner.collision.halfspace_bodies import from_obstacle
+from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, load_mesh
+from hdplan.planner.geometry.opened import opened, with_content
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.page import page_of
+from hdplan.planner.pictures.scene import Picture
+from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.depth_images import DepthImage
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
+from hdplan.scenes.voxel_grids import Voxels
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="bar"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><origin xyz="0.5 0 0"/><geometry><mesh filename="bar.stl"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="9" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Files of every kind that a scene may name."""
+    place = tmp_path / "files"
+    place.mkdir()
+    (place / "arm.urdf").write_text(ARM)
+    trimesh.creation.box((1.0, 0.1, 0.1)).export(place / "bar.stl")
+    ring = trimesh.creation.annulus(0.05, 0.1, 0.05, sections=12)  # not convex
+    ring.export(place / "ring.stl")
+    np.save(place / "points.npy", np.random.default_rng(0).uniform(-0.05, 0.05, (50, 3)))
+    np.save(place / "image.npy", np.full((4, 5), 1.0))
+    grid = np.zeros((3, 3, 3), dtype=bool)
+    grid[1, 1] = True
+    np.save(place / "grid.npy", grid)
+    return place
+
+
+def scene_of(folder: Path) -> Scene:
+    shapes = {
+        "ring": Mesh(folder / "ring.stl"),
+        "cloud": Cloud(folder / "points.npy", 0.01, ignore_robot=0.001),
+        "view": Cloud(DepthImage(folder / "image.npy", (50.0, 50.0, 2.0, 2.0), scale=1.0)),
+        "grid": Voxels(folder / "grid.npy", 0.05),
+    }
+    places = ((0.0, 1.5, 0.0), (0.0, -1.5, 0.0), (-1.5, 0.0, -2.0), (0.0, 1.5, 0.5))
+    return Scene(
+        "all",
+        folder / "all.yaml",
+        RobotSpec(urdf=folder / "arm.urdf"),
+        (
+            *(Obstacle(name, shape, Pose(at)) for (name, shape), at in zip(shapes.items(), places, strict=True)),
+            Obstacle("comes", Mesh(folder / "ring.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=SteadyMotion((0.01, 0, 0))),
+        ),
+        JointTarget("start", (-0.4,)),
+        JointTarget("goal", (0.4,)),
+        attached=(Attached("held", "bar", Mesh(folder / "ring.stl"), Pose((1.1, 0.0, 0.0))),),
+        timing=Timing(duration=2.0),
+        planner=PlannerSettings(link_bodies="box"),
+    )
+
+
+def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
+    """The files are deleted once the Setup stands: planner, certificate and pictures say the same as with them."""
+    scene = scene_of(folder)
+    motion = Trajectory(("turn",), np.linspace(-0.4, 0.4, 5)[:, None], times=np.linspace(0.0, 2.0, 5))
+    before = Certifier(Setup.of(scene)).certify(motion, check_ends=False)
+    setup = Setup.of(replace(scene, name="again"))
+    shutil.rmtree(folder)
+    certificate = Certifier(setup).certify(motion, check_ends=False)
+    assert certificate.clearance == before.clearance is not None
+    assert certificate.text == before.text
+    problem = lay_out(setup, setup.query)
+    assert {body.name for body in problem.halfspace_bodies} == {each.name for each in scene.obstacles}
+    assert Picture.of(setup, motion).obstacle_points
+    assert page_of(setup, [ShownMotion.of("swept", motion, Certifier(setup), certificate)])
+    aimed = setup.aiming_at(JointTarget("goal", (0.3,)))
+    assert Certifier(aimed).nearest(np.array([0.3])) == Certifier(setup).nearest(np.array([0.3]))
+    assert setup.asked.obstacles[0] == scene.obstacles[0]  # by its file, to be shown and saved
+
+
+def test_a_file_is_read_once_and_anew_when_it_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, asked = scene_of(folder), list[Path]()
+
+    def counted(shape: Mesh, where: str) -> TriangleMesh:
+        asked.append(shape.file)
+        return load_mesh(shape, where)
+
+    monkeypatch.setattr("hdplan.planner.geometry.opened.load_mesh", counted)
+    first = Setup.of(scene)
+    count = len(asked)
+    assert Setup.of(replace(scene, name="again")).scene.obstacles == first.scene.obstacles
+    assert len(asked) == count
+    trimesh.creation.box((0.1, 0.1, 0.3)).export(folder / "ring.stl")
+    changed = Setup.of(scene)
+    assert len(asked) > count
+    assert changed.scene.obstacles[0] != first.scene.obstacles[0]
+    assert changed.robot is not first.robot
+
+
+def test_what_was_not_read_is_refused(folder: Path) -> None:
+    for obstacle in scene_of(folder).obstacles:
+        with pytest.raises(TypeError):
+            obstacle_bodies(obstacle)
+        with pytest.raises(TypeError):
+            from_obstacle(obstacle)
+    with pytest.raises(TypeError, match="is not one that was read"):
+        obstacle_pieces(scene_of(folder).obstacles[0])
+
+
+def test_reading_keeps_what_is_in_memory(folder: Path) -> None:
+    read = opened(scene_of(folder))
+    assert opened(read) is read
+    assert isinstance(read.obstacles[0].shape, ReadMesh)
+    assert with_content(read.attached[0], "attached") is read.attached[0]
+    (folder / "ring.stl").write_bytes((folder / "ring.stl").read_bytes()[:200])
+    with pytest.raises(InputError, match=r"all.yaml: obstacles.ring: mesh .*ring.stl: "):
+        opened(scene_of(folder))
+
+
+ROOT = Path(__file__).parents[3]
+CALLS = {
+    (getattr(node.func, "id", ""), ".".join(file.relative_to(ROOT).with_suffix("").parts))
+    for file in (ROOT / "planner").rglob("*.py")
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    if isinstance(node, ast.Call)
+}
+DOORS = {  # what opens files of geometry, and who may call it
+    "read_mesh_file": {"planner.geometry.meshes", "planner.view.drawing.skins"},  # the latter: looks alone
+    "load_mesh": {"planner.geometry.opened", "planner.robot.pin_model"},
+    "read_cloud": {"planner.geometry.opened"},
+    "read_map": {"planner.geometry.opened"},
+    "read_points": {"planner.geometry.clouds"},
+    "read_image": {"planner.geometry.depth_images"},
+    "balls_of": {"planner.geometry.clouds"},
+}
+
+
+@pytest.mark.parametrize("reader", DOORS)
+def test_only_the_door_reads(reader: str) -> None:
+    assert {user for called, user in CALLS if called == reader} == DOORS[reader]
