@@ -7,10 +7,12 @@ another reader refuses, or reads otherwise, is refused here.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+# Possessive (`++`): a million digits before a wrong letter are looked at once.
+_NUMBER = re.compile(r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?")
 _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
+_NUMBERS, _WHOLES = (re.compile(rf"{each.pattern}(?: {each.pattern})*") for each in (_NUMBER, _WHOLE))
 
 
 def read_number(word: str) -> float:
@@ -28,6 +30,15 @@ def read_whole(word: str) -> int:
     return int(word)
 
 
-def read_numbers(words: Iterable[str]) -> tuple[float, ...]:
-    """Return the numbers of several words. Raises ValueError for a word that is none."""
-    return tuple(map(read_number, words))
+def read_numbers(words: Sequence[str]) -> tuple[float, ...]:
+    """Return the numbers of several words, as `read_number` does."""
+    if not _NUMBERS.fullmatch(" ".join(words)):  # all at once, as meshes hold millions
+        return tuple(map(read_number, words))
+    return tuple(map(float, words))
+
+
+def read_wholes(words: Sequence[str]) -> tuple[int, ...]:
+    """Return the whole numbers of several words, as `read_whole` does."""
+    if not _WHOLES.fullmatch(" ".join(words)):
+        return tuple(map(read_whole, words))
+    return tuple(map(int, words))

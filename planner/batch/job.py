@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hdplan.planner.geometry.mesh_files import files_beside
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.scene import Scene
@@ -63,11 +64,13 @@ class Job:
 
 
 def _take(digest: Any, content: bytes, folder: Path) -> None:
-    """Add the content of a scene's file to a digest, and that of the files that it names: robots, meshes, clouds."""
+    """Add the content of a scene's file to a digest, and that of the files that it names: robots, meshes and
+    their buffers, clouds."""
     digest.update(content)
     for name in sorted({b"".join(found) for found in NAMED.findall(content)}):
         file = folder / name.decode(errors="replace").strip()
-        digest.update(_hash_of(file, stamps_of([file])))
+        for each in (file, *files_beside(file)):
+            digest.update(_hash_of(each, stamps_of([each])))
 
 
 @functools.lru_cache(maxsize=4096)

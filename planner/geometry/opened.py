@@ -11,13 +11,14 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from hdplan.planner.geometry.clouds import read_cloud
+from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import ReadMesh, load_mesh
 from hdplan.planner.geometry.voxel_grids import read_map
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import naming
-from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.files import Stamps
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
 from hdplan.scenes.scene import Scene
@@ -51,7 +52,7 @@ def with_content(holder: Holder, field: str) -> Holder:
 def _read(shape: Any, where: str) -> Any:
     match shape:
         case Mesh() if not isinstance(shape, ReadMesh):
-            return _read_mesh(shape, where, stamps_of([shape.file]))
+            return _read_mesh(shape, where, mesh_stamps([shape.file]))
         case Cloud():
             return read_cloud(shape, where)
         case OctoMap() | Voxels():

@@ -22,9 +22,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
+from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.files import Stamps
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.urdf_text import read_description
@@ -62,7 +63,8 @@ def read_model(
     up below `package_dirs`.
 
     Meshes are read by `load_mesh`, like those of scenes: Pinocchio's own reader accepts damaged files in part, and on
-    some it hangs or crashes the process. The stamps of the mesh files, taken before reading, are returned too.
+    some it hangs or crashes the process. The stamps of the mesh files, and of those beside them, taken before
+    reading, are returned too.
 
     Raises:
         InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
@@ -72,7 +74,7 @@ def read_model(
     for name, told in named.items():
         with naming(f"robot.urdf: {urdf}"):
             meshes[name] = told.link, *told.found(urdf, package_dirs)
-    stamps = stamps_of(sorted({file for _, file, _ in meshes.values()}))
+    stamps = mesh_stamps(sorted({file for _, file, _ in meshes.values()}))
     trees: dict[tuple[Path, Vector3], Any] = {}
     for item in geometry.geometryObjects:
         if item.name in meshes:

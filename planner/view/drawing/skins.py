@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
+from hdplan.planner.geometry.mesh_files import mesh_stamps, read_mesh_file, read_scene
 from hdplan.planner.geometry.meshes import LARGEST
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
 from hdplan.planner.geometry.shapes import operations, shape_of
@@ -46,6 +46,7 @@ PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
+SAME = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
@@ -85,7 +86,7 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
     for *_, named in read_visuals(urdf):
         with contextlib.suppress(InputError):  # said when it is to be drawn
             files += [named.found(urdf, package_dirs)[0]] if named else []
-    own, failed = _visual_skins(robot, urdf, package_dirs, stamps_of(dict.fromkeys([urdf, *files])))
+    own, failed = _visual_skins(robot, urdf, package_dirs, stamps_of([urdf]) + mesh_stamps(dict.fromkeys(files)))
     bare = {link for link, _ in failed} - {skin.link for skin in own}
     held = {attached.name for attached in robot.attached}
     drawn = own
@@ -182,27 +183,37 @@ def _parts(link: str, file: Path, scale: Vector3) -> Sequence[_Part]:
     with naming(f"link '{link}': mesh {file}"):
         if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST for factor in scale):
             raise InputError(f"scale must be three numbers other than 0, found {scale}")
-        parts = _read(file, stamps_of([file]))
+        parts = _read(file, mesh_stamps([file]))
     turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
     return [_Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
 
 
 @functools.lru_cache(maxsize=256)
 def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
-    """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is."""
-    vertices, _ = read_mesh_file(path)
+    """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is; without them where trimesh,
+    which reads colours, reads another geometry."""
+    vertices, triangles = read_mesh_file(path)
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST:
         raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST:g}")
     try:
-        scene = read_scene(path.read_bytes(), path)
-    except Exception as error:  # each reader fails in its own way, none in words for the user
-        raise InputError(f"cannot be read ({type(error).__name__}: {error})") from error
-    meshes: Iterable[Any] = scene.dump()
-    return tuple(
-        _Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
-        for mesh in meshes
-        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
-    )
+        meshes: Iterable[Any] = read_scene(path.read_bytes(), path).dump()
+        parts = tuple(
+            _Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
+            for mesh in meshes
+            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
+        )
+    except Exception:  # each fails in its own way; what it would add is colours
+        parts = ()
+    return parts if _same(parts, vertices[triangles]) else (_Part(vertices, triangles, None),)
+
+
+def _same(parts: Sequence[_Part], corners: Array) -> bool:
+    """Whether parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
+    found = np.concatenate([np.empty((0, 3, 3)), *(part.vertices[part.triangles] for part in parts)])
+    if len(found) != len(corners):
+        return False
+    one, other = (np.concatenate([each.min(axis=(0, 1)), each.max(axis=(0, 1))]) for each in (found, corners))
+    return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
 def _color_of(visual: Any) -> Color | None:

@@ -1,0 +1,84 @@
+"""What every reader of a mesh format returns, and polygons cut into it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import InputError
+
+Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
+
+ROUNDING = 1e-5  # of the largest coordinate: about what six written digits leave open
+NEAR = 10.0  # times a polygon's own largest coordinate, beyond which the rest of the file does not count
+WHOLE_TURN = 2.0 * np.pi - 1e-6  # [rad]
+HALF_TURN = np.pi - 1e-3  # [rad] as readers find it that calculate in single precision
+
+
+def fans(vertices: Array, counts: Rows, corners: Rows, place: Callable[[int], str]) -> Rows:
+    """Cut polygons into triangles (F, 3) that meet in the polygon's first corner.
+
+    `counts` (P,): corners of each polygon, 3 or more; `corners` (sum of counts,): rows of vertices; `place` names
+    polygon k in errors. The fan is the polygon, however others cut it, where the polygon is flat and seen whole from
+    its first corner, as every convex one is. A quadrilateral may also be bent, as others cut it the same way. Readers
+    disagree about the surface of any other: InputError.
+    """
+    starts = np.cumsum(counts) - counts
+    if (absent := (corners < 0) | (corners >= len(vertices))).any():
+        at = int(absent.argmax())
+        polygon = int(np.searchsorted(starts, at, side="right")) - 1
+        raise InputError(
+            f"{place(polygon)}: a face has vertex {corners[at]} (counted from 0); there are {len(vertices)} vertices"
+        )
+    ears = counts - 2
+    polygon_of = np.repeat(np.arange(len(counts)), ears)
+    second = starts[polygon_of] + 1 + np.arange(len(polygon_of)) - (np.cumsum(ears) - ears)[polygon_of]
+    triangles = corners[np.stack([starts[polygon_of], second, second + 1], axis=1)]
+    if len(many := np.flatnonzero(counts > 3)):
+        clear = _seen_whole(vertices, triangles[counts[polygon_of] > 3], ears[many], np.abs(vertices[corners]).max())
+        four = counts[many] == 4
+        clear[four] |= _bent(vertices[corners[starts[many[four], None] + np.arange(4)]])
+        if (wrong := ~clear).any():
+            at = int(many[wrong.argmax()])
+            raise InputError(
+                f"{place(at)}: a face of {counts[at]} corners is not flat and convex; readers disagree about its "
+                "surface: export it as triangles"
+            )
+    return triangles
+
+
+def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Array:
+    """Return which polygons are flat and lie whole in sight of their first corner, up to rounding: there no triangle of
+    the fan runs backwards, and together they make less than a whole turn."""
+    starts = np.cumsum(ears) - ears
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    with np.errstate(all="ignore"):  # what is not finite is not in sight
+        own = np.maximum.reduceat(np.abs(vertices[triangles]).max(axis=(1, 2)), starts)
+        tolerance = ROUNDING * np.minimum(largest, NEAR * own)
+        doubled = np.cross(b - a, c - a)
+        normals = np.add.reduceat(doubled, starts)
+        normal = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), ears, axis=0)
+        above = np.maximum(*(np.abs(np.einsum("ij,ij->i", x - a, normal)) for x in (b, c)))
+        area = np.einsum("ij,ij->i", doubled, normal)
+        longest = np.max([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)], axis=0)
+        backwards = np.where(area < 0.0, -area / longest, 0.0)
+        turn = np.add.reduceat(np.arctan2(area, np.einsum("ij,ij->i", b - a, c - a)), starts)
+        flat = np.maximum.reduceat(above, starts) <= tolerance
+        return np.asarray(flat & (np.add.reduceat(backwards, starts) <= tolerance) & (turn < WHOLE_TURN))
+
+
+def _bent(quads: Array) -> Array:
+    """Return which quadrilaterals (Q, 4, 3), flat or not, every reader cuts from the first corner to the third: the
+    halves look to the same side, whichever way it is cut, and no other corner is as wide as a half turn."""
+    a, b, c, d = np.moveaxis(quads, 1, 0)
+
+    def half(at: Array, one: Array, other: Array) -> tuple[Array, Array]:
+        normal = np.cross(one - at, other - at)
+        return normal, np.arctan2(np.linalg.norm(normal, axis=1), np.einsum("ij,ij->i", one - at, other - at))
+
+    with np.errstate(all="ignore"):
+        (abc, _), (acd, _), (bcd, left), (bda, right) = half(a, b, c), half(a, c, d), half(b, c, d), half(b, d, a)
+        same = (np.einsum("ij,ij->i", abc, acd) > 0.0) & (np.einsum("ij,ij->i", bcd, bda) > 0.0)
+        return np.asarray(same & (left + right < HALF_TURN) & (half(d, a, b)[1] + half(d, b, c)[1] < HALF_TURN))
