@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
@@ -94,6 +94,9 @@ class Relative(Checked):
             raise FieldError(f"must be another link than 'link', found {self.to!r} twice", "to")
 
 
+PathConstraint = Upright | Within | Relative
+
+
 @dataclass(frozen=True, repr=False)
 class PathConstraints(Checked):
     """Constraints on the whole motion, between the waypoints too."""
@@ -101,3 +104,9 @@ class PathConstraints(Checked):
     upright: Upright | None = None
     position: Within | None = None
     relative: Relative | None = None
+
+    @property
+    def asked(self) -> dict[str, PathConstraint]:
+        """The constraints that there are, by their fields in the scene: "path.upright"."""
+        given = {f"path.{each.name}": getattr(self, each.name) for each in fields(self)}
+        return {name: constraint for name, constraint in given.items() if constraint is not None}

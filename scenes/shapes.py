@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -144,6 +144,11 @@ class Mesh(Solid):
 
 
 Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
+
+
+def own_fields(shape: Any) -> dict[str, Any]:
+    """Return what a shape is made of, by name: all of its fields without its name and pose."""
+    return {each.name: getattr(shape, each.name) for each in fields(shape) if not each.kw_only}
 
 
 def check_unplaced(shape: Any, owner: str) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
+from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
@@ -77,6 +78,7 @@ def certify(
 
     Raises:
         InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used.
+        UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
@@ -124,6 +126,8 @@ class Certifier:
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
         kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
+        self._asked, self._asked_ends = asked_of(scene, robot), ends_of(scene)
+        self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
@@ -167,9 +171,14 @@ class Certifier:
             None if group in unproven or not np.isfinite(bound) else bound
             for group, bound in enumerate(proof.clearance)
         )
+        ends = self.ends.misses(curve) if check_ends else {}
+        if not beyond:
+            covered = {name for finding in limits for name in finding.covered}
+            covered |= ends.keys() | (path.covered if path else set())
+            refuse_gaps(self._asked | (self._asked_ends if check_ends else set()), self._compared | covered)
         found = Findings(
             curve,
-            self.ends.wrong(curve) if check_ends else None,
+            next(filter(None, ends.values()), None),
             beyond,
             failures,
             tuple(spot.touching for spot in proof.failures),

@@ -183,8 +183,11 @@ def _distance(
     halfspace_bodies: tuple[HalfspaceBody, ...],
     settings: PlannerSettings,
 ) -> PairDistance:
-    if settings.distance == "fcl":
-        from hdplan.planner.collision.euclidean import FclPairs
+    match settings.distance:
+        case "hdsdf":
+            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+        case "fcl":
+            from hdplan.planner.collision.euclidean import FclPairs
 
-        return FclPairs(pairs, bodies, halfspace_bodies)
-    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+            return FclPairs(pairs, bodies, halfspace_bodies)
+    raise ValueError(f"no distance is known as {settings.distance!r}")

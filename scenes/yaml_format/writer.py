@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
@@ -76,6 +76,10 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
             entry["motion"] = {"velocity": list(velocity), "spin": list(spin)}
         case TimedPoses(times, poses):
             entry["motion"] = {"times": list(times), "poses": [_pose(pose) for pose in poses]}
+        case None:
+            pass
+        case _:
+            assert_never(obstacle.motion)
     return entry
 
 
@@ -98,24 +102,24 @@ def _effects(scene: Scene) -> dict[str, Any]:
         inertia = list(payload.inertia)
         sections["payload"] = {"link": payload.link, "mass": payload.mass, "com": list(payload.com), "inertia": inertia}
     if path != PathConstraints():
-        sections["path"] = {}
-    if (upright := path.upright) is not None:
-        entry = {"link": upright.link, "axis": list(upright.axis), "tolerance": upright.tolerance}
-        sections["path"]["upright"] = entry
-    if (within := path.position) is not None:
-        entry = {"link": within.link, "size": list(within.size), **_pose(within.pose), "point": list(within.point)}
-        sections["path"]["position"] = entry
-    if (relative := path.relative) is not None:
-        pose = {} if relative.pose is None else {"pose": _pose(relative.pose)}
-        allowed = {
-            "position_tolerance": relative.position_tolerance,
-            "orientation_tolerance": relative.orientation_tolerance,
-        }
-        sections["path"]["relative"] = {"link": relative.link, "to": relative.to, **pose, **allowed}
+        sections["path"] = {name.removeprefix("path."): _constraint(asked) for name, asked in path.asked.items()}
     if timing is not None:
         when = {"scale": timing.scale} if timing.duration is None else {"duration": timing.duration}
         sections["timing"] = {**when, "rate": timing.rate}
     return sections
+
+
+def _constraint(asked: PathConstraint) -> dict[str, Any]:
+    match asked:
+        case Upright(link, axis, tolerance):
+            return {"link": link, "axis": list(axis), "tolerance": tolerance}
+        case Within(link, size, pose, point):
+            return {"link": link, "size": list(size), **_pose(pose), "point": list(point)}
+        case Relative(link, to, pose, place, turn):
+            where = {} if pose is None else {"pose": _pose(pose)}
+            return {"link": link, "to": to, **where, "position_tolerance": place, "orientation_tolerance": turn}
+        case _:
+            assert_never(asked)
 
 
 def _joint_values(values: JointValues | None) -> Any:
