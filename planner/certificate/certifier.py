@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
-from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
+from hdplan.planner.certificate.coverage import ENDS, asked_of, compared, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
@@ -126,7 +126,7 @@ class Certifier:
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
         kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
-        self._asked, self._asked_ends = asked_of(scene, robot), ends_of(scene)
+        self._asked = asked_of(scene, robot)
         self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
 
     @cached_property
@@ -175,7 +175,7 @@ class Certifier:
         if not beyond:
             covered = {name for finding in limits for name in finding.covered}
             covered |= ends.keys() | (path.covered if path else set())
-            refuse_gaps(self._asked | (self._asked_ends if check_ends else set()), self._compared | covered)
+            refuse_gaps(self._asked | (ENDS if check_ends else set()), self._compared | covered)
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),

@@ -64,12 +64,13 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     PlannerSettings: (  # all but the clearance are about how a motion is found
         "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
     ),
-    Timing: "duration scale rate",
+    Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
     Pose: "position quaternion_xyzw",
     FixedArray: "array",
 }
 
 
+ENDS = frozenset({"start", "goal"})
 NUMBERS = (float, int, str)  # which hold nothing
 
 
@@ -87,13 +88,8 @@ def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
 
 
 def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name; its ends and its duration are `ends_of`."""
+    """Return what a scene asks of a motion of its robot, by name, beside its ends (ENDS)."""
     return frozenset(_asked(scene, robot))
-
-
-def ends_of(scene: Scene) -> frozenset[str]:
-    """Return what a scene asks of where and when a motion begins and ends."""
-    return frozenset({"start", "goal", *(["timing.duration"] if scene.end_time else [])})
 
 
 def _asked(scene: Scene, robot: Robot) -> Iterator[str]:

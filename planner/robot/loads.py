@@ -17,7 +17,6 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.scene import Scene
 
-
 MASS = 1e-6  # [–] and [kg] by which sums of masses may differ: rounding
 
 

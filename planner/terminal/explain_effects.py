@@ -20,6 +20,13 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget
 from hdplan.scenes.timing import Timing
+from hdplan.scenes.values import require_fields
+
+require_fields(
+    Scene,
+    "obstacles self_collision attached payload goal robot path timing limits "  # are effects
+    "start planner from_request name source notes",  # are shown in other parts of the explanation
+)
 
 
 class Effect(NamedTuple):

@@ -10,18 +10,52 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, assert_never
 
-from hdplan.scenes.attached import Attached
+from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
+from hdplan.scenes.values import require_fields
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.scenes.yaml_format.seen import seen_entry
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1
+WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes itself by its fields is not listed
+    Scene: (
+        "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
+        "timing notes"
+    ),
+    RobotSpec: "name urdf srdf package_dirs group base base_joints locked ignore_pairs source",
+    PlanarBase: "x y yaw kind",
+    Pose: "position quaternion_xyzw",
+    Obstacle: "name shape pose clearance motion",
+    SteadyMotion: "velocity spin",
+    TimedPoses: "times poses",
+    Cloud: "points radius voxel drop_nan ignore_robot ignore name pose",
+    Ignored: "margin link obstacle",
+    DepthImage: "image intrinsics scale range",
+    Voxels: "occupied size origin name pose",
+    OctoMap: "source unknown name pose",
+    Attached: "name link shape pose touch_links mass",
+    JointTarget: "field positions by_name state",
+    PoseTarget: "link pose position_tolerance orientation_tolerance free_rotation field",
+    SelfCollision: "checked clearance",
+    Payload: "link mass com inertia",
+    Upright: "link axis tolerance",
+    Within: "link size pose point",
+    Relative: "link to pose position_tolerance orientation_tolerance",
+    Timing: "duration scale rate",
+}
+for _kind, _known in WRITTEN.items():
+    require_fields(_kind, _known)
 
 
 def scene_text(scene: Scene) -> str:
