@@ -54,6 +54,7 @@ class Operations:
     triangles: Callable[[Any, str], trimesh.Trimesh]  # for drawing
     outline: Outline | None = None  # hulls of points and meshes have no formulas
     from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and its geometry as a shape
+    sizes: str = ""  # those of its fields that may be scaled at random [m]
 
 
 def operations(shape: Shape) -> Operations:
@@ -142,6 +143,7 @@ TABLE: dict[type, Operations] = {
             round_about="nothing",
         ),
         from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
+        sizes="size",
     ),
     Sphere: Operations(
         fields="radius",
@@ -156,6 +158,7 @@ TABLE: dict[type, Operations] = {
             round_about="centre",
         ),
         from_coal=(coal.Sphere, lambda found: Sphere(found.radius)),
+        sizes="radius",
     ),
     Ellipsoid: Operations(
         fields="radii",
@@ -170,6 +173,7 @@ TABLE: dict[type, Operations] = {
             round_about="centre",
         ),
         from_coal=(coal.Ellipsoid, lambda found: Ellipsoid(tuple(np.asarray(found.radii).tolist()))),
+        sizes="radii",
     ),
     Cylinder: Operations(
         fields="radius length",
@@ -184,6 +188,7 @@ TABLE: dict[type, Operations] = {
             round_about="axis",
         ),
         from_coal=(coal.Cylinder, lambda found: Cylinder(found.radius, 2.0 * found.halfLength)),
+        sizes="radius length",
     ),
     Capsule: Operations(
         fields="radius length",
@@ -198,6 +203,7 @@ TABLE: dict[type, Operations] = {
             round_about="axis",
         ),
         from_coal=(coal.Capsule, lambda found: Capsule(found.radius, 2.0 * found.halfLength)),
+        sizes="radius length",
     ),
     Points: Operations(
         fields="points",

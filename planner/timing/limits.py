@@ -71,12 +71,15 @@ class RateLimit:
         """Compute it by the chain rule."""
         slope, bend, twist = samples.slopes
         first, second, third = samples.rates
-        if self.order == 1:
-            rate = slope * first
-        elif self.order == 2:
-            rate = bend * first**2 + slope * second
-        else:
-            rate = twist * first**3 + 3 * bend * first * second + slope * third
+        match self.order:
+            case 1:
+                rate = slope * first
+            case 2:
+                rate = bend * first**2 + slope * second
+            case 3:
+                rate = twist * first**3 + 3 * bend * first * second + slope * third
+            case order:
+                raise LookupError(f"no time law keeps limits of the derivative of order {order}")
         share: Array = np.abs(rate / self.limit).max(axis=1)
         return share ** (1 / self.order)
 
