@@ -151,6 +151,11 @@ def own_fields(shape: Any) -> dict[str, Any]:
     return {each.name: getattr(shape, each.name) for each in fields(shape) if not each.kw_only}
 
 
+def files_of(shape: Any) -> list[Path]:
+    """Return the files that a shape is read from."""
+    return [value for value in own_fields(shape).values() if isinstance(value, Path)]
+
+
 def check_unplaced(shape: Any, owner: str) -> None:
     """Refuse a shape with its own name or pose where its owner has them."""
     for key in ("name", "pose"):

@@ -88,12 +88,14 @@ def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
 
 
 def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name, beside its ends (ENDS)."""
+    """Return what a scene asks of a motion of its robot, by name, beside its ends (ENDS). Raises UncheckedError for
+    what no certificate can cover, as this module has never heard of it."""
+    if unknown := sorted(_unknown(scene, "")):
+        raise UncheckedError(f"no certificate: the certificate knows nothing of {', '.join(unknown)}")
     return frozenset(_asked(scene, robot))
 
 
 def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
-    yield from _unknown(scene, "")
     yield from (f"robot: {link}" for link in robot.links)
     for obstacle in scene.obstacles:
         where = f"obstacles.{obstacle.name}"
@@ -115,7 +117,7 @@ def _unknown(value: object, where: str) -> Iterator[str]:
     `exact_proximity.PIECES` and `geometry.shapes.TABLE` know all of their fields, or fail."""
     known, names = _known(type(value))
     if known is None:
-        yield f"{where} ({type(value).__name__})"
+        yield f"{where or 'a scene'} of class {type(value).__name__}"
     for name in names:
         inner, place = getattr(value, name), f"{where}.{name}" if where else name
         if known is not None and name not in known:

@@ -20,7 +20,7 @@ from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import ForkSafeLock, made_once
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.shapes import files_of
 from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
@@ -44,8 +44,8 @@ def load_scene_robot(scene: Scene) -> Robot:
         if scene.limits.position:
             robot = _narrowed(robot, tuple(scene.limits.position.items()))
         if scene.attached:
-            meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
-            robot = _holding(robot, scene.attached, stamps_of(meshes))
+            files = [str(file) for held in scene.attached for file in files_of(held.shape)]
+            robot = _holding(robot, scene.attached, stamps_of(files))
     if scene.self_collision.clearance:
         robot = _all_kept_apart(robot)
     return robot if scene.self_collision.checked else _unchecked(robot)
