@@ -11,8 +11,9 @@ from hdplan.planner.geometry.clouds import load_balls
 from hdplan.planner.geometry.voxel_grids import load_boxes
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.obstacles import Obstacle, Seen
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once, read_only
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 if TYPE_CHECKING:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -33,15 +34,17 @@ def obstacle_bodies(obstacle: Obstacle) -> list[Body]:
     """Return the pieces of an obstacle's true shape. Raises InputError for files that cannot be used."""
     name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
     where, shape = f"obstacles.{name}", obstacle.shape
-    if not isinstance(shape, Seen):
-        return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
-    if motion is not None:
-        if isinstance(shape, Cloud):
+    match shape:
+        case Cloud() if motion is None:
+            pieces, frames = standing_pieces(load_balls(shape, where))
+        case Cloud():
             return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(load_balls(shape, where))]
-        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(load_boxes(shape, where))]
-    pieces, frames = (
-        standing_pieces(load_balls(shape, where)) if isinstance(shape, Cloud) else box_pieces(load_boxes(shape, where))
-    )
+        case Voxels() | OctoMap() if motion is None:
+            pieces, frames = box_pieces(load_boxes(shape, where))
+        case Voxels() | OctoMap():
+            return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(load_boxes(shape, where))]
+        case _:
+            return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
     return [Body(name, piece, 0, place) for piece, place in zip(pieces, read_only(pose @ frames), strict=True)]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import assert_never
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from hdplan.scenes.errors import FieldError, InputError, naming, nearest
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
-from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, checked_grid
+from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, Voxels, checked_grid
 
 
 def load_boxes(shape: Map, field: str) -> FixedArray:
@@ -22,28 +23,39 @@ def load_boxes(shape: Map, field: str) -> FixedArray:
 
     Raises InputError for a file that is missing, damaged, too large or without an occupied cell.
     """
-    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
-    where = f"{field}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}"
+    kind, source = _kind_and_source(shape)
+    where = f"{field}.{kind}"
     with naming(f"{where}: {source}" if isinstance(source, Path) else where):
         return _boxes(shape, stamps_of([source] if isinstance(source, Path) else []))
 
 
 def map_words(shape: Map, field: str) -> str:
     """Return what `hdplan explain` says of a map. Raises InputError as `load_boxes`."""
-    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
-    kind = "octomap" if isinstance(shape, OctoMap) else "voxels"
+    kind, source = _kind_and_source(shape)
     return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
+
+
+def _kind_and_source(shape: Map) -> tuple[str, Path | bytes | FixedArray]:
+    match shape:
+        case OctoMap(source):
+            return "octomap", source
+        case Voxels(occupied):
+            return "voxels", occupied
+        case _:
+            assert_never(shape)
 
 
 @made_once(8)
 def _boxes(shape: Map, stamps: Stamps) -> FixedArray:
     """Read and merge; the stamps make a file that was written again another one."""
-    if isinstance(shape, OctoMap):
-        grid, size, origin = _of_octomap(shape)
-    else:
-        source = shape.occupied
-        grid = source.array.astype(bool) if isinstance(source, FixedArray) else _read(source)
-        size, origin = shape.size, np.array(shape.origin)
+    match shape:
+        case OctoMap():
+            grid, size, origin = _of_octomap(shape)
+        case Voxels(source):
+            grid = source.array.astype(bool) if isinstance(source, FixedArray) else _read(source)
+            size, origin = shape.size, np.array(shape.origin)
+        case _:
+            assert_never(shape)
     low, high = merged(grid)
     return FixedArray(np.hstack([origin + size * low, origin + size * high]))
 
