@@ -37,8 +37,8 @@ class ObstacleMotion:
         match motion := obstacle.motion:
             case None:
                 return cls._steady(obstacle, rest, rest)
-            case SteadyMotion(velocity, spin):
-                return cls._steady(obstacle, np.array([velocity]), np.array([spin]))
+            case SteadyMotion():
+                return cls._steady(obstacle, np.array([motion.velocity]), np.array([motion.spin]))
             case TimedPoses():
                 times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
             case _:

@@ -70,7 +70,7 @@ class PathProof:
     @property
     def covered(self) -> frozenset[str]:
         """The fields of the scene of which constraints were proven, or found not to hold: "path.upright"."""
-        return frozenset(".".join(each.field.split(".")[:2]) for each in self.kept)
+        return frozenset(each.field for each in self.kept)
 
 
 class PathCheck:
