@@ -3,7 +3,8 @@
 It shares nothing with the planner that made the trajectory: it uses Pinocchio's own kinematics, the robot's real
 collision geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples
 (`curve`, `motion_bounds`, `collision_proof`). Where the scene has them, it covers moving obstacles, joint limits
-(`limit_checks`) and path constraints (`path_check`).
+(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene asks
+(`coverage`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move relative to each other
 (a robot's base and the floor on which it stands) are not compared.
 """
@@ -174,8 +175,9 @@ class Certifier:
         ends = self.ends.misses(curve) if check_ends else {}
         if not beyond:
             covered = {name for finding in limits for name in finding.covered}
+            covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
-            refuse_gaps(self._asked | (ENDS if check_ends else set()), self._compared | covered)
+            refuse_gaps(self._asked | (ENDS if check_ends else set()), frozenset(covered))
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),

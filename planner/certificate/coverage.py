@@ -106,10 +106,10 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
         yield "self_collision"
     limited = {each.name for each in fields(scene.limits) if getattr(scene.limits, each.name) not in (None, {})}
     yield from (f"limits.{name}" for name in ({*limited, "velocity"} if scene.timed else limited))
-    for name in _names(type(scene.path)):
-        if (constraint := getattr(scene.path, name)) is not None:
-            parts = [part for part in _names(type(constraint)) if part.endswith("_tolerance")]  # each is one of its own
-            yield from (f"path.{name}.{part}" for part in parts) if parts else (f"path.{name}",)
+    for each in fields(scene.path):
+        if (constraint := getattr(scene.path, each.name)) is not None:
+            parts = [part.name for part in fields(constraint) if part.name.endswith("_tolerance")]  # one proof each
+            yield from (f"path.{each.name}.{part}" for part in parts) if parts else (f"path.{each.name}",)
     if any(name in limited and each.order is None for name, each in QUANTITIES.items()):  # what masses matter to
         yield from ["payload"] if scene.payload is not None else []
         yield from (f"attached.{held.name}.mass" for held in scene.attached if held.mass is not None)
@@ -118,9 +118,10 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
 def _unknown(value: Any, where: str) -> Iterator[str]:
     """Yield the values and fields within a scene that this module has never heard of. Shapes are their own affair:
     `exact_proximity.PIECES` and `geometry.shapes.TABLE` know all of their fields, or fail."""
-    known, names = _known(type(value))
+    kind: Any = type(value)
+    known, names = _known(kind)
     if known is None:
-        yield f"{where or 'a scene'} of class {type(value).__name__}"
+        yield f"{where or 'a scene'} of class {kind.__name__}"
     for name in names:
         inner, place = getattr(value, name), f"{where}.{name}" if where else name
         if known is not None and name not in known:
@@ -137,13 +138,8 @@ def _known(kind: type[Any]) -> tuple[frozenset[str] | None, tuple[str, ...]]:
     """Return the fields of a class that are known, None for a class of a scene that is not, and all its fields."""
     if not is_dataclass(kind) or issubclass(kind, Solid):
         return frozenset(), ()
-    names, listed = _names(kind), FIELDS.get(kind)
+    names, listed = tuple(each.name for each in fields(kind)), FIELDS.get(kind)
     return None if listed is None else frozenset(names if listed == ANY else listed.split()), names
-
-
-@functools.cache
-def _names(kind: type[Any]) -> tuple[str, ...]:
-    return tuple(each.name for each in fields(kind))
 
 
 def compared(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Array, own: int) -> frozenset[str]:

@@ -206,8 +206,9 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         *_touching(closest, between_links),
     )
     duration = last - first if timed else None
-    found = (duration, curve, joints, closest, between_links, len(samples), execution, failures)
-    return Simulation(*found, others, by_file)
+    return Simulation(
+        duration, curve, joints, closest, between_links, len(samples), execution, failures, others, by_file
+    )
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
