@@ -22,9 +22,11 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.scenes.errors import HdplanError, OutOfTime
+from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.values import require_fields
 
 MOST_SECONDS = 10.0  # for one trial
 CLOSER = (0.9, 0.5, 0.0)  # times the clearance
@@ -34,6 +36,12 @@ LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
 AROUND, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
 REFUSALS = ("too_hurried", "bad_input", "goal_not_reached", "internal")  # and what begins with `end_`
 SAID = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that name their cause
+
+require_fields(
+    Scene,
+    "obstacles self_collision limits path timing planner goal "  # are loosened or left out on trial
+    "robot attached payload start from_request name source notes",  # are what the problem is
+)
 
 
 @dataclass(frozen=True)
@@ -122,9 +130,10 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
             slower = dataclasses.replace(timing, duration=share * timing.duration)
             setting = f"timing.duration: {slower.duration:.4g}"
             yield _Trial("too_hurried", setting, dataclasses.replace(scene, timing=slower), seconds)
-    if searched and scene.limits.torque is not None:
-        limits = dataclasses.replace(scene.limits, torque=None)
-        yield _Trial("torque", "without limits.torque", dataclasses.replace(scene, limits=limits), seconds)
+    for name in (name for name, quantity in QUANTITIES.items() if quantity.order is None):  # rates: with more time
+        if searched and getattr(scene.limits, name) is not None:
+            limits = dataclasses.replace(scene.limits, **{name: None})  # type: ignore[arg-type]
+            yield _Trial("torque", f"without limits.{name}", dataclasses.replace(scene, limits=limits), seconds)
     if (searched or cause == "end_off_path") and scene.path != PathConstraints():
         yield _Trial("path_constraint", "without path", dataclasses.replace(scene, path=PathConstraints()), seconds)
     if searched or cause == "end_too_close":

@@ -9,12 +9,13 @@ to the other by the shortest turn (exact).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 
 Array = NDArray[np.float64]
 
@@ -32,11 +33,16 @@ class ObstacleMotion:
     @classmethod
     def of(cls, obstacle: Obstacle) -> ObstacleMotion:
         """Return the motion of an obstacle; for one that stands still, a single segment at rest."""
-        motion, rest = obstacle.motion, np.zeros((1, 3))
-        if motion is None or isinstance(motion, SteadyMotion):
-            velocity, spin = (rest, rest) if motion is None else np.array([[motion.velocity], [motion.spin]])
-            return cls(np.array([-np.inf]), np.zeros(1), obstacle.pose.matrix[None].copy(), velocity, spin)
-        times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
+        rest = np.zeros((1, 3))
+        match motion := obstacle.motion:
+            case None:
+                return cls._steady(obstacle, rest, rest)
+            case SteadyMotion():
+                return cls._steady(obstacle, np.array([motion.velocity]), np.array([motion.spin]))
+            case TimedPoses():
+                times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
+            case _:
+                assert_never(motion)
         widths = np.diff(times)[:, None]
         turns = scipy.spatial.transform.Rotation.from_matrix(
             poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)
@@ -50,6 +56,10 @@ class ObstacleMotion:
             np.concatenate([rest, velocity, rest]),
             np.concatenate([rest, spin, rest]),
         )
+
+    @classmethod
+    def _steady(cls, obstacle: Obstacle, velocity: Array, spin: Array) -> ObstacleMotion:
+        return cls(np.array([-np.inf]), np.zeros(1), obstacle.pose.matrix[None].copy(), velocity, spin)
 
     def at(self, times: Array) -> Array:
         """Return the obstacle's poses (k, 4, 4) at times (k,) [s]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Annotated, assert_never
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import EXACT, Place, Pose, Vector3
@@ -94,6 +94,9 @@ class Relative(Checked):
             raise FieldError(f"must be another link than 'link', found {self.to!r} twice", "to")
 
 
+PathConstraint = Upright | Within | Relative
+
+
 @dataclass(frozen=True, repr=False)
 class PathConstraints(Checked):
     """Constraints on the whole motion, between the waypoints too."""
@@ -101,3 +104,24 @@ class PathConstraints(Checked):
     upright: Upright | None = None
     position: Within | None = None
     relative: Relative | None = None
+
+    @property
+    def asked(self) -> dict[str, PathConstraint]:
+        """The constraints that there are, by their fields in the scene: "path.upright"."""
+        given = {f"path.{each.name}": getattr(self, each.name) for each in fields(self)}
+        return {name: constraint for name, constraint in given.items() if constraint is not None}
+
+    @property
+    def regions(self) -> tuple[Within, ...]:
+        """The constraints that can be drawn: boxes in which points of links are to stay."""
+        return tuple(box for asked in self.asked.values() for box in _region(asked))
+
+
+def _region(asked: PathConstraint) -> tuple[Within, ...]:
+    match asked:
+        case Within():
+            return (asked,)
+        case Upright() | Relative():
+            return ()
+        case _:
+            assert_never(asked)

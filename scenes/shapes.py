@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,6 +43,11 @@ class Solid(Checked):
 
     name: Name | None = field(default=None, kw_only=True)  # None: obstacle0, obstacle1, …, by its index in the list
     pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: the identity
+
+    @property
+    def asked(self) -> Any:
+        """The shape as a file holds it: itself, or that from which it was read."""
+        return self
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,6 +149,19 @@ class Mesh(Solid):
 
 
 Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
+
+
+_PLACED = ("name", "pose")  # of any shape, in a list of obstacles
+
+
+def own_fields(shape: Any) -> dict[str, Any]:
+    """Return what a shape is made of, by name: all of its fields without its name and pose."""
+    return {each.name: getattr(shape, each.name) for each in fields(shape) if each.init and each.name not in _PLACED}
+
+
+def files_of(shape: Any) -> list[Path]:
+    """Return the files that a shape is read from."""
+    return [value for value in own_fields(shape).values() if isinstance(value, Path)]
 
 
 def check_unplaced(shape: Any, owner: str) -> None:

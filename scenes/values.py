@@ -125,6 +125,13 @@ class Row:
         return tuple(found)
 
 
+def require_fields(kind: type, known: str) -> None:
+    """Raise TypeError if a class has other fields than those named: for code that takes its objects apart, so that a
+    field that somebody adds is not passed over there."""
+    if unknown := [each.name for each in fields(kind) if each.name not in known.split()]:
+        raise TypeError(f"{kind.__name__} has fields that are not dealt with here: {', '.join(unknown)}")
+
+
 def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     """Tell whether a value is a list, a tuple or an array."""
     return isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)

@@ -84,7 +84,9 @@ def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
 
 
 def test_skins_are_read_only() -> None:
-    skins = pytest.importorskip("hdplan.planner.view.drawing.skins", reason="the viewer is optional")
+    pytest.importorskip("viser", reason="the viewer is optional")
+    from hdplan.planner.view.drawing import skins
+
     scene = load_scene("planar_arm")
     robot = load_scene_robot(scene)
     drawn = skins.collision_skins(robot), skins.outer_skins(robot, "fitted"), skins.visual_skins(robot, scene.robot)

@@ -12,23 +12,20 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Sphere
+from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.values import Choice, Number, Whole, checked
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.scenes.yaml_format.variants import load_variant
 
 GOALS = ("joints", "pose")
 MOST_TRIES = 1000  # draws of one end, or of obstacles, before a problem is given up
-SIZES: dict[type, tuple[str, ...]] = {
-    **{Box: ("size",), Sphere: ("radius",), Ellipsoid: ("radii",)},
-    **{Cylinder: ("radius", "length"), Capsule: ("radius", "length")},
-}
 
 
 @dataclass
@@ -141,7 +138,8 @@ def _moved(file: Path, rng: np.random.Generator, jitter: float, resize: float) -
             place = obstacle.pose.position + rng.uniform(-jitter, jitter, 3)
             yield from ((f"{where}.pose.position.{i}", float(x)) for i, x in enumerate(place))
         if resize:
-            for name in SIZES.get(type(obstacle.shape), ()):
+            sizes = "" if isinstance(obstacle.shape, Seen) else operations(obstacle.shape).sizes
+            for name in sizes.split():  # what was measured keeps its size
                 size = np.asarray(getattr(obstacle.shape, name)) * rng.uniform(1.0 - resize, 1.0 + resize)
                 if size.ndim:
                     yield from ((f"{where}.shape.{name}.{i}", float(x)) for i, x in enumerate(size))

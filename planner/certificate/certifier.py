@@ -3,7 +3,8 @@
 It shares nothing with the planner that made the trajectory: it uses Pinocchio's own kinematics, the robot's real
 collision geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples
 (`curve`, `motion_bounds`, `collision_proof`). Where the scene has them, it covers moving obstacles, joint limits
-(`limit_checks`) and path constraints (`path_check`).
+(`limit_checks`) and path constraints (`path_check`); at the end, what was checked is compared with what the scene asks
+(`coverage`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move relative to each other
 (a robot's base and the floor on which it stands) are not compared.
 """
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
+from hdplan.planner.certificate.coverage import ENDS, asked_of, compared, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
@@ -77,6 +79,7 @@ def certify(
 
     Raises:
         InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used.
+        UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
@@ -124,6 +127,8 @@ class Certifier:
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
         kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
+        self._asked = asked_of(scene, robot)
+        self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
@@ -167,9 +172,15 @@ class Certifier:
             None if group in unproven or not np.isfinite(bound) else bound
             for group, bound in enumerate(proof.clearance)
         )
+        ends = self.ends.misses(curve) if check_ends else {}
+        if not beyond:
+            covered = {name for finding in limits for name in finding.covered}
+            covered |= self._compared if proof.whole else set()
+            covered |= ends.keys() | (path.covered if path else set())
+            refuse_gaps(self._asked | (ENDS if check_ends else set()), frozenset(covered))
         found = Findings(
             curve,
-            self.ends.wrong(curve) if check_ends else None,
+            next(filter(None, ends.values()), None),
             beyond,
             failures,
             tuple(spot.touching for spot in proof.failures),

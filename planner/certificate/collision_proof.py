@@ -56,6 +56,7 @@ class Proof:
     failures: tuple[Spot, ...] = ()  # every waypoint interval and pair without proof, with the worst place found there
     configurations: int = 0  # at which distances were computed
     exact_calls: int = 0  # of the exact distance
+    whole: bool = True  # whether no pair was passed over, but for a contact that ended the search
 
 
 class Sweep:
@@ -116,7 +117,7 @@ class _Run:
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
-        self.configurations = self.exact_calls = 0
+        self.configurations = self.exact_calls = self.looked_at = 0
         self.parts = PartBounds(self.bodies, self.pairs)
         self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
@@ -133,6 +134,7 @@ class _Run:
             tuple(sorted(self.failures.values(), key=lambda spot: (spot.interval, spot.distance))),
             self.configurations,
             self.exact_calls,
+            self.looked_at == len(self.pairs.a) or self._settled(),
         )
 
     def _prove_all(self) -> None:
@@ -146,6 +148,7 @@ class _Run:
         while first < len(order):
             more = size if grouped is None or first == 0 else WIDER * size  # groups leave few of their items
             pairs, first = order[first : first + more], first + more
+            self.looked_at += len(pairs)
             group = self.pairs.group[pairs]
             done = far[pairs] >= self._enough(pairs)
             for which in (0, 1):

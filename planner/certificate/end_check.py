@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 
@@ -26,13 +27,14 @@ class EndCheck:
     scene: Scene
     robot: Robot
 
-    def wrong(self, curve: Curve) -> str | None:
-        """Say how a motion misses the start, or else the goal; None if it reaches both."""
-        waypoints = curve.rows
+    def misses(self, curve: Curve) -> dict[str, str | None]:
+        """Say for each field about the ends how a motion misses it, the start first; None for one that it meets."""
         with naming(self.scene.source):
             start = self.robot.configuration(self.scene.start, self.scene.from_request)
-            at_start, at_goal = self._off("first", waypoints[0], start, "start"), self.off_goal(waypoints[-1])
-        return at_start or at_goal
+            return {
+                "start": self._off("first", curve.rows[0], start, "start"),
+                "goal": self.off_goal(curve.rows[-1]),
+            }
 
     def placed(self, curve: Curve) -> Iterator[tuple[str, Array, float]]:
         """Yield the scene's ends: field, configuration (n,), time [s]. If the scene leaves a choice of goals, the goal
@@ -40,32 +42,42 @@ class EndCheck:
         goal, scene = self.scene.goal, self.scene
         with naming(scene.source):
             yield scene.start.field, self.robot.configuration(scene.start, scene.from_request), 0.0
-            if isinstance(goal, JointTarget):
-                yield goal.field, self.robot.configuration(goal, scene.from_request), scene.end_time
-                return
-            reached = next((target for target in goal.targets if not self._missing(curve.rows[-1], target)), None)
-            if reached is not None:
-                yield reached.field, curve.rows[-1], scene.end_time
+            match goal:
+                case JointTarget():
+                    yield goal.field, self.robot.configuration(goal, scene.from_request), scene.end_time
+                case Goals(targets):
+                    reached = next((target for target in targets if not self._missing(curve.rows[-1], target)), None)
+                    if reached is not None:
+                        yield reached.field, curve.rows[-1], scene.end_time
+                case _:
+                    assert_never(goal)
 
     def off_goal(self, q: Array) -> str | None:
         """Say how configuration q (n,) as the last waypoint misses the scene's goal, or the first of several; None if
         it reaches one."""
-        goal = self.scene.goal
-        if isinstance(goal, JointTarget):
-            return self._off("last", q, self.robot.configuration(goal, self.scene.from_request), "goal")
-        misses = [self._missing(q, target) for target in goal.targets]
-        return misses[0] if all(misses) else None
+        match goal := self.scene.goal:
+            case JointTarget():
+                return self._off("last", q, self.robot.configuration(goal, self.scene.from_request), "goal")
+            case Goals(targets):
+                misses = [self._missing(q, target) for target in targets]
+                return misses[0] if all(misses) else None
+            case _:
+                assert_never(goal)
 
     def _missing(self, q: Array, target: JointTarget | PoseTarget | AllOf) -> str | None:
-        if isinstance(target, JointTarget):
-            return self._off("last", q, self.robot.configuration(target), target.field)
-        from hdplan.planner.certificate.pose_goals import miss_of  # only for a pose
+        match target:
+            case JointTarget():
+                return self._off("last", q, self.robot.configuration(target), target.field)
+            case PoseTarget() | AllOf():
+                from hdplan.planner.certificate.pose_goals import miss_of  # only for a pose
 
-        for pose in target.poses:  # together: each of them counts
-            miss = miss_of(self.robot, pose, q)
-            if not miss.within(pose):
-                return f"the last waypoint has {pose.link} {miss} away from {pose.field}"
-        return None
+                for pose in target.poses:  # together: each of them counts
+                    miss = miss_of(self.robot, pose, q)
+                    if not miss.within(pose):
+                        return f"the last waypoint has {pose.link} {miss} away from {pose.field}"
+                return None
+            case _:
+                assert_never(target)
 
     def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
         """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -31,7 +31,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere, own_fields
 
 Array = NDArray[np.float64]
 
@@ -121,30 +121,13 @@ class Surface:
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
-    """Return the true shape of an obstacle whose file was read, in its frame."""
-    match obstacle.shape:
-        case ReadMesh(mesh=mesh):
-            return mesh_pieces(mesh)
-        case Points(points):
-            return (hull_piece(np.array(points, dtype=np.float64)),)
-        case Box() | Sphere() | Ellipsoid() | Cylinder() | Capsule() as shape:
-            return (_solid(shape),)
-    raise TypeError(f"obstacles.{obstacle.name}: a {type(obstacle.shape).__name__} is not one that was read")
-
-
-@functools.lru_cache(maxsize=4096)
-def _solid(shape: Box | Sphere | Ellipsoid | Cylinder | Capsule) -> Piece:
-    match shape:
-        case Box(size):
-            return box_piece(np.array(size))
-        case Sphere(radius):
-            return _capsule(radius, 0.0)
-        case Ellipsoid(radii):
-            return _ellipsoid(np.array(radii))
-        case Cylinder(radius, length):
-            return _cylinder(radius, length)
-        case Capsule(radius, length):
-            return _capsule(radius, length)
+    """Return the true shape of an obstacle whose file was read, in its frame. Raises HdplanError for a shape that the
+    certificate does not know."""
+    made = PIECES.get(type(obstacle.shape))
+    if made is None:
+        kind = type(obstacle.shape).__name__
+        raise HdplanError(f"obstacles.{obstacle.name}: shape {kind} is not supported by the certificate")
+    return made(**own_fields(obstacle.shape))
 
 
 def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
@@ -155,7 +138,7 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
         case coal.Sphere():
             return (_capsule(geometry.radius, 0.0),)
         case coal.Ellipsoid():
-            return (_ellipsoid(np.array(geometry.radii)),)
+            return (_ellipsoid(tuple(np.asarray(geometry.radii).tolist())),)
         case coal.Cylinder():
             return (_cylinder(geometry.radius, 2.0 * geometry.halfLength),)
         case coal.Capsule():
@@ -284,18 +267,26 @@ def box_piece(size: Array) -> Piece:
     return Piece(CORNERS * size, coal.Box(*size))
 
 
+@functools.lru_cache(maxsize=4096)
+def _box(size: tuple[float, ...]) -> Piece:
+    return box_piece(np.array(size))
+
+
+@functools.lru_cache(maxsize=4096)
 def _cylinder(radius: float, length: float) -> Piece:
     return Piece(np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length, coal.Cylinder(radius, length), disc=radius)
 
 
+@functools.lru_cache(maxsize=4096)
 def _capsule(radius: float, length: float) -> Piece:
     if length == 0.0:
         return Piece(np.zeros((1, 3)), coal.Sphere(radius), ball=radius)
     return Piece(np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length, coal.Capsule(radius, length), ball=radius)
 
 
-def _ellipsoid(radii: Array) -> Piece:
-    return Piece(np.zeros((1, 3)), coal.Ellipsoid(*radii), radii=radii)
+@functools.lru_cache(maxsize=4096)
+def _ellipsoid(radii: tuple[float, ...]) -> Piece:
+    return Piece(np.zeros((1, 3)), coal.Ellipsoid(*radii), radii=np.array(radii))
 
 
 def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
@@ -334,6 +325,15 @@ def _turns() -> tuple[Array, ...]:
     return tuple(turns)
 
 
+PIECES: Mapping[type, Callable[..., tuple[Piece, ...]]] = {  # with a shape's own fields: one more is an error
+    Box: lambda size: (_box(size),),
+    Sphere: lambda radius: (_capsule(radius, 0.0),),
+    Ellipsoid: lambda radii: (_ellipsoid(radii),),
+    Cylinder: lambda radius, length: (_cylinder(radius, length),),
+    Capsule: lambda radius, length: (_capsule(radius, length),),
+    Points: lambda points: (hull_piece(np.array(points, dtype=np.float64)),),
+    ReadMesh: lambda file, scale, mesh: mesh_pieces(mesh),
+}
 CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
 TURNS = tuple(map(read_only, _turns()))  # slight ones

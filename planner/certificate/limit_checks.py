@@ -49,6 +49,12 @@ class LimitFinding:
     complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first
     remark: str = ""  # what is proven, in place of the uses' shares
     hopeless: tuple[int, ...] = ()  # intervals between rows in which moving slower does not help
+    loads: tuple[str, ...] = ()  # of the scene's masses that were taken into account, by their fields
+
+    @property
+    def covered(self) -> frozenset[str]:
+        """The fields of the scene that were checked: "limits.jerk"."""
+        return frozenset({*(f"limits.{use.quantity}" for use in self.uses), *self.loads})
 
 
 class LimitCheck(Protocol):

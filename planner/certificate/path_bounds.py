@@ -34,7 +34,7 @@ Angles in [rad], distances in [m]. Placements are Pinocchio's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, assert_never
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
-from hdplan.scenes.path_constraints import Relative, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 
@@ -287,13 +287,20 @@ class HeldTurn(_WithTolerance):
 def held_by(setup: Setup) -> tuple[Held, ...]:
     """Return what the scene's path constraints ask for. Raises InputError for a link that the robot lacks or that does
     not move."""
-    path = setup.scene.path
     with naming(setup.scene.source):
-        return (
-            *(_upright(setup, path.upright) if path.upright else ()),
-            *(_within(setup, path.position) if path.position else ()),
-            *(_relative(setup, path.relative) if path.relative else ()),
-        )
+        return tuple(held for asked in setup.scene.path.asked.values() for held in _held(setup, asked))
+
+
+def _held(setup: Setup, asked: PathConstraint) -> tuple[Held, ...]:
+    match asked:
+        case Upright():
+            return _upright(setup, asked)
+        case Within():
+            return _within(setup, asked)
+        case Relative():
+            return _relative(setup, asked)
+        case _:
+            assert_never(asked)
 
 
 def _upright(setup: Setup, asked: Upright) -> tuple[Held, ...]:

@@ -67,6 +67,11 @@ class PathProof:
     departures: tuple[Departure, ...]  # one for every constraint and interval without proof
     configurations: int  # evaluated
 
+    @property
+    def covered(self) -> frozenset[str]:
+        """The fields of the scene of which constraints were proven, or found not to hold: "path.upright"."""
+        return frozenset(each.field for each in self.kept)
+
 
 class PathCheck:
     """The path constraints of one scene, prepared for many motions."""

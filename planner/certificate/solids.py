@@ -11,8 +11,9 @@ from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.obstacles import Obstacle, Seen
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once, read_only
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 if TYPE_CHECKING:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -33,13 +34,17 @@ def obstacle_bodies(obstacle: Obstacle) -> list[Body]:
     """Return the pieces of the true shape of an obstacle whose file was read."""
     name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
     shape = obstacle.shape
-    if not isinstance(shape, Seen):
-        return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
-    if motion is not None:
-        if isinstance(shape, Cloud):
+    match shape:
+        case Cloud() if motion is None:
+            pieces, frames = standing_pieces(balls_in(shape))
+        case Cloud():
             return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(balls_in(shape))]
-        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(boxes_in(shape))]
-    pieces, frames = standing_pieces(balls_in(shape)) if isinstance(shape, Cloud) else box_pieces(boxes_in(shape))
+        case Voxels() | OctoMap() if motion is None:
+            pieces, frames = box_pieces(boxes_in(shape))
+        case Voxels() | OctoMap():
+            return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(boxes_in(shape))]
+        case _:
+            return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
     return [Body(name, piece, 0, place) for piece, place in zip(pieces, read_only(pose @ frames), strict=True)]
 
 

@@ -20,6 +20,7 @@ from hdplan.planner.certificate.torque_bounds import torque_curvature
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.robot.loads import loads_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
@@ -113,6 +114,7 @@ class TorqueCheck:
         """Resolve limits and loads. Raises InputError for those that do not match the robot."""
         self.limits = {"torque": setup.limits["torque"]}
         self.model, self.robot = setup.loaded_model, setup.robot
+        self.loads = loads_in(self.model, setup.scene, setup.robot)
 
     def check(self, curve: Curve) -> LimitFinding:
         """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, which
@@ -124,7 +126,7 @@ class TorqueCheck:
             proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
             times = np.where(abrupt, curve.times[rows], checked.times)
             checked = replace(checked, proven=proven, found=found, times=times)
-        return checked.finding(curve)
+        return replace(checked.finding(curve), loads=self.loads)
 
     def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
         """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""

@@ -268,8 +268,9 @@ def _distance(
             return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
         case "euclidean":
             return FclPairs(pairs, bodies, others)
-        case _:
+        case "gdf":
             return GdfPairs(pairs, bodies, others)
+    raise ValueError(f"no distance is known as {settings.distance!r}")
 
 
 def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:

@@ -58,7 +58,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.values import Number, checked, instance
+from hdplan.scenes.values import Number, checked, instance, require_fields
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -71,6 +71,13 @@ MISSED = 1e-4  # [m/s] by which a barrier is violated before it is reported
 COMING, RECOVERING = 1e3, 30.0  # prices of violations, for moving obstacles and for recovery to a margin [s/m or s]
 FREE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
 SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
+
+require_fields(
+    Scene,
+    "robot obstacles attached self_collision limits "  # are kept; of the limits those of position and velocity
+    "start goal path payload timing "  # are the task's, and are checked on the motion that was executed
+    "planner from_request name source notes",
+)
 
 
 class Mode(Enum):

@@ -7,8 +7,8 @@ controller would, a thousand times a second by its own interpolation rule. With 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,8 @@ class Simulation:
     samples: int  # configurations at which distances were computed
     execution: Execution | None  # with dynamics
     failures: tuple[str, ...]  # messages on what went wrong
+    others: Mapping[str, Array] = field(default_factory=dict)  # (k, n) limited quantities that are no rates, at `times`
+    times: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]
 
     @property
     def succeeded(self) -> bool:
@@ -179,10 +181,11 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         times, positions = execution.times, execution.positions
         for joint, peak in enumerate(peaks):
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
+    others: dict[str, Array] = {}
     for check in certifier.limits if timed else ():
         for name in check.limits.keys() - peaks[0].keys():  # neither a derivative nor measured in the execution
-            along = check.values(name, curve, *curve.interval_of(curve.parameter_of(by_file)))
-            for peak, values, limit in zip(peaks, along.T, check.limits[name].tolist(), strict=True):
+            others[name] = check.values(name, curve, *curve.interval_of(curve.parameter_of(by_file)))
+            for peak, values, limit in zip(peaks, others[name].T, check.limits[name].tolist(), strict=True):
                 peak[name] = _peak(values, by_file, limit)
     every = max(int(CLEARANCE_STEP / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
     samples = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
@@ -203,7 +206,9 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         *_touching(closest, between_links),
     )
     duration = last - first if timed else None
-    return Simulation(duration, curve, joints, closest, between_links, len(samples), execution, failures)
+    return Simulation(
+        duration, curve, joints, closest, between_links, len(samples), execution, failures, others, by_file
+    )
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:

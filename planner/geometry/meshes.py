@@ -129,6 +129,11 @@ class ReadMesh(Mesh):
     mesh: TriangleMesh = field(kw_only=True, compare=False, repr=False)
     content: bytes = field(init=False, repr=False)  # tells its triangles from others
 
+    @property
+    def asked(self) -> Mesh:
+        """The mesh by its file."""
+        return Mesh(self.file, self.scale, name=self.name, pose=self.pose)
+
     def _check_whole(self) -> None:
         object.__setattr__(self, "content", self.mesh.content)
 

@@ -21,7 +21,7 @@ from hdplan.planner.geometry.meshes import FLAT, ReadMesh, TriangleMesh, thinnes
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import LazyModule
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere, own_fields
 
 if TYPE_CHECKING:
     import trimesh
@@ -47,19 +47,23 @@ class Outline:
 class Operations:
     """The operations on one kind of shape. `field` names it to the user: "attached.cup"."""
 
+    fields: str  # of the shape that they know, all it has
     words: Callable[[Any], str]
     coal: Callable[[Any, str], Any]  # the geometry that links have
     inertia: Callable[[Any, float, str], pin.Inertia]  # for a uniform density and a mass [kg]
     triangles: Callable[[Any], trimesh.Trimesh]  # for drawing
     outline: Outline | None = None  # hulls of points and meshes have no formulas
     from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and its geometry as a shape
+    sizes: str = ""  # those of its fields that may be scaled at random [m]
 
 
 def operations(shape: Shape) -> Operations:
-    """Return the row of a shape's kind; a mesh has one once it was read (`geometry.opened`)."""
-    if type(shape) not in TABLE:
-        raise TypeError(f"{type(shape).__name__}: no operations are known for this shape, or its file was not read")
-    return TABLE[type(shape)]
+    """Return the row of a shape's kind; a mesh has one once it was read (`geometry.opened`). Raises TypeError for a
+    kind without one, or with fields that it does not know."""
+    row, known = TABLE.get(type(shape)), own_fields(shape)
+    if row is None or row.fields != " ".join(known):
+        raise TypeError(f"nothing is known of the shape {type(shape).__name__} with {', '.join(known)}")
+    return row
 
 
 def shape_of(geometry: Any) -> Shape | None:
@@ -125,6 +129,7 @@ def _around_ball(radius: float, half: float) -> Array:
 
 TABLE: dict[type, Operations] = {
     Box: Operations(
+        fields="size",
         words=lambda shape: f"box {' × '.join(f'{edge:g}' for edge in shape.size)} m",
         coal=lambda shape, _: coal.Box(*shape.size),
         inertia=lambda shape, mass, _: pin.Inertia.FromBox(mass, *shape.size),
@@ -136,8 +141,10 @@ TABLE: dict[type, Operations] = {
             round_about="nothing",
         ),
         from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
+        sizes="size",
     ),
     Sphere: Operations(
+        fields="radius",
         words=lambda shape: f"sphere, radius {shape.radius:g} m",
         coal=lambda shape, _: coal.Sphere(shape.radius),
         inertia=lambda shape, mass, _: pin.Inertia.FromSphere(mass, shape.radius),
@@ -149,8 +156,10 @@ TABLE: dict[type, Operations] = {
             round_about="centre",
         ),
         from_coal=(coal.Sphere, lambda found: Sphere(found.radius)),
+        sizes="radius",
     ),
     Ellipsoid: Operations(
+        fields="radii",
         words=lambda shape: f"ellipsoid, radii {', '.join(f'{radius:g}' for radius in shape.radii)} m",
         coal=lambda shape, _: coal.Ellipsoid(*shape.radii),
         inertia=lambda shape, mass, _: pin.Inertia.FromEllipsoid(mass, *shape.radii),
@@ -162,8 +171,10 @@ TABLE: dict[type, Operations] = {
             round_about="centre",
         ),
         from_coal=(coal.Ellipsoid, lambda found: Ellipsoid(tuple(np.asarray(found.radii).tolist()))),
+        sizes="radii",
     ),
     Cylinder: Operations(
+        fields="radius length",
         words=lambda shape: f"cylinder, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Cylinder(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCylinder(mass, shape.radius, shape.length),
@@ -175,8 +186,10 @@ TABLE: dict[type, Operations] = {
             round_about="axis",
         ),
         from_coal=(coal.Cylinder, lambda found: Cylinder(found.radius, 2.0 * found.halfLength)),
+        sizes="radius length",
     ),
     Capsule: Operations(
+        fields="radius length",
         words=lambda shape: f"capsule, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Capsule(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCapsule(mass, shape.radius, shape.length),
@@ -188,14 +201,17 @@ TABLE: dict[type, Operations] = {
             round_about="axis",
         ),
         from_coal=(coal.Capsule, lambda found: Capsule(found.radius, 2.0 * found.halfLength)),
+        sizes="radius length",
     ),
     Points: Operations(
+        fields="points",
         words=_points_words,
         coal=_points_coal,
         inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(shape.points), mass),
         triangles=lambda shape: trimesh.PointCloud(shape.points).convex_hull,
     ),
     ReadMesh: Operations(
+        fields="file scale mesh",
         words=lambda shape: f"mesh {shape.file.name}",
         coal=lambda shape, _: triangle_tree(shape.mesh),
         inertia=_mesh_inertia,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
+from typing import assert_never
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from hdplan.scenes.errors import FieldError, InputError, naming, nearest
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
-from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, checked_grid
+from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, Voxels, checked_grid
 
 
 def read_map(shape: Map, where: str) -> Map:
@@ -22,8 +23,8 @@ def read_map(shape: Map, where: str) -> Map:
 
     Raises InputError for a file that is missing, damaged, too large or without an occupied cell, and for such content.
     """
-    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
-    field = f"{where}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}"
+    kind, source = _kind_and_source(shape)
+    field = f"{where}.{kind}"
     with naming(f"{field}: {source}" if isinstance(source, Path) else field):
         read = _read_map(shape, stamps_of([source])) if isinstance(source, Path) else shape
         boxes_in(read)
@@ -33,18 +34,29 @@ def read_map(shape: Map, where: str) -> Map:
 @made_once(8)
 def _read_map(shape: Map, stamps: Stamps) -> Map:
     """Read a file; the stamps make a file that was written again another one."""
-    if isinstance(shape, OctoMap):
-        assert isinstance(shape.source, Path)
-        return replace(shape, source=read_file(shape.source))
-    assert isinstance(shape.occupied, Path)
-    return replace(shape, occupied=FixedArray(_read(shape.occupied)))
+    match shape:
+        case OctoMap(Path() as file):
+            return replace(shape, source=read_file(file))
+        case Voxels(Path() as file):
+            return replace(shape, occupied=FixedArray(_read(file)))
+        case _:
+            raise TypeError(f"a {type(shape).__name__} is no map with a file")
 
 
 def map_words(shape: Map) -> str:
     """Return what `hdplan explain` says of a map, as it was asked for."""
-    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
-    kind = "octomap" if isinstance(shape, OctoMap) else "voxels"
+    kind, source = _kind_and_source(shape)
     return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
+
+
+def _kind_and_source(shape: Map) -> tuple[str, Path | bytes | FixedArray]:
+    match shape:
+        case OctoMap(source):
+            return "octomap", source
+        case Voxels(occupied):
+            return "voxels", occupied
+        case _:
+            assert_never(shape)
 
 
 @made_once(8)
@@ -53,12 +65,13 @@ def boxes_in(shape: Map) -> FixedArray:
 
     Raises InputError for an octomap's content that is damaged, too large or without an occupied cell.
     """
-    if isinstance(shape, OctoMap):
-        grid, size, origin = _of_octomap(shape)
-    elif isinstance(shape.occupied, FixedArray):
-        grid, size, origin = shape.occupied.array.astype(bool), shape.size, np.array(shape.origin)
-    else:
-        raise TypeError("a map is read before it is used: planner.geometry.opened")
+    match shape:
+        case OctoMap(bytes()):
+            grid, size, origin = _of_octomap(shape)
+        case Voxels(FixedArray() as source):
+            grid, size, origin = source.array.astype(bool), shape.size, np.array(shape.origin)
+        case _:
+            raise TypeError(f"{type(shape).__name__}: a map is read before it is used (planner.geometry.opened)")
     low, high = merged(grid)
     return FixedArray(np.hstack([origin + size * low, origin + size * high]))
 

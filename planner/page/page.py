@@ -236,8 +236,7 @@ def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: _Packed) -
             places = ObstacleMotion.of(obstacle).at(np.array([timeline.seconds(now) for now in when.tolist()]))
             where = {"poses": [pin.SE3ToXYZQUAT(pin.SE3(place)) for place in places]}
         found.append({"mesh": mesh, "alpha": 1, **where})
-    if scene.path.position is not None:
-        asked = scene.path.position
+    for asked in scene.path.regions:
         box = trimesh.creation.box([min(edge, ENDLESS) for edge in asked.size])
         pose = (*asked.pose.position, *asked.pose.quaternion_xyzw)
         found.append({"mesh": packed.add(*shaded(box), REGION), "alpha": 0.3, "pose": pose})

@@ -24,13 +24,14 @@ SHOWN = 1.25  # times a limit: the axis ends there if the limit is exceeded by m
 
 
 def simulation_sheet(simulation: Simulation, title: str) -> Figure:
-    """Return the figure: a panel for each rate, and with dynamics also for torques and tracking errors.
+    """Return the figure: a panel for each rate and each other limited quantity, and with dynamics also for torques and
+    tracking errors.
 
     Raises InputError for a path without times, which has no rates.
     """
     if simulation.duration is None:
         raise InputError("times: missing, so there are no rates to draw; `hdplan plot` draws a path")
-    count = len(DERIVATIVES) + 2 * (simulation.execution is not None)
+    count = len(DERIVATIVES) + len(simulation.others) + 2 * (simulation.execution is not None)
     height = HEAD + PANEL * count + 0.35
     with rc_context(RC):
         figure = Figure(figsize=(8.6, height), dpi=150, facecolor="white")
@@ -40,16 +41,20 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
         figure.text(0.02, 1 - 0.46 / height, plain(simulation.text, MOST), color=colour, va="center")
         rows = figure.add_gridspec(count, 1, left=0.1, right=0.8, bottom=0.42 / height, top=top, hspace=0.32)
         panels = [figure.add_subplot(rows[row]) for row in range(count)]
+        free = iter(panels)
         first, last = (float(time) for time in simulation.curve.time_of([0.0, 1.0]))
         times = np.linspace(first, last, 1001)
-        for axis, (what, order) in zip(panels, DERIVATIVES.items(), strict=False):
-            _draw(axis, simulation, what, times, simulation.curve.at_time(times, order))
+        for what, order in DERIVATIVES.items():
+            _draw(next(free), simulation, what, times, simulation.curve.at_time(times, order))
+        for what, values in simulation.others.items():
+            _draw(next(free), simulation, what, simulation.times, values)
         if simulation.execution is not None:
             done = simulation.execution
-            _draw(panels[3], simulation, "torque", done.times[: len(done.asked)], done.asked)
+            _draw(next(free), simulation, "torque", done.times[: len(done.asked)], done.asked)
+            errors = next(free)
             for curve, style in zip(done.errors.T, itertools.cycle(CURVES), strict=False):
-                panels[4].plot(done.times, curve * 1e3, linewidth=1.2, **style)
-            panels[4].set(title="tracking error", ylabel="mrad")
+                errors.plot(done.times, curve * 1e3, linewidth=1.2, **style)
+            errors.set(title="tracking error", ylabel="mrad")
         for axis in panels:
             axis.set_xlim(first, last)
             axis.tick_params(labelbottom=axis is panels[-1])

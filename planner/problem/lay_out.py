@@ -33,10 +33,18 @@ from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.values import require_fields
 
 SAMPLES_PER_INTERVAL = 2  # at least
 PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
 QUICK, EVEN = 0.03, 0.1  # weights of acceleration and velocity beside the pace [–]
+
+require_fields(
+    Scene,
+    "obstacles self_collision path limits "  # have terms
+    "robot attached payload start goal from_request timing planner "  # are in the setup, the query or the samples
+    "name source notes",
+)
 
 
 def self_margin(scene: Scene) -> float:
@@ -183,8 +191,11 @@ def _distance(
     halfspace_bodies: tuple[HalfspaceBody, ...],
     settings: PlannerSettings,
 ) -> PairDistance:
-    if settings.distance == "fcl":
-        from hdplan.planner.collision.euclidean import FclPairs
+    match settings.distance:
+        case "hdsdf":
+            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+        case "fcl":
+            from hdplan.planner.collision.euclidean import FclPairs
 
-        return FclPairs(pairs, bodies, halfspace_bodies)
-    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+            return FclPairs(pairs, bodies, halfspace_bodies)
+    raise ValueError(f"no distance is known as {settings.distance!r}")

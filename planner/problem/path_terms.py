@@ -13,19 +13,22 @@ box. *Relative*: g = ‖p − c‖, the link's origin p and the point c of the o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
+import pinocchio as pin
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, Measures
 from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
 from hdplan.planner.robot.link_frame import link_frame, relative_links
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
-from hdplan.scenes.path_constraints import Relative, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
 BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
@@ -187,13 +190,10 @@ def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     Raises InputError for a link that the robot lacks or that does not move.
     """
     scene = setup.scene
-    path = scene.path
-    given = (("path.upright", path.upright), ("path.position", path.position), ("path.relative", path.relative))
     with naming(scene.source):
         return tuple(
             PathTerm(field, _measure(asked, field, setup, supports), scene.planner.activation)
-            for field, asked in given
-            if asked is not None
+            for field, asked in scene.path.asked.items()
         )
 
 
@@ -204,19 +204,29 @@ def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[A
     return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(asked: Upright | Within | Relative, field: str, setup: Setup, supports: Mask) -> Measure:
+def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) -> Measure:
     robot = setup.robot
-    if isinstance(asked, Relative):
-        joints, (own, other), pose = relative_links(setup.scene, robot, asked)
-        first, second = (supports[joint] for joint in joints)
-        bound = np.array([asked.position_tolerance, LEVER * asked.orientation_tolerance])
-        return RelativeMeasure(joints, (own, other @ pose), (first & ~second, second & ~first), bound)
-    frame = robot.model.frames[link_frame(robot, asked.link, field)]
-    joint, placement = int(frame.parentJoint), frame.placement
-    if isinstance(asked, Upright):
-        axis = placement.rotation @ np.array(asked.axis) / np.linalg.norm(asked.axis)
-        return UprightMeasure(joint, axis, supports[joint], np.array([LEVER * asked.tolerance]))
-    half, box = 0.5 * np.array(asked.size), asked.pose.matrix
-    sides = np.isfinite(half)
-    point = placement.act(np.array(asked.point))
-    return WithinMeasure(joint, point, supports[joint], box[:3, 3], box[:3, :3].T[sides], half[sides])
+    match asked:
+        case Relative():
+            joints, (own, other), pose = relative_links(setup.scene, robot, asked)
+            first, second = (supports[joint] for joint in joints)
+            bound = np.array([asked.position_tolerance, LEVER * asked.orientation_tolerance])
+            return RelativeMeasure(joints, (own, other @ pose), (first & ~second, second & ~first), bound)
+        case Upright():
+            joint, placement = _carrier(robot, asked.link, field)
+            axis = placement.rotation @ np.array(asked.axis) / np.linalg.norm(asked.axis)
+            return UprightMeasure(joint, axis, supports[joint], np.array([LEVER * asked.tolerance]))
+        case Within():
+            joint, placement = _carrier(robot, asked.link, field)
+            half, box = 0.5 * np.array(asked.size), asked.pose.matrix
+            sides = np.isfinite(half)
+            point = placement.act(np.array(asked.point))
+            return WithinMeasure(joint, point, supports[joint], box[:3, 3], box[:3, :3].T[sides], half[sides])
+        case _:
+            assert_never(asked)
+
+
+def _carrier(robot: Robot, link: str, field: str) -> tuple[int, pin.SE3]:
+    """Return the joint that carries a link, and the link's frame in that joint's."""
+    frame = robot.model.frames[link_frame(robot, link, field)]
+    return int(frame.parentJoint), frame.placement

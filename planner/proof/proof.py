@@ -22,7 +22,6 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull
 from hdplan.planner.proof.planes import Obstruction, Planes
-from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
@@ -35,6 +34,7 @@ from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
+from hdplan.verify import CLAIMS as CHECKED
 from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
@@ -198,9 +198,10 @@ class _Writer:
             "once": len(once),
             "claims": self.claims[:],
         }
-        asked = [name for name in (*DERIVATIVES, "torque") if name in self.setup.limits]
         path = ["path"] if self.setup.scene.path != PathConstraints() else []
-        for claim in (*CLAIMS, *path, *asked):
+        for claim in (*CLAIMS, *path, *self.setup.limits):
+            if claim not in CHECKED:
+                raise RejectedError(f"limits.{claim} is asked for, which the checker does not know")
             try:
                 statement(world, {**head, "claims": [claim]})
             except RejectedError:

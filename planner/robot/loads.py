@@ -6,6 +6,7 @@ Scene, Robot -> a copy of the robot's pin.Model; the robot's own is not changed.
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.scene import Scene
+
+MASS = 1e-6  # [–] and [kg] by which sums of masses may differ: rounding
 
 
 def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
@@ -48,6 +51,15 @@ def with_loads(
         joint = robot.joint_names[int(np.argmin(inert))]
         raise InputError(f"{needed}: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
     return model
+
+
+def loads_in(model: pin.Model, scene: Scene, robot: Robot) -> tuple[str, ...]:
+    """Return the fields of the scene's masses if a model carries all of them beside its robot's own, else none."""
+    masses = {f"attached.{each.name}.mass": each.mass for each in scene.attached if each.mass is not None}
+    if scene.payload is not None:
+        masses["payload"] = scene.payload.mass
+    more = pin.computeTotalMass(model) - pin.computeTotalMass(robot.model)
+    return tuple(masses) if math.isclose(more, math.fsum(masses.values()), rel_tol=MASS, abs_tol=MASS) else ()
 
 
 def moved_mass(model: pin.Model) -> float:

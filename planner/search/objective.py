@@ -71,7 +71,9 @@ def objective_of(problem: Problem, retimer: Retimer | None) -> Objective:
             return Time(retimer)
         case "energy":
             return Energy(problem.setup)
-    return Smoothness(problem)
+        case "smoothness":
+            return Smoothness(problem)
+    raise ValueError(f"no measure is known as {problem.scene.objective!r}, with times: {retimer is not None}")
 
 
 class Time(Objective):

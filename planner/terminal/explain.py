@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from typing import assert_never
 
 import numpy as np
 
@@ -133,6 +134,8 @@ def _obstacles(problem: Problem) -> Rows:
             case None:
                 number = met[obstacle.name]
                 kept = f"{number} of {total} pairs kept" if number else "out of reach, left out"
+            case _:
+                assert_never(obstacle.motion)
         rows.append((obstacle.name, f"{words}; {kept}"))
     left = len(problem.scene.obstacles) - MOST_OBSTACLES
     return [*rows, ("…", f"and {left} more")] if left > 0 else rows

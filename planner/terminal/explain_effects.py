@@ -5,8 +5,9 @@ In: a built `Problem`. Out: `Effect`s in reading order.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
@@ -14,10 +15,18 @@ from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
+from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget
 from hdplan.scenes.timing import Timing
+from hdplan.scenes.values import require_fields
+
+require_fields(
+    Scene,
+    "obstacles self_collision attached payload goal robot path timing limits "  # are effects
+    "start planner from_request name source notes",  # are shown in other parts of the explanation
+)
 
 
 class Effect(NamedTuple):
@@ -144,19 +153,23 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
-    upright, within, relative = scene.path.upright, scene.path.position, scene.path.relative
-    tilted, boxed, held = "", "", ""
-    if upright:
-        axis = _numbers(upright.axis)
-        tilted = f"axis {axis} of {upright.link} points up all the way, tilted by {upright.tolerance:g} rad at most"
-    if within:
-        size, centre = _numbers(within.size), _numbers(within.pose.position)
-        boxed = f"point {_numbers(within.point)} of {within.link} stays in the box of size {size} m around {centre}"
-    if relative:
-        allowed = f"{relative.position_tolerance * 1e3:g} mm and {relative.orientation_tolerance:g} rad"
-        held = f"{relative.link} keeps its pose at {relative.to}, within {allowed}"
-    given = (("path.upright", tilted), ("path.position", boxed), ("path.relative", held))
-    return tuple(Effect(name, on, f"needs {name}") for name, on in given)
+    said = {name: _kept_all_along(asked) for name, asked in scene.path.asked.items()}
+    names = (f"path.{each.name}" for each in dataclasses.fields(scene.path))
+    return tuple(Effect(name, said.get(name, ""), f"needs {name}") for name in names)
+
+
+def _kept_all_along(asked: PathConstraint) -> str:
+    match asked:
+        case Upright(link, axis, tolerance):
+            return f"axis {_numbers(axis)} of {link} points up all the way, tilted by {tolerance:g} rad at most"
+        case Within(link, size, pose, point):
+            box = f"the box of size {_numbers(size)} m around {_numbers(pose.position)}"
+            return f"point {_numbers(point)} of {link} stays in {box}"
+        case Relative(link, to):
+            allowed = f"{asked.position_tolerance * 1e3:g} mm and {asked.orientation_tolerance:g} rad"
+            return f"{link} keeps its pose at {to}, within {allowed}"
+        case _:
+            assert_never(asked)
 
 
 def _numbers(vector: Sequence[float]) -> str:

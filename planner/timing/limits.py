@@ -71,12 +71,15 @@ class RateLimit:
         """Compute it by the chain rule."""
         slope, bend, twist = samples.slopes
         first, second, third = samples.rates
-        if self.order == 1:
-            rate = slope * first
-        elif self.order == 2:
-            rate = bend * first**2 + slope * second
-        else:
-            rate = twist * first**3 + 3 * bend * first * second + slope * third
+        match self.order:
+            case 1:
+                rate = slope * first
+            case 2:
+                rate = bend * first**2 + slope * second
+            case 3:
+                rate = twist * first**3 + 3 * bend * first * second + slope * third
+            case order:
+                raise LookupError(f"no time law keeps limits of the derivative of order {order}")
         share: Array = np.abs(rate / self.limit).max(axis=1)
         return share ** (1 / self.order)
 
@@ -88,11 +91,16 @@ class RateLimit:
 
 def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
     """Return the limits that a scene has; modules for the others are not even imported. Raises InputError for limits
-    and loads that do not match the robot."""
-    found = setup.limits
-    limits: list[TimingLimit] = [RateLimit(order, found[name]) for name, order in DERIVATIVES.items() if name in found]
-    if "torque" in found:
-        from hdplan.planner.timing.torque_limit import TorqueLimit
+    and loads that do not match the robot, LookupError for a limit that nothing here keeps."""
+    return tuple(_kept(name, limit, setup) for name, limit in setup.limits.items())
 
-        limits.append(TorqueLimit(setup))
-    return tuple(limits)
+
+def _kept(quantity: str, limit: Array, setup: Setup) -> TimingLimit:
+    if quantity in DERIVATIVES:
+        return RateLimit(DERIVATIVES[quantity], limit)
+    match quantity:
+        case "torque":
+            from hdplan.planner.timing.torque_limit import TorqueLimit
+
+            return TorqueLimit(setup)
+    raise LookupError(f"no time law keeps limits.{quantity}")

@@ -4,7 +4,7 @@ speed."""
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, assert_never
 
 import viser
 
@@ -186,5 +186,10 @@ def _duration(obstacle: Obstacle) -> float:
 
 def _rates(obstacle: Obstacle) -> tuple[Any, Any]:
     """Velocity [m/s] and spin [rad/s] of an obstacle that moves steadily, or not at all."""
-    motion = obstacle.motion if isinstance(obstacle.motion, SteadyMotion) else SteadyMotion()
-    return motion.velocity, motion.spin
+    match motion := obstacle.motion:
+        case SteadyMotion(velocity, spin):
+            return velocity, spin
+        case None | TimedPoses():
+            return SteadyMotion.velocity, SteadyMotion.spin
+        case _:
+            assert_never(motion)

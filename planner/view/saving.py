@@ -21,7 +21,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import SCENE_FILES, Scene
-from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.shapes import files_of
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.writer import scene_text
 
@@ -54,7 +54,7 @@ class Saving:
         """The mesh files of the scene that a browser sent: they are gone when the viewer ends."""
         scene = self._viewer.scene
         shapes = [each.shape for each in scene.obstacles] + [each.shape for each in scene.attached]
-        return self._viewer.uploads.of([shape.file for shape in shapes if isinstance(shape, Mesh)])
+        return self._viewer.uploads.of([file for shape in shapes for file in files_of(shape)])
 
     def motion_file(self) -> bytes:
         """The active motion as JSON, with verdict and steps if it was planned here: certified now, in the scene that

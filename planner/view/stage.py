@@ -39,8 +39,8 @@ class Stage:
         self._chosen: Callable[[Thing], object] | None = None
         self._sent = 0  # obstacles: each has a node's name of its own
         self.obstacles: list[ObstacleNode] = []
-        region = edited.scene.path.position
-        self.region = draw_region(server, region) if region else None  # where a point of a link is to stay
+        regions = edited.scene.path.regions  # where a point of a link is to stay
+        self.region = draw_region(server, *regions) if regions else None
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
         self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, edges=True)

@@ -7,7 +7,7 @@ goal pose its own link, and keeps its tolerance and free axis.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,7 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.ends import jogged, with_target
-from hdplan.scenes.obstacles import Obstacle, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
@@ -114,9 +114,17 @@ def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:
 
 def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:
     """Return an obstacle that is at `pose` at time 0; one that moves keeps its velocity and spin at every time."""
-    motion = obstacle.motion
-    if not isinstance(motion, TimedPoses):
-        return replace(obstacle, pose=pose)
+    match motion := obstacle.motion:
+        case None | SteadyMotion():
+            return replace(obstacle, pose=pose)
+        case TimedPoses():
+            return _rerouted(obstacle, motion, pose)
+        case _:
+            assert_never(motion)
+
+
+def _rerouted(obstacle: Obstacle, motion: TimedPoses, pose: Pose) -> Obstacle:
+    """Return an obstacle whose timed poses begin at `pose` and keep their places relative to the first."""
     shift = pose.matrix[:3, 3] - obstacle.pose.matrix[:3, 3]
     turn = Rotation.from_quat(obstacle.pose.quaternion_xyzw).inv() * Rotation.from_quat(pose.quaternion_xyzw)
     poses = [

@@ -7,7 +7,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
@@ -86,19 +86,23 @@ def _bytes_in(field: Field) -> bytes:
 
 def seen_entry(shape: Seen, write_path: Callable[[Path], str]) -> dict[str, Any]:
     """Return the key and the section that are read back."""
-    if isinstance(shape, Cloud):
-        return _cloud_entry(shape, write_path)
-    if isinstance(shape, OctoMap):
-        source = shape.source
-        named = (
-            {"content": base64.b64encode(source).decode()}
-            if isinstance(source, bytes)
-            else {"file": write_path(source)}
-        )
-        return {"octomap": {**named, "unknown": shape.unknown}}
-    grid = shape.occupied
-    where = {"file": write_path(grid)} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
-    return {"voxels": {**where, "size": shape.size, "origin": list(shape.origin)}}
+    match shape:
+        case Cloud():
+            return _cloud_entry(shape, write_path)
+        case OctoMap(source, unknown):
+            named = (
+                {"content": base64.b64encode(source).decode()}
+                if isinstance(source, bytes)
+                else {"file": write_path(source)}
+            )
+            return {"octomap": {**named, "unknown": unknown}}
+        case Voxels(grid, size, origin):
+            where: dict[str, Any] = (
+                {"file": write_path(grid)} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
+            )
+            return {"voxels": {**where, "size": size, "origin": list(origin)}}
+        case _:
+            assert_never(shape)
 
 
 def _cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, Any]:

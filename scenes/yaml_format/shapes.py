@@ -45,9 +45,11 @@ def read_shape(section: Field) -> Shape:
 
 def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
     """Return what `read_shape` reads back; `write_path` turns a path into text."""
-    word, kind = next((word, kind) for word, kind in CLASSES.items() if isinstance(shape, kind))
-    entry: dict[str, Any] = {"type": word}
-    for key in _keys(kind):
+    shape = shape.asked
+    entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
+    if CLASSES.get(entry["type"]) is not type(shape):
+        raise TypeError(f"no file holds a {type(shape).__name__}")
+    for key in _keys(shape):
         value = getattr(shape, key.name)
         entry[key.name] = write_path(value) if isinstance(value, Path) else _plain(value)
     return entry

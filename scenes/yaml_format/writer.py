@@ -8,20 +8,54 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
-from hdplan.scenes.attached import Attached
+from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
+from hdplan.scenes.values import require_fields
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.scenes.yaml_format.seen import seen_entry
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1
+WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes itself by its fields is not listed
+    Scene: (
+        "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
+        "timing notes"
+    ),
+    RobotSpec: "name urdf srdf package_dirs group base base_joints locked ignore_pairs source",
+    PlanarBase: "x y yaw kind",
+    Pose: "position quaternion_xyzw",
+    Obstacle: "name shape pose clearance motion",
+    SteadyMotion: "velocity spin",
+    TimedPoses: "times poses",
+    Cloud: "points radius voxel drop_nan ignore_robot ignore name pose",
+    Ignored: "margin link obstacle",
+    DepthImage: "image intrinsics scale range",
+    Voxels: "occupied size origin name pose",
+    OctoMap: "source unknown name pose",
+    Attached: "name link shape pose touch_links mass",
+    JointTarget: "field positions by_name state",
+    PoseTarget: "link pose position_tolerance orientation_tolerance free_rotation field",
+    SelfCollision: "checked clearance",
+    Payload: "link mass com inertia",
+    Upright: "link axis tolerance",
+    Within: "link size pose point",
+    Relative: "link to pose position_tolerance orientation_tolerance",
+    Timing: "duration scale rate",
+}
+for _kind, _known in WRITTEN.items():
+    require_fields(_kind, _known)
 
 
 def scene_text(scene: Scene) -> str:
@@ -76,6 +110,10 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
             entry["motion"] = {"velocity": list(velocity), "spin": list(spin)}
         case TimedPoses(times, poses):
             entry["motion"] = {"times": list(times), "poses": [_pose(pose) for pose in poses]}
+        case None:
+            pass
+        case _:
+            assert_never(obstacle.motion)
     return entry
 
 
@@ -98,24 +136,24 @@ def _effects(scene: Scene) -> dict[str, Any]:
         inertia = list(payload.inertia)
         sections["payload"] = {"link": payload.link, "mass": payload.mass, "com": list(payload.com), "inertia": inertia}
     if path != PathConstraints():
-        sections["path"] = {}
-    if (upright := path.upright) is not None:
-        entry = {"link": upright.link, "axis": list(upright.axis), "tolerance": upright.tolerance}
-        sections["path"]["upright"] = entry
-    if (within := path.position) is not None:
-        entry = {"link": within.link, "size": list(within.size), **_pose(within.pose), "point": list(within.point)}
-        sections["path"]["position"] = entry
-    if (relative := path.relative) is not None:
-        pose = {} if relative.pose is None else {"pose": _pose(relative.pose)}
-        allowed = {
-            "position_tolerance": relative.position_tolerance,
-            "orientation_tolerance": relative.orientation_tolerance,
-        }
-        sections["path"]["relative"] = {"link": relative.link, "to": relative.to, **pose, **allowed}
+        sections["path"] = {name.removeprefix("path."): _constraint(asked) for name, asked in path.asked.items()}
     if timing is not None:
         when = {"scale": timing.scale} if timing.duration is None else {"duration": timing.duration}
         sections["timing"] = {**when, "rate": timing.rate}
     return sections
+
+
+def _constraint(asked: PathConstraint) -> dict[str, Any]:
+    match asked:
+        case Upright(link, axis, tolerance):
+            return {"link": link, "axis": list(axis), "tolerance": tolerance}
+        case Within(link, size, pose, point):
+            return {"link": link, "size": list(size), **_pose(pose), "point": list(point)}
+        case Relative(link, to, pose, place, turn):
+            where = {} if pose is None else {"pose": _pose(pose)}
+            return {"link": link, "to": to, **where, "position_tolerance": place, "orientation_tolerance": turn}
+        case _:
+            assert_never(asked)
 
 
 def _joint_values(values: JointValues | None) -> Any:

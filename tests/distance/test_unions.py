@@ -98,7 +98,10 @@ def test_jax_agrees_with_numpy(name, union, poses):
 
 
 def test_jax_values_agree_with_numpy(poses):
-    batch = pytest.importorskip("hdplan.distance.batch.distance").hdsdf_batch(BALLS, BALLS)
+    pytest.importorskip("jax")
+    from hdplan.distance.batch.distance import hdsdf_batch
+
+    batch = hdsdf_batch(BALLS, BALLS)
     value, least = batch.value(*poses)
     np.testing.assert_allclose(value, hdsdf(BALLS, poses[0], BALLS, poses[1]), rtol=1e-9, atol=1e-280)
     np.testing.assert_allclose(least, separation(BALLS, poses[0], BALLS, poses[1]), atol=1e-14)

@@ -109,7 +109,7 @@ def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_po
         from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled as build
     else:
         pytest.importorskip("jax")
-        build = pytest.importorskip("hdplan.distance.batch.distance").hdsdf_batch
+        from hdplan.distance.batch.distance import hdsdf_batch as build
     distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)

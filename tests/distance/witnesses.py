@@ -61,8 +61,9 @@ def evaluator(
     if name == "compiled":
         return _at_once(hdsdf_compiled(body_a, body_b, **settings))
     pytest.importorskip("jax")
-    batch = pytest.importorskip("hdplan.distance.batch.distance")
-    distance = batch.hdsdf_batch(body_a, body_b, dtype=dtype, **settings)
+    from hdplan.distance.batch.distance import hdsdf_batch
+
+    distance = hdsdf_batch(body_a, body_b, dtype=dtype, **settings)
     return _differentiated_by_jax(distance) if name == "grad" else _at_once(distance)
 
 

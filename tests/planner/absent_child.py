@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import importlib
+import importlib.util
 import json
 import sys
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ class Missing:
     """A finder that refuses modules, and those within them."""
 
     def __init__(self, modules: Sequence[str]) -> None:
+        if unknown := [name for name in modules if importlib.util.find_spec(f"hdplan.{name}") is None]:
+            raise ValueError(f"no such module: {', '.join(unknown)}")
         self.modules = {f"hdplan.{name}" for name in modules}
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
@@ -60,9 +63,9 @@ def main() -> None:
     """Do every run with modules of its own."""
     found = []
     for modules, scenes in json.load(sys.stdin):
+        finder = Missing(modules)
         for name in [name for name in sys.modules if name.split(".")[0] == "hdplan"]:
             del sys.modules[name]
-        finder = Missing(modules)
         sys.meta_path.insert(0, finder)  # type: ignore[arg-type]
         found.append({scene: planned(scene) for scene in scenes})
         sys.meta_path.remove(finder)  # type: ignore[arg-type]

@@ -45,7 +45,10 @@ EFFECTS = {
         ],
         "ur5_payload",
     ),
-    "path constraints": (["planner.problem.terms.path", "planner.certificate.path_check"], "panda_cup"),
+    "path constraints": (
+        ["planner.problem.path_terms", "planner.certificate.path_check", "planner.certificate.path_bounds"],
+        "panda_cup",
+    ),
     "held objects": (["planner.robot.attached"], "panda_carry"),
     "choice of goals": (["planner.search.goals", "planner.certificate.pose_goals"], "panda_grasp"),
     "self-collision": (["planner.collision.separation_bounds"], "panda_cage"),
@@ -85,6 +88,22 @@ def test_scenes_without_an_effect_are_those_of_a_build_without_it() -> None:
         assert said["status"] == "cannot import", name
     assert unlinked.pop("panda_cage")["status"] == "cannot import"
     assert unlinked == links
+
+
+def test_a_module_that_does_not_exist_cannot_be_blocked() -> None:
+    """It would be absent anyway, and the test would say nothing."""
+    done = subprocess.run(
+        [sys.executable, str(CHILD)], input='[[["planner.no_such"], []]]', capture_output=True, text=True
+    )
+    assert "no such module: planner.no_such" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name != "self-collision"])
+def test_each_effect_needs_each_of_its_modules(name: str) -> None:
+    modules, scene = EFFECTS[name]
+    for module, found in zip(modules, child(*(([each], [scene]) for each in modules)), strict=True):
+        assert found[scene]["status"] == "cannot import", module
 
 
 @pytest.mark.slow

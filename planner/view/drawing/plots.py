@@ -7,6 +7,7 @@ other series have their true values there.
 from __future__ import annotations
 
 import html
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 Rows = tuple[Array, ...]
@@ -33,12 +35,9 @@ LINES: tuple[Color, ...] = (  # Okabe & Ito
 )
 BAR: Color = (128, 128, 128)
 LIMIT: Color = (215, 48, 39)  # of what is required or allowed
-SHARES: dict[str, Color] = {  # by quantity: the greatest of all joints
-    "velocity": (0, 114, 178),
-    "acceleration": (0, 158, 115),
-    "jerk": (230, 159, 0),
-    "torque": (204, 121, 167),
-}
+SHADES: tuple[Color, ...] = ((0, 114, 178), (0, 158, 115), (230, 159, 0), (204, 121, 167), (86, 180, 233))
+SHARES: dict[str, Color] = dict(zip(QUANTITIES, itertools.cycle(SHADES), strict=False))
+"""By quantity: the greatest of all joints."""
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 
 

@@ -1,0 +1,308 @@
+"""A child of test_recipes: follows the recipes of docs/contributing.md in a copy of the tree, step by step.
+
+Argument: the copy's folder. Standard output: JSON list of [recipe, files touched so far, probe, what came of it].
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+TREE = Path(sys.argv[1])
+sys.path.insert(0, str(TREE / "src"))
+Edits = Sequence[tuple[str, str]]  # (before which text, what is inserted); at the end of a new file without the first
+
+CHECK = '''"""The rate of torque, by differences of samples: enough for a recipe."""
+import numpy as np
+import pinocchio as pin
+from hdplan.planner.certificate.limit_checks import LimitFinding, Use
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.robot.loads import loads_in
+
+class TorqueRateCheck:
+    def __init__(self, setup):
+        self.limits = {"torque_rate": setup.limits["torque_rate"]}
+        self.model, self.robot = setup.loaded_model, setup.robot
+        self.loads = loads_in(self.model, setup.scene, setup.robot)
+
+    def check(self, curve):
+        width, steps = float(curve.widths.sum()), np.linspace(0.0, 1.0, 501)
+        torques = self.values("torque", curve, *curve.interval_of(steps))
+        limit = float(self.limits["torque_rate"][0])
+        share = float(np.abs(np.diff(torques, axis=0)).max() / (width / 500) / limit)
+        use = Use("torque_rate", share, self.robot.joint_names[0], 0, limit)
+        wrong = () if use.within else ((Status.OVERLOADED, f"torque_rate up to {share:.1%} of its limit"),)
+        return LimitFinding((use,), wrong, loads=self.loads)
+
+    def values(self, quantity, curve, interval, fraction):
+        rows = zip(*(curve.over_time(order).at(interval, fraction) for order in range(3)))
+        data = self.model.createData()
+        return np.array([pin.rnea(self.model, data, self.robot.pin_q(q), v, a) for q, v, a in rows])
+
+    def overload(self, q):
+        return None
+'''
+LAW = '''"""What keeps the rate of torque: nothing but time."""
+import numpy as np
+
+class TorqueRateLimit:
+    def __init__(self, setup):
+        self.setup = setup
+
+    def constraint(self, spline, grid):
+        return None
+
+    def stretch_of_law(self, samples):
+        return np.zeros(len(samples.u))
+
+    def stretch(self, curve):
+        from hdplan.planner.certificate.torque_rate_check import TorqueRateCheck
+
+        return TorqueRateCheck(self.setup).check(curve).uses[0].share
+'''
+SHAPE = '''@dataclass(frozen=True, repr=False)
+class Octahedron(Solid):
+    """An octahedron with half axes `radii` [m] along x, y and z."""
+
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]
+
+
+'''
+ROW = """    Octahedron: Operations(
+        fields="radii",
+        words=lambda shape: "octahedron",
+        coal=lambda shape, _: convex_hull(_corners(shape)),
+        inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(_corners(shape)), mass),
+        triangles=lambda shape: trimesh.PointCloud(_corners(shape)).convex_hull,
+        outline=Outline(
+            half_size=lambda shape: np.array(shape.radii),
+            support=lambda shape, n: np.abs(n * shape.radii).max(axis=1),
+            around=lambda shape: _corners(shape),
+            round_about="nothing",
+        ),
+        sizes="radii",
+    ),
+"""
+CORNERS = """def _corners(shape):
+    return np.concatenate([np.diag(shape.radii), -np.diag(shape.radii)])
+
+
+"""
+SOLVER = '''"""Nothing is improved."""
+from hdplan.planner.solvers.solution import Progress, Solver
+
+def solve(problem, guess, budget):
+    return Progress(problem, budget, 1).solution(problem.clip(guess))
+
+'''
+UNION = "Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh\n"
+LIMIT = "planner/certificate/limit_checks.py"
+RECIPES: dict[str, list[tuple[str, Edits]]] = {
+    "A limit": [
+        (
+            "scenes/limits.py",
+            [
+                ('    "torque": JointQuantity(', '    "torque_rate": JointQuantity("torque_rate", "Nm/s or N/s"),\n'),
+                (
+                    '    torque: Annotated[JointValues | None, QUANTITIES["torque"]]',
+                    '    torque_rate: Annotated[JointValues | None, QUANTITIES["torque_rate"]] = None\n',
+                ),
+            ],
+        ),
+        ("planner/certificate/torque_rate_check.py", [("", CHECK)]),
+        (
+            LIMIT,
+            [
+                (
+                    '    if "torque" in setup.limits:\n',
+                    '    if "torque_rate" in setup.limits:\n'
+                    "        from hdplan.planner.certificate.torque_rate_check import TorqueRateCheck\n\n"
+                    "        yield TorqueRateCheck(setup)\n",
+                )
+            ],
+        ),
+        ("planner/timing/torque_rate_limit.py", [("", LAW)]),
+        (
+            "planner/timing/limits.py",
+            [
+                (
+                    '        case "torque":\n',
+                    '        case "torque_rate":\n'
+                    "            from hdplan.planner.timing.torque_rate_limit import TorqueRateLimit\n\n"
+                    "            return TorqueRateLimit(setup)\n",
+                )
+            ],
+        ),
+    ],
+    "A shape": [
+        (
+            "scenes/shapes.py",
+            [(UNION, SHAPE), ("\n\ndef own_fields(", "Shape = Shape | Octahedron\n")],
+        ),
+        (
+            "planner/geometry/shapes.py",
+            [
+                ("from hdplan.scenes.shapes import ", "from hdplan.scenes.shapes import Octahedron\n"),
+                ("TABLE: dict", CORNERS),
+                ("    Points: Operations(", ROW),
+            ],
+        ),
+        (
+            "planner/certificate/exact_proximity.py",
+            [
+                ("from hdplan.scenes.shapes import ", "from hdplan.scenes.shapes import Octahedron\n"),
+                (
+                    "    Points: lambda points",
+                    "    Octahedron: lambda radii: (hull_piece(np.concatenate([np.diag(radii), -np.diag(radii)])),),\n",
+                ),
+            ],
+        ),
+    ],
+    "A solver": [("planner/solvers/methods/straight.py", [("", SOLVER), ("", "SOLVER = Solver(solve)\n")])],
+    "A command": [
+        ("planner/commands/hello.py", [("", '"""Greets."""\n\ndef hello():\n    print("hello")\n    return 0\n')]),
+        (
+            "cli.py",
+            [
+                (
+                    "def _version(",
+                    "@app.command()\ndef hello() -> None:\n"
+                    '    """Greet."""\n'
+                    "    from hdplan.planner.commands.hello import hello as run\n\n"
+                    "    raise typer.Exit(run())\n\n\n",
+                )
+            ],
+        ),
+    ],
+}
+
+
+def apply(file: str, edits: Edits) -> None:
+    path = TREE / file
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    for before, new in edits:
+        assert text.count(before) == 1 or not before, (file, before)
+        text = text.replace(before, new + before) if before else text + new
+    path.write_text(text, encoding="utf-8")
+
+
+def fresh() -> None:
+    """Forget hdplan, so that it is imported as it stands now."""
+    for name in [name for name in sys.modules if name.split(".")[0] == "hdplan"]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    assert str(TREE) in str(importlib.import_module("hdplan").__file__)
+
+
+def came_of(run: Callable[[], str]) -> str:
+    try:
+        return run()
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+# --- what is tried after each step ------------------------------------------------------------------------------------
+
+
+def part(module: str) -> Any:
+    return importlib.import_module(f"hdplan.{module}")
+
+
+def timed(**limits: float) -> Any:
+    module = importlib.import_module("hdplan")
+    scene = module.load_scene("planar_arm")
+    kept = part("scenes.limits").Limits(acceleration=2.0, **limits)
+    settings = part("scenes.planner_settings").PlannerSettings(polish=0)
+    return module.Scene(robot=scene.robot, start=scene.start, goal=scene.goal, limits=kept, planner=settings)
+
+
+def motion() -> Any:
+    return importlib.import_module("hdplan").Trajectory.load(TREE / "motion.json")
+
+
+def certified(**limits: float) -> str:
+    return str(importlib.import_module("hdplan").certify(timed(**limits), motion()).text)
+
+
+def planned(scene: Any, solver: str = "gauss_newton") -> str:
+    return str(importlib.import_module("hdplan").plan(scene, solver=solver).certificate.text)
+
+
+def followed() -> str:
+    """What follows without a step of its own: files, words, replay and its sheet, and that no proof claims it."""
+    module, scene, place = importlib.import_module("hdplan"), timed(torque_rate=1e5), TREE / "scene.yaml"
+    scene.save(place)
+    assert module.load_scene(place).limits == scene.limits
+    effects = part("planner.terminal.explain_effects").effects(module.build(scene))
+    assert "limits of torque_rate" in {effect.name for effect in effects if effect.on}
+    simulation = part("planner.control.replay").replay(part("planner.robot.setup").Setup.of(scene), motion())
+    drawn = part("planner.pictures.replay").simulation_sheet(simulation, "")
+    titles = [axis.get_title("left") for axis in drawn.axes]
+    assert "torque_rate" in titles, titles
+    return str(module.prove(place, TREE / "motion.json").text)
+
+
+def around() -> str:
+    module = importlib.import_module("hdplan")
+    scene = module.load_scene("planar_arm")
+    made = part("scenes.shapes").Octahedron([0.1, 0.12, 0.1], pose=[0.9, 0.05, 0.1])
+    return planned(module.Scene(robot=scene.robot, obstacles=[made], start=scene.start, goal=scene.goal))
+
+
+def greeted() -> str:
+    said, sys.argv = io.StringIO(), ["hdplan", "hello"]
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        try:
+            part("cli").main()
+        except SystemExit as end:
+            return f"{end.code}: {said.getvalue().strip()}"
+    return said.getvalue()
+
+
+PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is asked after each step, or at last
+    "A limit": {
+        "at last": followed,
+        "certify": lambda: certified(torque_rate=1e5),
+        "certify tightly": lambda: certified(torque_rate=1e-3),
+        "plan": lambda: planned(timed(torque_rate=1e5)),
+    },
+    "A shape": {"plan": around},
+    "A solver": {"plan": lambda: planned(timed(), "straight")},
+    "A command": {"run": greeted},
+}
+
+
+def tried(recipe: str, done: list[str]) -> list[list[Any]]:
+    fresh()
+    last = len(done) == len(RECIPES[recipe])
+    probes = {name: probe for name, probe in PROBES[recipe].items() if last or name != "at last"}
+    return [[recipe, done[:], name, came_of(probe)] for name, probe in probes.items()]
+
+
+def main() -> None:
+    fresh()
+    importlib.import_module("hdplan").plan(timed()).trajectory.save(TREE / "motion.json")
+    found: list[Any] = []
+    for recipe, steps in RECIPES.items():
+        done: list[str] = []
+        before = {}
+        for file, edits in steps:
+            before[file] = (TREE / file).read_text(encoding="utf-8") if (TREE / file).exists() else ""
+            apply(file, edits)
+            done.append(file)
+            found += tried(recipe, done)
+        for file in [file for file in done[1:-1] if before[file]]:  # all steps but one in the middle
+            whole = (TREE / file).read_text(encoding="utf-8")
+            (TREE / file).write_text(before[file], encoding="utf-8")
+            found += tried(recipe, [other for other in done if other != file])
+            (TREE / file).write_text(whole, encoding="utf-8")
+    print(json.dumps(found))
+
+
+main()

@@ -1,0 +1,416 @@
+"""Every list is complete: a shape, a motion of an obstacle, a path constraint, an objective, a field or a section that
+somebody adds fails by name wherever such things are listed, and is passed over in silence nowhere.
+
+The places are found in the source. Those that end in `assert_never`, or raise, are complete; every other one stands
+below, with a call that must fail for a dummy, or with the reason why it may single one class out.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.batch import sample
+from hdplan.planner.certificate import coverage, exact_proximity, path_bounds, solids
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.collision import halfspace_bodies
+from hdplan.planner.geometry import seen, shapes, voxel_grids
+from hdplan.planner.pictures import scene as picture
+from hdplan.planner.problem import path_terms
+from hdplan.planner.proof import proof
+from hdplan.planner.robot import own_image
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.goals import may_end
+from hdplan.planner.terminal import explain, explain_effects
+from hdplan.scenes.clouds import Ignored
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
+from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Upright
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Shape, Solid, Sphere
+from hdplan.scenes.values import require_fields
+from hdplan.scenes.yaml_format import writer
+from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.seen import seen_entry
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+# --- dummies ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
+class Torus(Solid):
+    radius: float = 0.1
+
+
+@dataclass(frozen=True, repr=False)
+class Rounded(Box):
+    rounding: float = 0.01
+
+
+@dataclass(frozen=True)
+class Lidar:
+    points: tuple[float, ...] = ()
+    name: None = None
+    pose: None = None
+
+
+@dataclass(frozen=True)
+class Swinging:
+    length: float = 1.0
+
+
+@dataclass(frozen=True)
+class Level:
+    link: str = "panda_hand"
+
+
+@dataclass(frozen=True, repr=False)
+class Magnetic(Scene):
+    magnets: tuple[str, ...] = ()
+
+
+def with_field(value: Any, name: str, held: object) -> Any:
+    """A frozen value with a field that no check would let in."""
+    other = dataclasses.replace(value)
+    object.__setattr__(other, name, held)
+    return other
+
+
+PLAIN = Obstacle("o", Box([0.1, 0.1, 0.1]))
+OF_TORUS, OF_ROUNDED, OF_LIDAR = (
+    with_field(PLAIN, "shape", shape) for shape in (Torus(), Rounded([0.1, 0.1, 0.1]), Lidar())
+)
+SWINGING = with_field(PLAIN, "motion", Swinging())
+
+
+# --- where classes are told apart -------------------------------------------------------------------------------------
+
+CLASSES = {
+    **{name: "shape" for name in (*(kind.__name__ for kind in get_args(Shape)), "Solid")},
+    **{name: "seen" for name in (*(kind.__name__ for kind in get_args(Seen)), "Seen", "Map")},
+    **{name: "motion" for name in ("SteadyMotion", "TimedPoses")},
+    **{kind.__name__: "path" for kind in get_args(PathConstraint)},
+}
+Fails = Callable[[], object]
+PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
+    ("planner/batch/sample.py", "_moved", "seen"): "what was measured keeps its size",
+    ("planner/certificate/coverage.py", "", "motion"): (lambda: coverage.asked_of(of(SWINGING), robot()),),
+    ("planner/certificate/coverage.py", "", "path"): (lambda: coverage.asked_of(along(Level()), robot()),),
+    ("planner/certificate/coverage.py", "", "seen"): (lambda: coverage.asked_of(of(OF_LIDAR), robot()),),
+    ("planner/certificate/exact_proximity.py", "", "shape"): (
+        lambda: exact_proximity.obstacle_pieces(OF_TORUS),
+        lambda: exact_proximity.obstacle_pieces(OF_ROUNDED),
+        lambda: exact_proximity.obstacle_pieces(OF_LIDAR),
+    ),
+    ("planner/certificate/solids.py", "obstacle_bodies", "seen"): (  # others are shapes, or `obstacle_pieces` fails
+        lambda: solids.obstacle_bodies(OF_TORUS),
+        lambda: solids.obstacle_bodies(OF_LIDAR),
+    ),
+    ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "seen"): "asks for what can be enclosed again",
+    ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "shape"): "asks for what can be enclosed again",
+    ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): (
+        lambda: halfspace_bodies.from_obstacle(OF_LIDAR),
+    ),
+    ("planner/collision/halfspace_bodies.py", "from_obstacle", "shape"): (
+        lambda: halfspace_bodies.from_obstacle(OF_TORUS),
+        lambda: halfspace_bodies.from_obstacle(OF_ROUNDED),
+    ),
+    ("planner/collision/halfspace_bodies.py", "from_shape", "shape"): (
+        lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),  # type: ignore[arg-type]
+    ),
+    ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
+    ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
+    ("planner/geometry/shapes.py", "", "shape"): (
+        lambda: shapes.operations(Torus()),  # type: ignore[arg-type]
+        lambda: shapes.operations(Rounded([0.1, 0.1, 0.1])),
+    ),
+    ("planner/pictures/scene.py", "_bodies", "seen"): (
+        lambda: picture._bodies(OF_TORUS),
+        lambda: picture._bodies(OF_LIDAR),
+    ),
+    ("planner/problem/lay_out.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
+    ("planner/proof/proof.py", "refuse_clouds", "seen"): (lambda: proof.refuse_clouds(of(OF_LIDAR)),),
+    ("planner/robot/own_image.py", "_solids", "seen"): (
+        lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
+        lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
+    ),
+    ("planner/robot/own_image.py", "without_own_image", "seen"): "asks for clouds: they alone say what to ignore",
+    ("planner/terminal/explain.py", "_words", "seen"): (
+        lambda: explain._words(OF_TORUS, OF_TORUS),
+        lambda: explain._words(OF_LIDAR, OF_LIDAR),
+    ),
+    ("planner/view/drawing/clouds.py", "CloudNode.__init__", "seen"): "asserts that it is given a cloud",
+    ("planner/view/drawing/skins.py", "obstacle_mesh", "seen"): (
+        lambda: skins().obstacle_mesh(OF_TORUS),
+        lambda: skins().obstacle_mesh(OF_LIDAR),
+    ),
+    ("planner/view/drawing/skins.py", "obstacle_parts", "seen"): (
+        lambda: skins().obstacle_parts(OF_TORUS),
+        lambda: skins().obstacle_parts(OF_LIDAR),
+    ),
+    ("planner/view/edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
+    (
+        "planner/view/obstacle_fields.py",
+        "ObstacleFields._build",
+        "motion",
+    ): "others go to `_rates`, which is complete",
+    ("planner/view/obstacle_fields.py", "ObstacleFields.update", "motion"): "tells whether fields are built anew",
+    ("planner/view/obstacle_fields.py", "_duration", "motion"): "asserts that it is given timed poses",
+    ("planner/view/stage.py", "Stage._node", "seen"): "other nodes are drawn by `skins.obstacle_mesh`",
+    ("planner/view/things.py", "turns", "shape"): "a ball alone looks the same when it is turned",
+    ("scenes/moveit/constraints.py", "_within", "shape"): "refuses all but boxes in words for the user",
+    ("scenes/moveit/planning_scene.py", "_attached", "seen"): "chooses solids among what messages hold",
+    ("scenes/obstacles.py", "Obstacle._check_whole", "motion"): "timed poses alone say where an obstacle begins",
+    ("scenes/obstacles.py", "_obstacle_of.made", "seen"): (lambda: obstacles_of([Lidar()]),),
+    ("scenes/obstacles.py", "_obstacle_of.made", "shape"): (lambda: obstacles_of([Torus()]),),
+    ("scenes/scene.py", "Scene._check_whole", "seen"): "asks for clouds: they alone name other obstacles",
+    ("scenes/yaml_format/reader.py", "_obstacles", "motion"): "timed poses alone say where an obstacle begins",
+    ("scenes/yaml_format/writer.py", "", "motion"): (lambda: writer.scene_text(of(SWINGING)),),
+    ("scenes/yaml_format/writer.py", "", "path"): (lambda: writer.scene_text(along(Level())),),
+    ("scenes/yaml_format/writer.py", "", "seen"): (lambda: writer.scene_text(of(OF_LIDAR)),),
+    ("scenes/yaml_format/writer.py", "_obstacle", "motion"): (lambda: writer.scene_text(of(SWINGING)),),
+    ("scenes/yaml_format/writer.py", "_obstacle", "seen"): (
+        lambda: writer.scene_text(of(OF_LIDAR)),
+        lambda: writer.scene_text(of(OF_TORUS)),
+        lambda: writer.scene_text(of(OF_ROUNDED)),
+    ),
+}
+"""(file, function, what is told apart) -> calls that must fail, or why it is no list of them."""
+
+
+def robot() -> Any:
+    return Setup.of(load_scene("empty")).robot
+
+
+def skins() -> Any:
+    pytest.importorskip("viser", reason="the viewer is optional")
+    from hdplan.planner.view.drawing import skins
+
+    return skins
+
+
+def of(obstacle: Obstacle) -> Scene:
+    """A scene with an obstacle that no check would let in."""
+    return with_field(load_scene("empty"), "obstacles", (obstacle,))  # type: ignore[no-any-return]
+
+
+def along(constraint: object) -> Scene:
+    """A scene with a path constraint that no check would let in."""
+    return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))  # type: ignore[no-any-return]
+
+
+def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
+    """(function, family, whether everything else fails there) for all of a file that tells classes apart."""
+
+    def families(node: ast.AST) -> set[str]:
+        return {CLASSES[each.id] for each in ast.walk(node) if isinstance(each, ast.Name) and each.id in CLASSES}
+
+    def visit(node: ast.AST, function: str) -> Iterator[tuple[str, str, bool]]:
+        for child in ast.iter_child_nodes(node):
+            inner = function
+            match child:
+                case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                    inner = f"{function}.{name}".strip(".")
+                case ast.Call(func=ast.Name(id="isinstance"), args=[_, kinds]):
+                    yield from ((function, family, False) for family in families(kinds))
+                case ast.Match(cases=cases):
+                    patterns = [
+                        each.cls
+                        for case in cases
+                        for each in ast.walk(case.pattern)
+                        if isinstance(each, ast.MatchClass)
+                    ]
+                    found = {family for pattern in patterns for family in families(pattern)}
+                    yield from ((function, family, _fails_otherwise(cases[-1])) for family in found)
+                case ast.Dict(keys=keys):
+                    yield from (
+                        (function, family, False)
+                        for key in keys
+                        if isinstance(key, ast.Name)
+                        for family in families(key)
+                    )
+                case ast.Compare(left=left, comparators=others):
+                    compared = [each for each in (left, *others) if isinstance(each, ast.Name)]
+                    yield from ((function, family, False) for each in compared for family in families(each))
+            yield from visit(child, inner)
+
+    yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
+
+
+def _fails_otherwise(case: ast.match_case) -> bool:
+    any_other = isinstance(case.pattern, ast.MatchAs) and case.pattern.pattern is None
+    calls = [each for part in case.body for each in ast.walk(part)]
+    never = [each for each in calls if isinstance(each, ast.Call) and ast.unparse(each.func) == "assert_never"]
+    return any_other and bool(never or [each for each in calls if isinstance(each, ast.Raise)])
+
+
+def test_every_place_that_tells_classes_apart_is_known() -> None:
+    """A new one is complete, by `assert_never`, or stands in PLACES."""
+    files = [path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py")]
+    found = {
+        (str(path.relative_to(ROOT)), function, family)
+        for path in files
+        for function, family, complete in told_apart(path)
+        if not complete
+    }
+    assert found - PLACES.keys() == set(), "passes over what it does not know? end it in assert_never, or say why here"
+    assert PLACES.keys() - found == set(), "is gone, or complete"
+
+
+@pytest.mark.parametrize(
+    ("place", "call"),
+    [(place, call) for place, calls in PLACES.items() if not isinstance(calls, str) for call in calls],
+    ids=lambda each: "-".join(each) if isinstance(each, tuple) else "",
+)
+def test_places_fail_for_what_they_do_not_know(
+    place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also for a kind of sensor that the union has already."""
+    for module in (explain, own_image, picture, proof, writer):
+        monkeypatch.setattr(module, "Seen", Seen | Lidar)
+    named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
+    with pytest.raises(Exception, match=named):
+        call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: path_bounds._held(Setup.of(load_scene("empty")), Level()),  # type: ignore[arg-type]
+        lambda: path_terms._measure(Level(), "path.level", Setup.of(load_scene("empty")), np.zeros((9, 7))),  # type: ignore[arg-type]
+        lambda: explain_effects._kept_all_along(Level()),  # type: ignore[arg-type]
+        lambda: along(Level()).path.regions,
+        lambda: ObstacleMotion.of(SWINGING),
+        lambda: seen.seen_mesh(Lidar()),  # type: ignore[arg-type]
+        lambda: seen.seen_parts(Lidar()),  # type: ignore[arg-type]
+        lambda: seen.seen_words(Lidar(), Lidar()),  # type: ignore[arg-type]
+        lambda: voxel_grids.boxes_in(Lidar()),  # type: ignore[arg-type]
+        lambda: voxel_grids.map_words(Lidar()),  # type: ignore[arg-type]
+        lambda: seen_entry(Lidar(), str),  # type: ignore[arg-type]
+    ],
+)
+def test_complete_places_fail_too(call: Fails) -> None:
+    with pytest.raises((AssertionError, TypeError), match=r"Level|Swinging|Lidar"):
+        call()
+
+
+def test_obstacles_are_resized_by_what_is_known_of_their_shapes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sample, "load_scene", lambda _: of(OF_TORUS))
+    with pytest.raises(TypeError, match="Torus"):
+        list(sample._moved(Path("x"), np.random.default_rng(0), 0.0, 0.1))
+
+
+# --- sections and fields ----------------------------------------------------------------------------------------------
+
+
+def test_a_section_that_nobody_knows_fails_wherever_a_scene_is_certified_planned_or_written() -> None:
+    plain = load_scene("empty")
+    scene = Magnetic(**{each.name: getattr(plain, each.name) for each in dataclasses.fields(plain)}, magnets=("m",))
+    for fails in (lambda: Certifier(Setup.of(scene)), lambda: hdplan.plan(scene)):
+        with pytest.raises(coverage.UncheckedError, match="Magnetic"):
+            fails()
+
+
+@dataclass
+class Fields:
+    """The dummy of a class with one more field."""
+
+    known: str
+
+    def __call__(self, kind: type) -> type:
+        return dataclasses.make_dataclass(kind.__name__, [*self.known.split(), "dummy"])
+
+
+@pytest.mark.parametrize("kind", writer.WRITTEN, ids=lambda kind: kind.__name__)
+def test_the_writer_knows_every_field(kind: type) -> None:
+    known = writer.WRITTEN[kind]
+    assert known.split() == [each.name for each in dataclasses.fields(kind)]
+    with pytest.raises(TypeError, match=f"{kind.__name__} has fields that are not dealt with here: dummy"):
+        require_fields(Fields(known)(kind), known)
+
+
+def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
+    """All classes that fields of a scene can hold, from their annotations; shapes have tables of their own."""
+    met: set[type] = set()
+
+    def meet(kind: Any) -> None:
+        for part in (*get_args(kind), *(get_args(kind.__value__) if hasattr(kind, "__value__") else ())):
+            meet(part)
+        if dataclasses.is_dataclass(kind) and kind not in met and not issubclass(kind, Solid):  # type: ignore[arg-type]
+            met.add(kind)  # type: ignore[arg-type]
+            from typing import get_type_hints
+
+            for hint in get_type_hints(kind).values():
+                meet(hint)
+
+    meet(Scene)
+    assert met == set(coverage.FIELDS)
+    by_their_fields = {"Limits", "PathConstraints", "PlannerSettings", "FixedArray", "Goals", "AllOf"}
+    assert {kind.__name__ for kind in met - writer.WRITTEN.keys()} == by_their_fields
+
+
+def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
+    found = {}
+    for path in (ROOT / "planner").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "require_fields":
+                assert ast.unparse(node.args[0]) == "Scene"
+                found[path.stem] = ast.literal_eval(node.args[1])
+    assert {*found} == {"lay_out", "controller", "diagnosis", "explain_effects"}
+    for known in found.values():
+        require_fields(Scene, known)
+        with pytest.raises(TypeError, match="magnets"):
+            require_fields(Magnetic, known)
+
+
+# --- objectives, distances --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("field", "word"), [("objective", "quietness"), ("distance", "norm")])
+def test_an_objective_or_a_distance_that_nobody_measures_is_no_other_one(field: str, word: str) -> None:
+    plain = load_scene("panda_cage")
+    scene = with_field(plain, "planner", with_field(PlannerSettings(), field, word))
+    with pytest.raises(ValueError, match=word):
+        hdplan.plan(scene)
+
+
+def test_the_controller_knows_its_distances() -> None:
+    from hdplan.planner.control.barriers import _distance
+
+    with pytest.raises(ValueError, match="norm"):
+        _distance(None, [], [], SimpleNamespace(distance="norm"))  # type: ignore[arg-type]
+
+
+# --- what tells motions apart -----------------------------------------------------------------------------------------
+
+
+def test_dragging_and_fields_of_the_viewer_know_every_motion() -> None:
+    pytest.importorskip("viser", reason="the viewer is optional")
+    from hdplan.planner.view import obstacle_fields, things
+
+    for call in (lambda: things.moved(SWINGING, Pose()), lambda: obstacle_fields._rates(SWINGING)):
+        with pytest.raises(AssertionError, match="Swinging"):
+            call()
+    timed = Obstacle("o", Sphere(0.1), motion=TimedPoses([0.0, 1.0], [Pose(), Pose((1.0, 0.0, 0.0))]))
+    assert obstacle_fields._rates(timed) == (SteadyMotion().velocity, SteadyMotion().spin)
+
+
+def test_sampled_ends_are_judged_by_the_same_certificate() -> None:
+    """Of a scene that it does not know whole, nothing is drawn."""
+    scene = with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", Level()))
+    with pytest.raises((AssertionError, coverage.UncheckedError), match="Level"):
+        may_end(Certifier(Setup.of(scene)), np.zeros(7))
+    assert Upright("panda_hand").link == Level().link

@@ -1,0 +1,90 @@
+"""The recipes of docs/contributing.md, followed in a copy of the tree: what a step leaves undone fails by name.
+
+A child process adds a limit, a shape, a solver and a command, step by step, with a fresh hdplan after each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+CHILD = Path(__file__).with_name("recipes_child.py")
+NAMES = {"A limit": "torque_rate", "A solver": "straight", "A command": "hello"}
+Found = dict[tuple[str, tuple[str, ...], str], str]
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
+    """(recipe, files done, probe) -> what came of it."""
+    tree = tmp_path_factory.mktemp("tree")
+    ignore = shutil.ignore_patterns("__pycache__")
+    for folder in ("planner", "scenes"):
+        shutil.copytree(ROOT / folder, tree / folder, ignore=ignore)
+    shutil.copytree(ROOT / "src" / "hdplan", tree / "src" / "hdplan", symlinks=True, ignore=ignore)
+    shutil.copy(ROOT / "cli.py", tree)
+    (tree / "distance").symlink_to(ROOT / "distance")
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([sys.executable, str(CHILD), str(tree)], capture_output=True, text=True, env=env)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return {(recipe, tuple(files), probe): said for recipe, files, probe, said in json.loads(done.stdout)}
+
+
+def steps(recipe: str) -> list[str]:
+    """The files that a recipe names first in each of its steps; of one without steps, the first that it names."""
+    text = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
+    section = text.partition(f"### {recipe}\n")[2].partition("\n#")[0]
+    files = re.findall(r"^\d+\. [^`]*`([\w./]+\.py)`", section, re.MULTILINE)
+    files = files or re.findall(r"`([\w./]+\.py)`", section)[:1]
+    return [file.replace("NAME", NAMES.get(recipe, "")) for file in files]
+
+
+@pytest.mark.parametrize("recipe", ["A limit", "A shape", "A solver", "A command"])
+def test_the_recipes_are_those_of_the_page(found: Found, recipe: str) -> None:
+    whole = max((files for name, files, _ in found if name == recipe), key=len)
+    assert list(whole) == steps(recipe)
+
+
+def test_a_limit_is_certified_once_it_is_checked_and_never_before(found: Found) -> None:
+    check = "planner/certificate/limit_checks.py"
+    tried = {key: said for key, said in found.items() if key[0] == "A limit"}
+    assert len({files for _, files, _ in tried}) == 6  # five steps, and all but the one that names the check
+    for (_, files, probe), said in tried.items():
+        if probe.startswith("certify") and check not in files:
+            assert said.startswith("UncheckedError: no certificate: the scene asks for limits.torque_rate"), files
+        elif probe == "certify":
+            assert said.startswith("certified"), files
+        elif probe == "certify tightly":
+            assert said.startswith("overloaded: torque_rate"), files
+        elif probe == "plan" and len(files) < 5:
+            assert re.match("(UncheckedError|LookupError): no .*limits.torque_rate", said), files
+        elif probe == "plan":
+            assert said.startswith("certified: ")
+            assert "torque_rate up to" in said
+    assert (
+        "limits.torque_rate is asked for, which the checker does not know"
+        in tried["A limit", (*steps("A limit"),), "at last"]
+    )
+
+
+def test_a_shape_is_planned_around_once_all_know_it_and_never_before(found: Found) -> None:
+    whole = tuple(steps("A shape"))
+    for (recipe, files, _), said in found.items():
+        if recipe == "A shape" and files == whole:
+            assert said.startswith("certified: at least ")
+        elif recipe == "A shape":
+            assert re.search("shape Octahedron (is not supported by the certificate|with radii)", said), files
+
+
+def test_a_solver_and_a_command_are_there_at_once(found: Found) -> None:
+    assert found["A solver", tuple(steps("A solver")), "plan"].startswith("certified")
+    module, whole = steps("A command")
+    assert found["A command", (module,), "run"].startswith("2: hdplan: No such command 'hello'")
+    assert found["A command", (module, whole), "run"] == "0: hello"
