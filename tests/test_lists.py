@@ -32,10 +32,11 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.terminal import explain, explain_effects
 from hdplan.scenes.clouds import Ignored
+from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
 from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Upright
-from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.planner_settings import OBJECTIVES, PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Solid, Sphere
@@ -372,6 +373,64 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
         require_fields(Scene, known)
         with pytest.raises(TypeError, match="magnets"):
             require_fields(Magnetic, known)
+
+
+# --- limited quantities, and objectives, by their words ---------------------------------------------------------------
+
+NAMED = {  # files that name one of them, and why no other one is passed over there
+    "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
+    "planner/certificate/torque_check.py": "is about torques",
+    "planner/control/controller.py": "keeps velocities; what was executed is certified",
+    "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
+    "planner/pictures/rates.py": "the first panel has the legend",
+    "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
+    "planner/problem/velocity_penalty.py": "is about velocities",
+    "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",
+    "planner/robot/loads.py": "words of an error",
+    "planner/search/goals.py": "an order of goals",
+    "planner/search/objective.py": "ends in an error for others",
+    "planner/search/polish.py": "a weight of the penalty",
+    "planner/search/space_time.py": "a bound by velocities",
+    "planner/studies/anytime.py": "is about time",
+    "planner/terminal/explain_cost.py": "sizes of compiled functions",
+    "planner/terminal/explain_effects.py": "more words for torques; others have a line of their own",
+    "planner/terminal/tables.py": "torques have a table of their own; others stand with the rates",
+    "planner/timing/limits.py": "ends in an error for others",
+    "planner/timing/retiming.py": "accelerations bound the fastest motion, velocities a first guess of it",
+    "planner/timing/torque_limit.py": "is about torques",
+    "scenes/limits.py": "the table",
+    "scenes/scene.py": "what one section needs of another",
+}
+
+
+def names_words(path: Path) -> bool:
+    """Whether a file tells limited quantities or objectives apart."""
+    words = {*QUANTITIES, *OBJECTIVES}
+
+    def is_word(node: ast.AST) -> bool:
+        return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
+
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Compare(left=left, comparators=others):
+                of_them = any(word in ast.unparse(left) for word in ("objective", "quantity", "what", "name"))
+                found = any(map(is_word, (left, *others))) and (of_them or is_word(left))
+            case ast.MatchValue(value=key):
+                found = is_word(key)
+            case ast.Subscript(slice=key):
+                found = is_word(key) and ast.literal_eval(key) in QUANTITIES
+            case ast.Attribute(value=value, attr=name):
+                found = name in QUANTITIES and ast.unparse(value).endswith("limits")
+            case _:
+                found = False
+        if found:
+            return True
+    return False
+
+
+def test_every_place_that_names_a_limited_quantity_or_an_objective_is_known() -> None:
+    files = [path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py")]
+    assert {str(path.relative_to(ROOT)) for path in files if names_words(path)} == {*NAMED}
 
 
 # --- objectives, distances --------------------------------------------------------------------------------------------
