@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,12 @@ from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.seen import seen_entry
 
 ROOT = Path(__file__).resolve().parent.parent
+FILES = sorted(path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py"))
+
+
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 # --- dummies ----------------------------------------------------------------------------------------------------------
@@ -246,7 +253,7 @@ def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
                     yield from ((function, family, False) for each in compared for family in families(each))
             yield from visit(child, inner)
 
-    yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
+    yield from visit(parsed(path), "")
 
 
 def _fails_otherwise(case: ast.match_case) -> bool:
@@ -258,10 +265,9 @@ def _fails_otherwise(case: ast.match_case) -> bool:
 
 def test_every_place_that_tells_classes_apart_is_known() -> None:
     """A new one is complete, by `assert_never`, or stands in PLACES."""
-    files = [path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py")]
     found = {
         (str(path.relative_to(ROOT)), function, family)
-        for path in files
+        for path in FILES
         for function, family, complete in told_apart(path)
         if not complete
     }
@@ -364,7 +370,7 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
 def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
     found = {}
     for path in (ROOT / "planner").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "require_fields":
                 assert ast.unparse(node.args[0]) == "Scene"
                 found[path.stem] = ast.literal_eval(node.args[1])
@@ -410,11 +416,13 @@ def names_words(path: Path) -> bool:
     def is_word(node: ast.AST) -> bool:
         return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
 
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         match node:
             case ast.Compare(left=left, comparators=others):
-                of_them = any(word in ast.unparse(left) for word in ("objective", "quantity", "what", "name"))
-                found = any(map(is_word, (left, *others))) and (of_them or is_word(left))
+                kinds = ("objective", "quantity", "what", "name")
+                found = is_word(left) or (
+                    any(map(is_word, others)) and any(kind in ast.unparse(left) for kind in kinds)
+                )
             case ast.MatchValue(value=key):
                 found = is_word(key)
             case ast.Subscript(slice=key):
@@ -429,8 +437,7 @@ def names_words(path: Path) -> bool:
 
 
 def test_every_place_that_names_a_limited_quantity_or_an_objective_is_known() -> None:
-    files = [path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py")]
-    assert {str(path.relative_to(ROOT)) for path in files if names_words(path)} == {*NAMED}
+    assert {str(path.relative_to(ROOT)) for path in FILES if names_words(path)} == {*NAMED}
 
 
 # --- objectives, distances --------------------------------------------------------------------------------------------
