@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,10 +33,11 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.terminal import explain, explain_effects
 from hdplan.scenes.clouds import Ignored
+from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
 from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Upright
-from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.planner_settings import OBJECTIVES, PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Solid, Sphere
@@ -45,6 +47,12 @@ from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.seen import seen_entry
 
 ROOT = Path(__file__).resolve().parent.parent
+FILES = sorted(path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py"))
+
+
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 # --- dummies ----------------------------------------------------------------------------------------------------------
@@ -247,7 +255,7 @@ def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
                     yield from ((function, family, False) for each in compared for family in families(each))
             yield from visit(child, inner)
 
-    yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
+    yield from visit(parsed(path), "")
 
 
 def _fails_otherwise(case: ast.match_case) -> bool:
@@ -259,10 +267,10 @@ def _fails_otherwise(case: ast.match_case) -> bool:
 
 def test_every_place_that_tells_classes_apart_is_known() -> None:
     """A new one is complete, by `assert_never`, or stands in PLACES."""
-    files = [path for folder in ("planner", "scenes") for path in (ROOT / folder).rglob("*.py")]
     found = {
         (str(path.relative_to(ROOT)), function, family)
-        for path in files
+        for path in FILES
+        if any(name in path.read_text(encoding="utf-8") for name in CLASSES)
         for function, family, complete in told_apart(path)
         if not complete
     }
@@ -365,7 +373,7 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
 def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
     found = {}
     for path in (ROOT / "planner").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "require_fields":
                 assert ast.unparse(node.args[0]) == "Scene"
                 found[path.stem] = ast.literal_eval(node.args[1])
@@ -374,6 +382,65 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
         require_fields(Scene, known)
         with pytest.raises(TypeError, match="magnets"):
             require_fields(Magnetic, known)
+
+
+# --- limited quantities, and objectives, by their words ---------------------------------------------------------------
+
+NAMED = {  # files that name one of them, and why no other one is passed over there
+    "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
+    "planner/certificate/torque_check.py": "is about torques",
+    "planner/control/controller.py": "keeps velocities; what was executed is certified",
+    "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
+    "planner/pictures/rates.py": "the first panel has the legend",
+    "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
+    "planner/problem/velocity_penalty.py": "is about velocities",
+    "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",
+    "planner/robot/loads.py": "words of an error",
+    "planner/search/goals.py": "an order of goals",
+    "planner/search/objective.py": "ends in an error for others",
+    "planner/search/polish.py": "a weight of the penalty",
+    "planner/search/space_time.py": "a bound by velocities",
+    "planner/studies/anytime.py": "is about time",
+    "planner/terminal/explain_cost.py": "sizes of compiled functions",
+    "planner/terminal/explain_effects.py": "more words for torques; others have a line of their own",
+    "planner/terminal/tables.py": "torques have a table of their own; others stand with the rates",
+    "planner/timing/limits.py": "ends in an error for others",
+    "planner/timing/retiming.py": "accelerations bound the fastest motion, velocities a first guess of it",
+    "planner/timing/torque_limit.py": "is about torques",
+    "scenes/limits.py": "the table",
+    "scenes/scene.py": "what one section needs of another",
+}
+
+
+def names_words(path: Path) -> bool:
+    """Whether a file tells limited quantities or objectives apart."""
+    words = {*QUANTITIES, *OBJECTIVES}
+
+    def is_word(node: ast.AST) -> bool:
+        return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
+
+    for node in ast.walk(parsed(path)):
+        match node:
+            case ast.Compare(left=left, comparators=others):
+                kinds = ("objective", "quantity", "what", "name")
+                found = is_word(left) or (
+                    any(map(is_word, others)) and any(kind in ast.unparse(left) for kind in kinds)
+                )
+            case ast.MatchValue(value=key):
+                found = is_word(key)
+            case ast.Subscript(slice=key):
+                found = is_word(key) and ast.literal_eval(key) in QUANTITIES
+            case ast.Attribute(value=value, attr=name):
+                found = name in QUANTITIES and ast.unparse(value).endswith("limits")
+            case _:
+                found = False
+        if found:
+            return True
+    return False
+
+
+def test_every_place_that_names_a_limited_quantity_or_an_objective_is_known() -> None:
+    assert {str(path.relative_to(ROOT)) for path in FILES if names_words(path)} == {*NAMED}
 
 
 # --- objectives, distances --------------------------------------------------------------------------------------------
