@@ -3,7 +3,7 @@
 Looked at are, in this order: the folders that are named (`robot.package_dirs`); those around the description, upward;
 those of ROS (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH); and the neighbours of the description's own package, as in a
 workspace (src/*/package.xml, src/*/*/package.xml). A package is a folder whose package.xml has its name, or one of its
-name outside of other packages.
+name, preferably not within another package.
 """
 
 from __future__ import annotations
@@ -54,6 +54,9 @@ class Packages:
         if scheme not in SCHEMES:
             raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
         name, _, below = rest.lstrip("/").partition("/")
+        beside = [folder / name for folder in (*self.folders, *self.description.parents)]
+        if not below and (file := next(filter(os.path.exists, beside), None)):
+            return file  # without a package, as tools that know none write them
         try:
             file = self.find(name) / below.lstrip("/")
         except InputError as error:
@@ -65,7 +68,7 @@ class Packages:
     @property
     def _own(self) -> Path | None:
         """The folder of the package that the description is part of."""
-        return next((folder for folder in self.description.parents if (folder / ABOUT).is_file()), None)
+        return next((folder for folder in self.description.parents if os.path.isfile(folder / ABOUT)), None)
 
     def _look_for(self, name: str) -> Path | None:
         if not name or name in (os.curdir, os.pardir) or "\0" in name:
@@ -76,9 +79,10 @@ class Packages:
         return (
             _first(self.folders, name)
             or nearest
-            or _first(outside, name)  # folders within a package are none, whatever their name
+            or _first(outside, name)  # folders within a package are none as long as there is another
             or _first(_of_ros(), name)
             or self._neighbour(name)
+            or _first(upward, name)
         )
 
     def _neighbour(self, name: str) -> Path | None:
@@ -111,7 +115,7 @@ def _first(folders: Iterator[Path] | list[Path] | tuple[Path, ...], name: str, t
         if _name(folder) == name:
             return folder
         inside = folder / name
-        if inside.is_dir() and (not told or _name(inside) == name):
+        if os.path.isdir(inside) and (not told or _name(inside) == name):
             return inside
     return None
 

@@ -51,8 +51,7 @@ FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
 def check_srdf_words(root: Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
     """Return notes on links and joints that an SRDF names and the robot does not have, and groups that nothing defines.
 
-    Raises InputError for an element or attribute that is not known, of another namespace, or without its name; and for
-    texts, which SRDF has none of.
+    Raises InputError for an element or attribute that is not known, or of a namespace, and for texts within elements.
     """
     _walk(root, "robot", "")
     named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
@@ -74,7 +73,7 @@ def check_srdf_words(root: Element, links: Collection[str], joints: Collection[s
         if tag == "group_state":
             named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
     virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
-    notes = []
+    notes = [f"not part of SRDF, ignored: the text '{text}'"] if (text := stray_text(root)) else []
     groups = {group.get("name", "") for group in root.findall("group")}
     for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
@@ -89,8 +88,8 @@ def _walk(element: Element, tag: str, where: str) -> None:
     for attribute in element.attrib:
         if attribute not in attributes and not (tag == "robot" and split(attribute)[0]):
             raise InputError(f"{where}{tag}: attribute {_unknown(attribute, attributes)}")
-    if text := stray_text(element):
-        raise InputError(f"{where}{tag}: holds the text '{text[:40]}', where none belongs")
+    if (text := stray_text(element)) and tag != "robot":
+        raise InputError(f"{where}{tag}: holds the text '{text}', where none belongs")
     harmless = HARMLESS.get(tag, {})
     for child in element:
         if child.tag in children:

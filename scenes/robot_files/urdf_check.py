@@ -35,6 +35,8 @@ LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distan
 def check_urdf(root: ElementTree.Element) -> None:
     """Check links and joints. Raises InputError naming link or joint, attribute, value and what is allowed."""
     links = _names(root, "link")
+    if not links:
+        raise InputError("holds no <link>; a file of macros holds no robot of its own")
     for link in root.findall("link"):
         for collision in link.findall("collision"):
             check_body(collision, f"link '{link.get('name')}': collision")

@@ -50,6 +50,7 @@ ONCE += ("dynamics", "calibration", "safety_controller")
 
 NOT_READ = ("visual", "material", "collision_checking", "dynamics", "calibration", "safety_controller")  # nor used
 
+HOLDERS = ("robot", "link", "joint")  # text in these is no value; public robots have some
 DRAKE = "{http://drake.mit.edu}"
 # Elements that are not URDF's and change nothing of where bodies are, and why; what they contain is not read.
 HARMLESS: dict[str, dict[str, str]] = {
@@ -98,8 +99,8 @@ MOST = 4  # names in a note; further ones are counted
 def check_urdf_words(root: Element) -> tuple[str, ...]:
     """Return a note on parts of links and joints that are not URDF.
 
-    Raises InputError for an element or attribute that is not known, or of a foreign namespace, for texts, which URDF
-    has none of, and for duplicates of elements that may occur once.
+    Raises InputError for an element or attribute that is not known, or of a foreign namespace, for a text where a value
+    may be meant, and for duplicates of elements that may occur once.
     """
     ignored: dict[str, None] = {}
     _walk(root, "robot", "", ignored)
@@ -125,8 +126,10 @@ def _walk(element: Element, tag: str, where: str, ignored: dict[str, None]) -> N
             if (tag, attribute) in ZERO:
                 _zero(element.get(attribute, ""), f"{where}{tag}: {attribute}")
             ignored[f"{split(attribute)[1]} of {tag}"] = None
-    if text := stray_text(element):
-        raise InputError(f"{where}{tag}: holds the text '{text[:40]}', where none belongs")
+    if (text := stray_text(element)) and tag not in HOLDERS:
+        raise InputError(f"{where}{tag}: holds the text '{text}', where none belongs")
+    if text:
+        ignored[f"the text '{text}'"] = None
     seen: set[str] = set()
     for child in element:
         name = child.tag

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, listed, nearest
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.robot_files.packages import Packages
 from hdplan.scenes.values import shorten
@@ -44,7 +44,9 @@ def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -
         files = tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))
     for name in arguments:
         if name not in given.asked:
-            raise InputError(f"robot.xacro_args: nothing asks for the argument '{name}'{nearest(name, given.asked)}")
+            asked = f"asked for: {listed(sorted(given.asked))}" if given.asked else "none is asked for"
+            near = nearest(name, given.asked, asked)
+            raise InputError(f"robot.xacro_args: nothing asks for the argument '{name}'{near}")
     return text.encode(), files
 
 

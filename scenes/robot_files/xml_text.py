@@ -54,9 +54,10 @@ def is_xacro(namespace: str) -> bool:
 
 
 def stray_text(element: Element) -> str:
-    """Return the first text between the tags of an element and of its children, empty for white space alone."""
+    """Return the beginning of the first text between the tags of an element and of its children; empty for white space
+    alone."""
     texts = (element.text, *(child.tail for child in element))
-    return next((found for text in texts if text and (found := text.strip())), "")
+    return next((found[:40] for text in texts if text and (found := text.strip())), "")
 
 
 def _check_depth(root: Element) -> None:

@@ -102,7 +102,7 @@ def test_no_slip_of_the_pen_is_passed_over(tmp_path: Path, text: str) -> None:
             "element 'xacro:include': the file is xacro",
         ),
         ('<mass value="1"/>', '<mass value="1">3</mass>', "link 'base': mass: holds the text '3'"),
-        ("</robot>", "stray</robot>", "robot: holds the text 'stray'"),
+        ("</collision>", "stray</collision>", "link 'base': collision: holds the text 'stray'"),
         ("<robot", '<!DOCTYPE robot [<!ENTITY a "1">]><robot', "document type definition"),
         ('<link name="tip">', '<link name="base">', "link 'base' is there 2 times"),
         ('type="revolute"', 'type="hinge"', "joint 'turn': unknown type 'hinge'"),
@@ -119,6 +119,7 @@ def test_a_slip_is_named_with_what_was_meant(tmp_path: Path, old: str, new: str,
 def test_what_is_harmless_is_named_once_or_free_at_top_level(tmp_path: Path) -> None:
     top = "<gazebo><u/></gazebo><transmission/><x:thing xmlns:x='urn:x'/><ros2_control/><!-- words --><?pi x?></robot>"
     assert tree(tmp_path, ARM.replace("</robot>", top)) == ()
+    assert tree(tmp_path, ARM.replace("</robot>", "\\</robot>")) == ("not part of URDF, ignored: the text '\\'",)
     inside = "<contact/><self_collision_checking/></link>"
     (note,) = tree(tmp_path, ARM.replace("</link>", inside).replace('upper="1"', 'upper="1" current="3"'))
     assert note == "not part of URDF, ignored: contact in link, self_collision_checking in link, current of limit"
@@ -128,12 +129,12 @@ def test_what_is_harmless_is_named_once_or_free_at_top_level(tmp_path: Path) -> 
 
 
 def test_every_robot_of_the_library_is_read() -> None:
-    for name in robot_names():
+    for name in set(robot_names()) - {"ur_description/ur3.urdf"}:  # holds no link
         spec = RobotSpec(name=name)
         tree = read_tree(source_of(spec))
         if (srdf := description_of(spec)[2]) is not None:
             read_semantics(srdf, tree)
-        assert tree.links or name == "ur_description/ur3.urdf", name
+        assert tree.links, name
 
 
 @pytest.mark.parametrize(
@@ -189,6 +190,7 @@ def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
         return read_semantics(srdf, robot).notes
 
     assert notes('<disable_collisions link1="base" link2="tip" reason="Never"/><gripper name="x"><u/></gripper>') == ()
+    assert notes("\\") == ("not part of SRDF, ignored: the text '\\'",)
     (note,) = notes('<disable_collisions link1="base" link2="tipp"/>')
     assert note == "the SRDF names links that the robot does not have: 'tipp' (did you mean 'tip'?)"
     (note,) = notes('<group name="a"><joint name="turm"/></group>')
