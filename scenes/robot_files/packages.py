@@ -55,8 +55,8 @@ class Packages:
             raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
         name, _, below = rest.lstrip("/").partition("/")
         beside = [folder / name for folder in (*self.folders, *self.description.parents)]
-        if not below and (file := next(filter(os.path.exists, beside), None)):
-            return file  # without a package, as tools that know none write them
+        if not below and (alone := next(filter(os.path.exists, beside), None)):
+            return alone  # without a package, as tools that know none write them
         try:
             file = self.find(name) / below.lstrip("/")
         except InputError as error:

@@ -45,8 +45,10 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "limit": ("lower", "upper", "effort", "velocity"),
     "mimic": ("joint", "multiplier", "offset"),
 }
-ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
-ONCE += ("dynamics", "calibration", "safety_controller")
+ONCE = (
+    *("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic"),
+    *("dynamics", "calibration", "safety_controller"),
+)
 
 NOT_READ = ("visual", "material", "collision_checking", "dynamics", "calibration", "safety_controller")  # nor used
 
