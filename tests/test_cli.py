@@ -367,7 +367,7 @@ BAD_URDF = {
     "no link": ('<robot name="a"/>', ["holds no <link>"]),
     "no joint": ('<robot name="a"><link name="l"/></robot>', ["no joint left to plan"]),
     "mesh missing": (URDF.replace('"bar.obj"', '"nope.obj"'), ["link 'tip': mesh ", "nope.obj: no such file"]),
-    "package missing": (URDF.replace("my_arm", "no_arm"), ["package://no_arm/bar.obj", "package 'no_arm' is not found"]),
+    "package missing": (URDF.replace("my_arm", "no_arm"), ["package 'no_arm' is not found"]),
     "mesh a folder": (URDF.replace('"bar.obj"', '"packages"'), ["packages"]),
     "size text": (URDF.replace("0.2 0.2 0.1", "big 1 1"), ["link 'base'", "size must be 3 finite", "'big 1 1'"]),
     "size nan": (URDF.replace("0.2 0.2 0.1", "nan 1 1"), ["link 'base'", "size must be 3 finite numbers"]),

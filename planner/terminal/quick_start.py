@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path, list[str]: str}  # of a word, by what is asked for
+MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path, list[str]: str}  # of a word
 
 
 class Reader:

@@ -63,7 +63,7 @@ def test_an_inertia_that_no_body_has_gives_no_torques(tmp_path: Path) -> None:
     inertia = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="{}"/></inertial>'
     robot = load_robot(arm(tmp_path, inertial=inertia.format(3)))
     assert robot.impossible == ("l",)
-    with pytest.raises(InputError, match="limits.torque: no body has the inertia of link 'l' of arm: "):
+    with pytest.raises(InputError, match=r"limits\.torque: no body has the inertia of link 'l' of arm: "):
         with_loads(robot, None, ())
     robot = load_robot(arm(tmp_path, inertial=inertia.format(2)))
     assert robot.impossible == ()
