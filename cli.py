@@ -76,6 +76,7 @@ def plan(
     scene: given.SceneFile,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
     output: given.Output = None,
     solver: given.Solver = "gauss_newton",
     distance: given.Distance = None,
@@ -101,7 +102,7 @@ def plan(
     code = run_plan(
         scene,
         request,
-        robot,
+        given.robot_with(robot, xacro_arg),
         output=output,
         plot=plot,
         proof=proof,
@@ -122,6 +123,7 @@ def check(
     trajectory: given.Motion,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
     as_json: given.AsJson = False,
 ) -> None:
     """Certify a joint trajectory, ours or another planner's.
@@ -132,7 +134,7 @@ def check(
     """
     from hdplan.planner.commands.check import run_check
 
-    raise typer.Exit(run_check(scene, trajectory, request, robot, as_json=as_json))
+    raise typer.Exit(run_check(scene, trajectory, request, given.robot_with(robot, xacro_arg), as_json=as_json))
 
 
 @app.command()
@@ -170,6 +172,7 @@ def follow(
     output: given.Executed = None,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
     as_json: given.AsJson = False,
 ) -> None:
     """Follow a joint trajectory and avoid obstacles on the way.
@@ -182,7 +185,9 @@ def follow(
     """
     from hdplan.planner.commands.follow import run_follow
 
-    raise typer.Exit(run_follow(scene, trajectory, request, robot, output=output, as_json=as_json))
+    raise typer.Exit(
+        run_follow(scene, trajectory, request, given.robot_with(robot, xacro_arg), output=output, as_json=as_json)
+    )
 
 
 @app.command()
@@ -191,6 +196,7 @@ def simulate(
     trajectory: given.Motion,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
     plot: given.RatesSheet = None,
     as_json: given.AsJson = False,
 ) -> None:
@@ -204,7 +210,9 @@ def simulate(
     """
     from hdplan.planner.commands.simulate import run_simulate
 
-    raise typer.Exit(run_simulate(scene, trajectory, request, robot, plot=plot, as_json=as_json))
+    raise typer.Exit(
+        run_simulate(scene, trajectory, request, given.robot_with(robot, xacro_arg), plot=plot, as_json=as_json)
+    )
 
 
 @app.command()
@@ -214,6 +222,7 @@ def plot(
     output: given.Picture,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
 ) -> None:
     """Draw a joint trajectory on one sheet.
 
@@ -223,7 +232,7 @@ def plot(
     """
     from hdplan.planner.commands.plot import run_plot
 
-    raise typer.Exit(run_plot(scene, trajectory, request, robot, output=output))
+    raise typer.Exit(run_plot(scene, trajectory, request, given.robot_with(robot, xacro_arg), output=output))
 
 
 @app.command()
@@ -232,6 +241,7 @@ def view(
     trajectories: given.Motions = None,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
     proof: given.ProofToShow = None,
     record: given.Page = None,
     video: given.Film = None,
@@ -252,7 +262,7 @@ def view(
             scene,
             trajectories or [],
             request,
-            robot,
+            given.robot_with(robot, xacro_arg),
             proof=proof,
             record=record,
             video=video,
@@ -264,7 +274,11 @@ def view(
 
 @app.command()
 def explain(
-    scene: given.SceneFile, request: given.Request = None, robot: given.RobotFile = None, as_json: given.AsJson = False
+    scene: given.SceneFile,
+    request: given.Request = None,
+    robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
+    as_json: given.AsJson = False,
 ) -> None:
     """Explain the planning problem that a scene makes.
 
@@ -273,12 +287,13 @@ def explain(
     """
     from hdplan.planner.commands.explain import run_explain
 
-    raise typer.Exit(run_explain(scene, request, robot, as_json=as_json))
+    raise typer.Exit(run_explain(scene, request, given.robot_with(robot, xacro_arg), as_json=as_json))
 
 
 @app.command()
 def robots(
     name: given.RobotName = None,
+    xacro_arg: given.XacroArguments = None,
     srdf: given.SrdfFile = None,
     as_json: given.AsJson = False,
 ) -> None:
@@ -289,7 +304,7 @@ def robots(
     """
     from hdplan.planner.commands.robots import run_robots
 
-    raise typer.Exit(run_robots(name, srdf=srdf, as_json=as_json))
+    raise typer.Exit(run_robots(given.robot_with(name, xacro_arg), srdf=srdf, as_json=as_json))
 
 
 @app.command()

@@ -16,6 +16,7 @@ from hdplan.scenes.values import (
     JointValue,
     Name,
     Named,
+    Number,
     Row,
     absolute_path,
     is_row,
@@ -30,6 +31,18 @@ def pair(value: object) -> tuple[str, str]:
     if first == second:
         raise FieldError(f"must name two different links, found {first!r} twice")
     return first, second
+
+
+def argument(value: object) -> str:
+    """Return the value of a xacro argument as the text that xacro takes it for: also of a number, or true and false."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        Number()(value)
+        return repr(value)
+    if not isinstance(value, str):
+        raise wrong("a text, a number, true or false", value, "text")
+    return text(value) if value else value
 
 
 def group_of(value: object) -> str | tuple[str, ...]:
@@ -82,7 +95,8 @@ class RobotSpec(Checked):
     srdf: Annotated[Path, absolute_path] | None = None
     package_dirs: Annotated[
         tuple[Path, ...], Row(absolute_path, of="folders")
-    ] = ()  # where package:// URIs of the URDF are looked up
+    ] = ()  # where the packages that the URDF or xacro names are looked for first
+    xacro_args: Annotated[Mapping[str, str], Named(argument)] = field(default_factory=dict)  # of a xacro: name -> value
     group: Annotated[str | tuple[str, ...], group_of] | None = None
     """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""
     base: Placement = field(default_factory=Pose)  # of the URDF's root link
@@ -99,6 +113,7 @@ class RobotSpec(Checked):
             urdf: FilePath | None = None,
             srdf: FilePath | None = None,
             package_dirs: Sequence[FilePath] = (),
+            xacro_args: Mapping[str, str | bool | float] = {},
             group: str | Sequence[str] | None = None,
             base: AnyPose = Pose(),
             base_joints: PlanarBase | None = None,
@@ -110,7 +125,7 @@ class RobotSpec(Checked):
     def _check_whole(self) -> None:
         if (self.name is None) == (self.urdf is None):
             raise FieldError(f"must have either 'name' or 'urdf', found {'neither' if self.name is None else 'both'}")
-        for key in ("srdf", "package_dirs"):
+        for key in ("srdf", "package_dirs", "xacro_args"):
             if self.name is not None and getattr(self, key):
                 raise FieldError("goes with 'urdf'; a robot given by name brings its own", key)
 

@@ -12,10 +12,18 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, limit_rows, table, verdict_text
 from hdplan.scenes.errors import naming
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_check(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, as_json: bool) -> int:
+def run_check(
+    scene: str,
+    trajectory: Path,
+    request: Path | None,
+    robot: str | RobotSpec | None,
+    *,
+    as_json: bool,
+) -> int:
     """Certify a motion. Returns the exit code: 0 if it is certified, else 1."""
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)

@@ -11,10 +11,11 @@ from hdplan.planner.build import build
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.terminal.tables import table
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
-def run_explain(scene: str, request: Path | None, robot: str | None, *, as_json: bool) -> int:
+def run_explain(scene: str, request: Path | None, robot: str | RobotSpec | None, *, as_json: bool) -> int:
     """Build the problem and print what it is made of. Returns the exit code: 0."""
     problem = load_scene(scene, request=request, robot=robot)
     with waiting("building the problem"):

@@ -15,11 +15,18 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
 from hdplan.scenes.errors import naming
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_follow(
-    scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path | None, as_json: bool
+    scene: str,
+    trajectory: Path,
+    request: Path | None,
+    robot: str | RobotSpec | None,
+    *,
+    output: Path | None,
+    as_json: bool,
 ) -> int:
     """Follow a motion. Returns the exit code: 0 if the robot arrives and its motion is certified, else 1."""
     if output is not None:

@@ -19,6 +19,7 @@ from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
 from hdplan.scenes.planner_settings import DISTANCES
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 def run_plan(
     scene: str,
     request: Path | None,
-    robot: str | None,
+    robot: str | RobotSpec | None,
     *,
     output: Path | None,
     plot: Path | None,

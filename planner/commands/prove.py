@@ -9,6 +9,7 @@ from hdplan.planner.terminal.console import printing, say, waiting
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable
+from hdplan.scenes.robot_spec import RobotSpec
 
 ENDINGS = (".proof",)
 MOTIONS = (".json", ".csv")  # of which there can be proofs
@@ -28,7 +29,7 @@ def run_prove(scene: str, trajectory: Path, *, output: Path) -> int:
     return 0
 
 
-def check_proof_of_plan(proof: Path, output: Path | None, request: Path | None, robot: str | None) -> None:
+def check_proof_of_plan(proof: Path, output: Path | None, request: Path | None, robot: str | RobotSpec | None) -> None:
     """Raise InputError, before a motion is planned, if no proof of it could be written."""
     check_writable(proof, ENDINGS)
     if output is None or output.suffix.lower() not in MOTIONS:

@@ -12,13 +12,14 @@ from hdplan.planner.terminal.robots import describe, listing, named_or_read
 from hdplan.planner.terminal.tables import columns
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable, write_output
+from hdplan.scenes.robot_spec import RobotSpec
 
 
-def run_robots(name: str | None, *, srdf: Path | None, as_json: bool) -> int:
+def run_robots(name: str | RobotSpec | None, *, srdf: Path | None, as_json: bool) -> int:
     """Load every robot, or the one of this name or file. Returns the exit code: 0."""
     if srdf is not None:
         return _write_srdf(name, srdf, as_json=as_json)
-    with waiting("loading every robot" if name is None else f"loading {name}"):
+    with waiting("loading every robot" if name is None else f"loading {_called(name)}"):
         tables = listing() if name is None else describe(name)
     with printing() as show:
         if as_json:
@@ -31,7 +32,11 @@ def run_robots(name: str | None, *, srdf: Path | None, as_json: bool) -> int:
     return 0
 
 
-def _write_srdf(name: str | None, output: Path, *, as_json: bool) -> int:
+def _called(robot: str | RobotSpec) -> str:
+    return robot if isinstance(robot, str) else str(robot.urdf)
+
+
+def _write_srdf(name: str | RobotSpec | None, output: Path, *, as_json: bool) -> int:
     from hdplan.planner.robot.srdf import MADE_HERE, srdf_of
 
     if name is None:
@@ -41,7 +46,7 @@ def _write_srdf(name: str | None, output: Path, *, as_json: bool) -> int:
         raise InputError(
             f"--srdf: {output} exists, and was not made by hdplan: it is not overwritten; name another file"
         )
-    with waiting(f"comparing the links of {name}"):
+    with waiting(f"comparing the links of {_called(name)}"):
         text, counts = srdf_of(named_or_read(name))
     write_output(output, text.encode())
     with printing() as show:

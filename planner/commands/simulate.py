@@ -14,11 +14,18 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import rates_table, simulation_rows, table, torques_table
 from hdplan.scenes.errors import naming
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_simulate(
-    scene: str, trajectory: Path, request: Path | None, robot: str | None, *, plot: Path | None, as_json: bool
+    scene: str,
+    trajectory: Path,
+    request: Path | None,
+    robot: str | RobotSpec | None,
+    *,
+    plot: Path | None,
+    as_json: bool,
 ) -> int:
     """Replay a motion. Returns the exit code: 0 if it succeeds, else 1."""
     if plot is not None:

@@ -22,6 +22,7 @@ from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.front import check_files, check_installed, check_proof, motion_names
 from hdplan.scenes.errors import naming
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 
@@ -32,7 +33,7 @@ def run_view(
     scene: str,
     trajectories: Sequence[Path],
     request: Path | None,
-    robot: str | None,
+    robot: str | RobotSpec | None,
     *,
     proof: Path | None,
     record: Path | None,

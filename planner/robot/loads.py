@@ -40,6 +40,11 @@ def with_loads(
 ) -> pin.Model:
     """Return the same for a payload and held objects whose files were read; errors do not name the scene's file, but
     what masses are `needed` for."""
+    if robot.impossible:
+        raise InputError(
+            f"{needed}: no body has the inertia of link '{robot.impossible[0]}' of {robot.name}: a principal moment is "
+            "negative or greater than the sum of the others, or there is no mass"
+        )
     model = robot.model.copy()
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)

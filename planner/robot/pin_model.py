@@ -26,10 +26,12 @@ from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps
+from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.poses import Vector3
+from hdplan.scenes.robot_files.packages import Packages
+from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.urdf_text import read_description
-from hdplan.scenes.robot_spec import PlanarBase
 from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
@@ -45,22 +47,24 @@ class MeshElement:
     address: str
     scale: str
 
-    def found(self, urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[Path, Vector3]:
+    @classmethod
+    def of(cls, mesh: ElementTree.Element, link: str) -> MeshElement:
+        """Take a mesh element of a link."""
+        return cls(link, mesh.get("filename", ""), mesh.get("scale", "1 1 1"))
+
+    def found(self, packages: Packages) -> tuple[Path, Vector3]:
         """Return its file and its scale; a negative scale mirrors. Raises InputError for a scale that is not three
         numbers, or a file that is not found."""
         with naming(f"link '{self.link}'"):
             try:
-                x, y, z = map(float, self.scale.split())
+                x, y, z = read_numbers(self.scale.split())
             except ValueError:
                 raise InputError(f"mesh: scale must be three numbers, found '{self.scale}'") from None
-            return _mesh_file(self.address, urdf, package_dirs), (x, y, z)
+            return packages.file(self.address), (x, y, z)
 
 
-def read_model(
-    urdf: Path, package_dirs: tuple[Path, ...], base_joints: PlanarBase | None = None
-) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
-    """Read a robot, on the joints of a mobile base, if any, and its collision geometry; package:// addresses are looked
-    up below `package_dirs`.
+def read_model(source: Source) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
+    """Read a robot, on the joints of a mobile base, if any, and its collision geometry.
 
     Meshes are read by `load_mesh`, like those of scenes: Pinocchio's own reader accepts damaged files in part, and on
     some it hangs or crashes the process. The stamps of the mesh files, and of those beside them, taken before
@@ -69,11 +73,12 @@ def read_model(
     Raises:
         InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
     """
-    model, geometry, named = _read_urdf(urdf, pin.GeometryType.COLLISION, base_joints)
+    urdf, packages = source.urdf, Packages(source.urdf, source.package_dirs)
+    model, geometry, named = _read_urdf(source)
     meshes: dict[str, tuple[str, Path, Vector3]] = {}  # name of the geometry -> link, file, scale
     for name, told in named.items():
         with naming(f"robot.urdf: {urdf}"):
-            meshes[name] = told.link, *told.found(urdf, package_dirs)
+            meshes[name] = told.link, *told.found(packages)
     stamps = mesh_stamps(sorted({file for _, file, _ in meshes.values()}))
     trees: dict[tuple[Path, Vector3], Any] = {}
     for item in geometry.geometryObjects:
@@ -96,77 +101,55 @@ def _load(link: str, file: Path, scale: Vector3) -> TriangleMesh:
     return TriangleMesh(mesh.vertices * np.sign(scale), mesh.triangles[:, turned])
 
 
-def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, MeshElement | None], ...]:
-    """Read a robot's visual geometry: (link, placement in the link's frame, geometry, mesh) of every visual. For a mesh
-    the geometry holds the colours only.
-
-    Raises InputError for a URDF that is not valid.
-    """
-    model, geometry, named = _read_urdf(urdf, pin.GeometryType.VISUAL)
-    links = [model.frames[item.parentFrame] for item in geometry.geometryObjects]
-    return tuple(
-        (str(link.name), link.placement.inverse() * item.placement, item, named.get(item.name))
-        for link, item in zip(links, geometry.geometryObjects, strict=True)
-    )
-
-
-def _read_urdf(
-    urdf: Path, kind: pin.GeometryType, base_joints: PlanarBase | None = None
-) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
-    """Read a robot and one kind of its geometry, with a sphere in place of every mesh; and the meshes, by Pinocchio's
+def _read_urdf(source: Source) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
+    """Read a robot and its collision geometry, with a sphere in place of every mesh; and the meshes, by Pinocchio's
     names for the geometry. Capsules and ellipsoids, which its reader passes over, are put in place here."""
-    root = read_description(urdf, base_joints).root
+    root = read_description(source).root
+    _strip(root)
     whole = ElementTree.tostring(root, encoding="unicode")
-    model = _quietly(lambda: pin.buildModelFromXML(whole), urdf)
+    model = _quietly(lambda: pin.buildModelFromXML(whole), source.urdf)
     meshes: dict[str, MeshElement] = {}
     solids: dict[str, Any] = {}
     for link in root.findall("link"):
         name = link.get("name", "")
-        for i, shape in enumerate(link.findall(f"{kind.name.lower()}/geometry")):
+        for i, shape in enumerate(link.findall("collision/geometry")):
             for found in [each for each in shape if each.tag in ("mesh", "capsule", "ellipsoid")]:
                 if found.tag == "mesh":
-                    meshes[f"{name}_{i}"] = MeshElement(name, found.get("filename", ""), found.get("scale", "1 1 1"))
+                    meshes[f"{name}_{i}"] = MeshElement.of(found, name)
                 else:
-                    with naming(f"robot.urdf: {urdf}: link '{name}'"):
-                        solids[f"{name}_{i}"] = _solid(found)
+                    solids[f"{name}_{i}"] = solid_of(found)
                 shape.remove(found)
                 ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
     text = ElementTree.tostring(root, encoding="unicode")
-    geometry = _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf)
+    geometry = _quietly(lambda: pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION), source.urdf)
     for item in geometry.geometryObjects:
         if item.name in solids:
             item.geometry = solids[item.name]
     return model, geometry, meshes
 
 
-def _solid(element: ElementTree.Element) -> Any:
-    """Return a capsule or ellipsoid as coal's. Raises InputError for sizes that are none."""
-    try:
-        if element.tag == "capsule":
-            return coal.Capsule(float(element.get("radius", "")), float(element.get("length", "")))
-        x, y, z = map(float, element.get("radii", "").split())
-        return coal.Ellipsoid(x, y, z)
-    except ValueError:
-        raise InputError(f"{element.tag}: its sizes must be numbers [m], found {dict(element.attrib)}") from None
+def _strip(root: ElementTree.Element) -> None:
+    """Leave links and joints without their visuals: what is of no concern of planning must not fail to be read."""
+    for element in list(root):
+        if element.tag not in ("link", "joint"):
+            root.remove(element)
+        for visual in element.findall("visual"):
+            element.remove(visual)
 
 
-def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:
-    """Return the file of a URDF's address: package:// is looked up in the given folders and ROS's, file:// is a full
-    path, and any other is relative to the URDF's folder or else the working folder."""
-    scheme, told, rest = address.partition("://")
-    below = rest.lstrip("/")
-    if not told or scheme == "file":
-        file = Path(rest or address)
-        return next((each for each in (urdf.parent / file, file) if os.path.exists(each)), file)
-    if scheme not in ("package", "model"):
-        raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
-    ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
-    ament = [Path(word) / "share" for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if word]
-    folders = (*package_dirs, *ros, *(folder.parent for folder in ros), *ament)
-    found = next((folder / below for folder in folders if os.path.exists(folder / below)), None)
-    if found is None:
-        raise InputError(f"mesh '{address}': no such file in any package folder (package_dirs, ROS)")
-    return found
+def solid_of(element: ElementTree.Element) -> Any:
+    """Return a checked primitive of a URDF as coal's."""
+    sizes = {key: read_numbers(text.split()) for key, text in element.attrib.items()}
+    match element.tag:
+        case "box":
+            return coal.Box(*sizes["size"])
+        case "sphere":
+            return coal.Sphere(*sizes["radius"])
+        case "cylinder":
+            return coal.Cylinder(*sizes["radius"], *sizes["length"])
+        case "capsule":
+            return coal.Capsule(*sizes["radius"], *sizes["length"])
+    return coal.Ellipsoid(*sizes["radii"])
 
 
 def without_joints(

@@ -32,7 +32,7 @@ from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
-from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.mjcf import UNLIMITED
 from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
@@ -72,6 +72,7 @@ class Robot:
     attached: tuple[Attached, ...] = ()  # held objects, which are also among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot
+    impossible: tuple[str, ...] = ()  # links that move and have an inertia that no body has: no torques
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -202,11 +203,12 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
     spec: RobotSpec = checked(robot_spec, robot, "robot")
-    name, urdf, srdf, package_dirs = description_of(spec)
+    name, urdf, srdf, _ = description_of(spec)
+    source = source_of(spec)
     files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
-    tree, semantics = read_words(urdf, srdf, spec.base_joints)
+    tree, semantics = read_words(source, srdf)
     files += stamps_of(tree.files[1:])  # known only now
-    full, geometry, meshes = read_model(urdf, package_dirs, spec.base_joints)
+    full, geometry, meshes = read_model(source)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)
         raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
@@ -272,6 +274,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         notes=(),
         files=(*files, *meshes),
         base=spec.base,
+        impossible=_moved(tree.impossible, model),
     )
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(loaded, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
@@ -286,6 +289,12 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         )
     pairs = tuple(pair for pair in every if pair not in unchecked)
     return replace(loaded, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
+
+
+def _moved(links: tuple[str, ...], model: pin.Model) -> tuple[str, ...]:
+    """Return those of the links that a joint of the model moves."""
+    carried = {str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint}
+    return tuple(link for link in links if link in carried)
 
 
 def _planned(

@@ -5,6 +5,7 @@ Reading a URDF and its meshes often takes longer than planning; a robot is cache
 
 from __future__ import annotations
 
+import os
 from collections import OrderedDict
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
@@ -19,6 +20,8 @@ from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import stamps_of
 from hdplan.scenes.once import ForkSafeLock, made_once
+from hdplan.scenes.robot_files.packages import OF_ROS
+from hdplan.scenes.robot_files.urdf_text import XACRO
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
@@ -172,12 +175,21 @@ def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...
     return replace(robot, lower=np.array(lower), upper=np.array(upper), notes=(*robot.notes, *words))
 
 
+def _surroundings(spec: RobotSpec) -> tuple[tuple[str, str], ...]:
+    """Return what of the environment a description may depend on: where ROS keeps packages; of xacro all of it."""
+    if spec.urdf is not None and spec.urdf.suffix.lower() == XACRO:
+        return tuple(sorted(os.environ.items()))
+    return tuple((name, os.environ.get(name, "")) for name in OF_ROS)
+
+
 def _load_once(spec: RobotSpec) -> Robot:
     key = (
         spec.name,
         spec.urdf,
         spec.srdf,
         spec.package_dirs,
+        tuple(sorted(spec.xacro_args.items())),
+        _surroundings(spec),
         spec.group,
         spec.base.matrix.tobytes(),
         spec.base_joints,

@@ -12,7 +12,7 @@ from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, CONTACT_SAMPLES, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.description import read_tree
-from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_spec import RobotSpec
 
 MADE_HERE = "made by hdplan;"  # a comment in each
@@ -29,10 +29,10 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
     Raises:
         InputError: a robot that cannot be loaded, or that has an SRDF.
     """
-    name, urdf, srdf, _ = description_of(spec)
+    name, _, srdf, _ = description_of(spec)
     if srdf is not None:
         raise InputError(f"--srdf: {name} has an SRDF: {srdf}")
-    tree = read_tree(urdf, spec.base_joints)
+    tree = read_tree(source_of(spec))
     robot = load_robot(spec)
     movable = tuple(joint for joint in (*robot.joint_names, *robot.locked) if joint not in tree.coupled)
     whole = load_robot(replace(spec, group=movable, locked={}))

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from hdplan.scenes.robot_spec import RobotSpec
 
 SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
 OUT = Path("out")  # where the files of a study go, if no folder is given
@@ -65,7 +68,40 @@ RobotFile = Annotated[
         "file with a `robot` section.",
     ),
 ]
+XacroArguments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--xacro-arg",
+        metavar="NAME:=VALUE",
+        help="An argument of the xacro file that is the robot; may be given several times.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+
+
+def robot_with(robot: str | None, arguments: list[str] | None) -> str | RobotSpec | None:
+    """Return the robot of --robot with the arguments of --xacro-arg. Raises InputError for arguments without a xacro
+    file, and for one that is not NAME:=VALUE."""
+    if not arguments:
+        return robot
+    from dataclasses import replace
+
+    from hdplan.scenes.errors import InputError
+    from hdplan.scenes.robot_files.urdf_text import XACRO
+    from hdplan.scenes.yaml_format.reader import read_robot
+
+    if robot is None or not robot.lower().endswith(XACRO):
+        raise InputError(f"--xacro-arg: goes with a robot in xacro ({XACRO}); elsewhere robot.xacro_args has them")
+    values: dict[str, str] = {}
+    for argument in arguments:
+        name, given, value = argument.partition(":=")
+        if not given or not name.strip():
+            raise InputError(f"--xacro-arg: must be NAME:=VALUE, found '{argument}'")
+        if name in values:
+            raise InputError(f"--xacro-arg: '{name}' is given twice")
+        values[name] = value
+    return replace(read_robot(robot)[0], xacro_args=values)
+
 
 # plan
 Output = Annotated[

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path}  # of a word, by what is asked for
+MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path, list[str]: str}  # of a word
 
 
 class Reader:
@@ -24,7 +24,7 @@ class Reader:
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
         """Return the value of a word, or of each word where there may be several; a default is one already."""
-        if param.nargs == -1:
+        if param.nargs == -1 or param.multiple:
             return tuple(map(self.make, value or ()))
         return self.make(value) if isinstance(value, str) else value
 

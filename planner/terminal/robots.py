@@ -62,12 +62,14 @@ def _content(files: list[str]) -> str | None:
         return None
 
 
-def named_or_read(robot: str) -> RobotSpec:
+def named_or_read(robot: str | RobotSpec) -> RobotSpec:
     """Return the robot of a name, or of a file: a description, or YAML with a `robot` section."""
+    if isinstance(robot, RobotSpec):
+        return robot
     return RobotSpec(name=robot) if robot in robot_names() else read_robot(robot)[0]
 
 
-def describe(name: str) -> dict[str, Rows]:
+def describe(name: str | RobotSpec) -> dict[str, Rows]:
     """Return tables for one robot, by its name or its file: joints, joints held fixed, groups, end effectors, named
     states, and outer bodies: their volume over that of the link's hull, and how far they stick out of it [mm].
 

@@ -10,6 +10,7 @@ from hdplan.planner.html_page import PAGES
 from hdplan.planner.page.film import check_film
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable
+from hdplan.scenes.robot_spec import RobotSpec
 
 
 def check_installed() -> None:
@@ -31,7 +32,7 @@ def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Pa
         raise InputError(f"{served[0]}: is for the viewer, which is not opened to write {page or video}: leave one out")
 
 
-def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | None) -> None:
+def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | RobotSpec | None) -> None:
     """Check early that a proof can be of what is shown. Raises InputError."""
     if len(trajectories) != 1:
         raise InputError(f"--proof: {proof} is about one motion, but {len(trajectories) or 'none'} is given")

@@ -23,7 +23,7 @@ from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.description import Semantics, read_words
-from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
@@ -62,8 +62,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     scene_keys = scene.mapping(MESSAGES["PlanningScene"])
     request_keys = request.mapping(MESSAGES["MotionPlanRequest"], required=["goal_constraints"])
     with naming(robot.source or scene.document.file):
-        name, urdf, srdf, _ = description_of(robot)
-        tree, semantics = read_words(urdf, srdf, robot.base_joints)
+        name, _, srdf, _ = description_of(robot)
+        tree, semantics = read_words(source_of(robot), srdf)
     model = scene_keys.get("robot_model_name")
     if model and model.value != "" and model.text() not in (name, tree.name):
         model.note(f"names the robot {model.value!r}, not {name}")

@@ -14,14 +14,16 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, read_file, stamps_of
+from hdplan.scenes.number_text import read_number
 from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
-from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
+from hdplan.scenes.robot_files.source import Source
+from hdplan.scenes.robot_files.srdf_words import check_srdf_words
+from hdplan.scenes.robot_files.urdf_check import check_urdf, impossible_inertias, read_origin
 from hdplan.scenes.robot_files.urdf_text import read_description
-from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
+from hdplan.scenes.robot_files.urdf_words import check_shapes, check_urdf_words
 from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
-from hdplan.scenes.robot_spec import PlanarBase
 
 KEPT = 8  # descriptions kept in memory
 
@@ -39,6 +41,7 @@ class Tree:
     notes: tuple[str, ...] = ()  # what was ignored
     files: tuple[Path, ...] = ()  # that it was read from
     excluded: frozenset[LinkPair] = frozenset()  # pairs that are not checked, where the description itself says so
+    impossible: tuple[str, ...] = ()  # links with an inertia that no body has
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
         """Return the joints of a chain as MoveIt defines it: those from the tip up to the base (or the root). If the
@@ -140,34 +143,33 @@ class Semantics:
         return found
 
 
-def read_words(urdf: Path, srdf: Path | None, base_joints: PlanarBase | None) -> tuple[Tree, Semantics]:
-    """Read the URDF and the SRDF of a robot, empty without one; a plain URDF only once, while the files do not
+def read_words(source: Source, srdf: Path | None) -> tuple[Tree, Semantics]:
+    """Read the description and the SRDF of a robot, empty without one; a plain URDF only once, while the files do not
     change."""
-    if urdf.suffix.lower() != ".urdf":  # others may include files
-        return _read_words(urdf, srdf, base_joints)
-    return _kept_words(urdf, srdf, base_joints, stamps_of(file for file in (urdf, srdf) if file))
+    if source.urdf.suffix.lower() != ".urdf":  # others may include files
+        return _read_words(source, srdf)
+    return _kept_words(source, srdf, stamps_of(file for file in (source.urdf, srdf) if file))
 
 
-def _read_words(urdf: Path, srdf: Path | None, base_joints: PlanarBase | None) -> tuple[Tree, Semantics]:
-    tree = read_tree(urdf, base_joints)
+def _read_words(source: Source, srdf: Path | None) -> tuple[Tree, Semantics]:
+    tree = read_tree(source)
     return tree, Semantics() if srdf is None else read_semantics(srdf, tree)
 
 
 @made_once(KEPT)
-def _kept_words(
-    urdf: Path, srdf: Path | None, base_joints: PlanarBase | None, stamps: Stamps
-) -> tuple[Tree, Semantics]:
-    return _read_words(urdf, srdf, base_joints)
+def _kept_words(source: Source, srdf: Path | None, stamps: Stamps) -> tuple[Tree, Semantics]:
+    return _read_words(source, srdf)
 
 
-def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:
+def read_tree(source: Source) -> Tree:
     """Read the links and joints of a URDF, or of what can be had as one, on the joints of a mobile base, if any. Raises
     InputError for a file that is missing, not XML, or faulty."""
-    description = read_description(path, base_joints)
+    description = read_description(source)
     root = description.root
-    with naming(f"robot.urdf: {path}"):
+    with naming(f"robot.urdf: {source.urdf}"):
         notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
+        impossible = impossible_inertias(root)
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
@@ -176,15 +178,24 @@ def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:
         if above is not None and below is not None:
             parent[below.get("link", "")] = (above.get("link", ""), joint.get("name", ""))
             if joint.get("type") == "fixed":
-                with naming(f"robot.urdf: {path}"):
+                with naming(f"robot.urdf: {source.urdf}"):
                     fixed[below.get("link", "")] = read_origin(joint, f"joint '{joint.get('name')}'")
         if mimic is not None:
-            factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
+            factor, offset = (
+                read_number(mimic.get(key, value)) for key, value in (("multiplier", "1"), ("offset", "0"))
+            )
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
-    links = tuple(link.get("name", "") for link in root.findall("link"))
-    collisions = len(root.findall("link/collision"))
     return Tree(
-        links, parent, mimics, collisions, root.get("name", ""), fixed, notes, description.files, description.excluded
+        links=tuple(link.get("name", "") for link in root.findall("link")),
+        parent=parent,
+        mimics=mimics,
+        collisions=len(root.findall("link/collision")),
+        name=root.get("name", ""),
+        fixed=fixed,
+        notes=notes,
+        files=description.files,
+        excluded=description.excluded,
+        impossible=impossible,
     )
 
 
@@ -255,7 +266,7 @@ def _states(root: ElementTree.Element) -> dict[str, dict[str, dict[str, float]]]
             if len(value) != 1:
                 continue  # a joint of several coordinates (a floating base) is not planned here
             try:
-                number = float(value[0])
+                number = read_number(value[0])
             except ValueError:
                 number = math.nan
             if not math.isfinite(number):

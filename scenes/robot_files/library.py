@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.values import shorten
@@ -106,11 +107,17 @@ def find_robot(name: str) -> RobotFiles:
 
 
 def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
-    """Return name, URDF, SRDF and the folders for package:// URIs."""
+    """Return name, URDF, SRDF and the folders in which packages are looked for first."""
     if spec.name is not None:
         files = find_robot(spec.name)
         return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
     if spec.urdf is None:
         raise InputError("robot: neither name nor urdf is given")
     urdf = Path(os.path.realpath(spec.urdf))  # unlike Path.resolve, no error for links that lead to each other
-    return urdf.stem.removesuffix(".urdf"), urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
+    return urdf.stem.removesuffix(".urdf"), urdf, spec.srdf, spec.package_dirs
+
+
+def source_of(spec: RobotSpec) -> Source:
+    """Return where a robot's description lies and how it is read."""
+    _, urdf, _, folders = description_of(spec)
+    return Source(urdf, folders, tuple(sorted(spec.xacro_args.items())), spec.base_joints)

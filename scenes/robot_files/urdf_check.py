@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 from collections.abc import Mapping
 
+import numpy as np
+
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, from_rpy
 
 SIZES = {  # attributes of each shape with their number of values, all of which must be positive
@@ -22,23 +26,69 @@ SIZES = {  # attributes of each shape with their number of values, all of which 
     "mesh": {},
 }
 BOUNDED = ("revolute", "prismatic")
+KINDS = (*BOUNDED, "continuous", "fixed", "floating", "planar")
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+ROUNDING = 1e-2, 1e-9  # of moments of inertia, relative and [kg m²]: descriptions give two to nine digits
 LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
 
 
 def check_urdf(root: ElementTree.Element) -> None:
     """Check links and joints. Raises InputError naming link or joint, attribute, value and what is allowed."""
-    links = [link.get("name", "") for link in root.findall("link")]
+    links = _names(root, "link")
+    if not links:
+        raise InputError("holds no <link>; a file of macros holds no robot of its own")
     for link in root.findall("link"):
         for collision in link.findall("collision"):
-            _check_collision(collision, f"link '{link.get('name')}': collision")
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+            check_body(collision, f"link '{link.get('name')}': collision")
+        for inertial in link.findall("inertial"):
+            _check_inertial(inertial, f"link '{link.get('name')}': inertial")
+    joints = dict(zip(_names(root, "joint"), root.findall("joint"), strict=True))
     for name, joint in joints.items():
         _check_joint(joint, f"joint '{name}'", joints)
     _check_connected(links, joints)
 
 
-def _check_collision(collision: ElementTree.Element, where: str) -> None:
-    geometry = collision.find("geometry")
+def impossible_inertias(root: ElementTree.Element) -> tuple[str, ...]:
+    """Return the links whose moments of inertia no body has, beyond rounding: of the principal moments, each is at most
+    the sum of the other two and none is negative; without mass all are 0."""
+    found = []
+    for link in root.findall("link"):
+        for inertial in link.findall("inertial"):
+            xx, xy, xz, yy, yz, zz = _moments(inertial, "inertial")
+            least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            (mass,) = _numbers(inertial.find("mass"), "value", 1, "inertial: mass")
+            rounding = ROUNDING[0] * max(most, -least) + ROUNDING[1]
+            if min(least, least + middle - most) < -rounding or (mass == 0.0 and most > ROUNDING[1]):
+                found.append(link.get("name", ""))
+    return tuple(found)
+
+
+def _names(root: ElementTree.Element, tag: str) -> list[str]:
+    """Return the names of links or joints. Raises InputError for one that is missing, or that two have."""
+    names = [each.get("name", "") for each in root.findall(tag)]
+    for name, count in Counter(names).items():
+        if not name:
+            raise InputError(f"<{tag}> has no name")
+        if count > 1:
+            raise InputError(f"{tag} '{name}' is there {count} times; names must differ")
+    return names
+
+
+def _check_inertial(inertial: ElementTree.Element, where: str) -> None:
+    (mass,) = _numbers(inertial.find("mass"), "value", 1, f"{where}: mass")
+    if mass < 0.0:
+        raise InputError(f"{where}: mass: value must not be negative [kg], found '{mass:g}'")
+    _moments(inertial, where)
+    read_origin(inertial, where)
+
+
+def _moments(inertial: ElementTree.Element, where: str) -> list[float]:
+    return [_numbers(inertial.find("inertia"), key, 1, f"{where}: inertia")[0] for key in MOMENTS]
+
+
+def check_body(element: ElementTree.Element, where: str) -> ElementTree.Element:
+    """Return the one shape of a collision or visual. Raises InputError for none, an unknown one, or wrong numbers."""
+    geometry = element.find("geometry")
     shapes = list(geometry) if geometry is not None else []
     if len(shapes) != 1:
         raise InputError(f"{where}: must hold one geometry with one shape, found {len(shapes)}")
@@ -56,9 +106,8 @@ def _check_collision(collision: ElementTree.Element, where: str) -> None:
             raise InputError(f"{where}: mesh: the attribute 'filename' is missing")
         if shape.get("scale") is not None and 0.0 in _numbers(shape, "scale", 3, f"{where}: mesh"):
             raise InputError(f"{where}: mesh: scale must not be 0, found '{shape.get('scale')}'")
-    if (origin := collision.find("origin")) is not None:
-        for attribute in ("xyz", "rpy"):
-            _numbers(origin, attribute, 3, f"{where}: origin", default="0 0 0")
+    read_origin(element, where)
+    return shape
 
 
 def read_origin(element: ElementTree.Element, where: str) -> Pose:
@@ -74,6 +123,13 @@ def read_origin(element: ElementTree.Element, where: str) -> Pose:
 
 def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, ElementTree.Element]) -> None:
     axis, limit, mimic = joint.find("axis"), joint.find("limit"), joint.find("mimic")
+    if joint.get("type") not in KINDS:
+        raise InputError(f"{where}: unknown type '{joint.get('type')}'{nearest(joint.get('type', ''), KINDS)}")
+    read_origin(joint, where)
+    if limit is None and joint.get("type") in BOUNDED:
+        raise InputError(f"{where}: a {joint.get('type')} joint needs a <limit>")
+    for attribute in ("effort", "velocity") if limit is not None else ():
+        _numbers(limit, attribute, 1, f"{where}: limit", largest=math.inf)
     if axis is not None and joint.get("type") != "fixed" and not any(_numbers(axis, "xyz", 3, f"{where}: axis")):
         raise InputError(f"{where}: axis: xyz must not be 0, found '{axis.get('xyz')}'")
     if limit is not None and joint.get("type") in BOUNDED:
@@ -119,11 +175,18 @@ def _check_connected(links: list[str], joints: Mapping[str, ElementTree.Element]
 
 
 def _numbers(
-    element: ElementTree.Element, attribute: str, count: int, where: str, default: str = "", largest: float = LARGEST
+    element: ElementTree.Element | None,
+    attribute: str,
+    count: int,
+    where: str,
+    default: str = "",
+    largest: float = LARGEST,
 ) -> tuple[float, ...]:
+    if element is None:
+        raise InputError(f"{where} is missing")
     text = element.get(attribute, default)
     try:
-        values = tuple(float(word) for word in text.split())
+        values = read_numbers(text.split())
     except ValueError:
         values = ()
     if len(values) != count or not all(math.isfinite(value) and abs(value) <= largest for value in values):

@@ -1,7 +1,6 @@
 """A robot's description as URDF, whatever it is written in: URDF itself, xacro, or MJCF.
 
-File -> the root element of its URDF, the files that it includes, and the pairs of links that it excludes itself. Of
-xacro that is what the xacrodoc library makes of it, with the defaults of its arguments.
+File -> the root element of its URDF, the files that it includes, and the pairs of links that it excludes itself.
 """
 
 from __future__ import annotations
@@ -12,15 +11,17 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
-from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.robot_files.link_pairs import LinkPair
 from hdplan.scenes.robot_files.mjcf import as_urdf
+from hdplan.scenes.robot_files.packages import Packages
+from hdplan.scenes.robot_files.source import Source
+from hdplan.scenes.robot_files.xacro_text import expand_xacro
 from hdplan.scenes.robot_files.xml_text import parse
 from hdplan.scenes.robot_spec import PlanarBase
 
-_expanding = ForkSafeLock()  # xacro keeps what it works on in its module
 BASE_JOINTS = ("base_x", "base_y", "base_yaw")  # of a planar base
 ENDINGS = (".urdf", ".xacro", ".xml")  # of files that hold a robot
+XACRO = ".xacro"
 
 
 @dataclass(frozen=True)
@@ -33,24 +34,27 @@ class Description:
     notes: tuple[str, ...] = ()  # what was ignored
 
 
-def read_description(path: Path, base_joints: PlanarBase | None = None) -> Description:
+def read_description(source: Source) -> Description:
     """Read a robot's description, its root link carried by the joints of a mobile base, if there is one.
 
     Raises InputError for a file that is missing, not XML, or no robot, for what of an MJCF cannot be had as URDF, and
     where xacro cannot be read.
     """
+    path = source.urdf
     with naming(f"robot.urdf: {path}"):
         data = read_file(path)
         files: tuple[Path, ...] = (path,)
-        if path.suffix.lower() == ".xacro":
-            data, included = _expanded(path)
+        if path.suffix.lower() == XACRO:
+            data, included = expand_xacro(path, Packages(path, source.package_dirs), dict(source.xacro_args))
             files = (path, *included)
+        elif source.xacro_args:
+            raise InputError(f"robot.xacro_args: the file is no xacro ({XACRO})")
         root = parse(data, ("robot", "mujoco"))
         excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
         if root.tag == "mujoco":
             root, excluded, notes = as_urdf(root, path)
-        if base_joints is not None:
-            _carry(root, base_joints)
+        if source.base_joints is not None:
+            _carry(root, source.base_joints)
         return Description(root, files, excluded, notes)
 
 
@@ -74,20 +78,3 @@ def _carry(root: ElementTree.Element, base: PlanarBase) -> None:
         ElementTree.SubElement(joint, "axis", xyz=along)
         low, high = getattr(base, axis)
         ElementTree.SubElement(joint, "limit", lower=repr(low), upper=repr(high), effort="0", velocity="0")
-
-
-def _expanded(path: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Return the URDF that a xacro file is a recipe for, and the files that it includes."""
-    try:
-        import xacro
-        from xacrodoc import packages  # finds packages without ROS
-    except ImportError:
-        raise InputError("xacro files need xacrodoc, which is not installed: pip install xacrodoc") from None
-    with _expanding:
-        packages.walk_up_from(path)
-        xacro.all_includes.clear()
-        try:
-            text = xacro.process_file(str(path)).toxml()
-        except Exception as error:  # whatever the expressions in the file come to
-            raise InputError(f"xacro: {' '.join(str(error).split()) or type(error).__name__}") from None
-        return text.encode(), tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))

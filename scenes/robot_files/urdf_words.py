@@ -1,29 +1,33 @@
-"""Words of a URDF or SRDF that are not part of the format, or name nothing that exists.
+"""Words of a URDF: each element and attribute is part of the format, known to be harmless, or refused by its name.
 
-URDF readers ignore what they do not know: a shape in `<collisionx>` would never be checked. A word that is close to one
-of the format's is taken for a misspelling and refused; any other (contact parameters, filters and the like, which many
-robots have) is named in a note. At the top level, vendors add elements of their own.
+URDF readers pass over what they do not know: a shape in `<collisionx>` would never be checked. So do they with words of
+other namespaces, or do not see the namespace at all. What is inside a `visual` is no concern of planning.
 """
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 
 from hdplan.scenes.errors import InputError, listed, nearest
+from hdplan.scenes.number_text import read_numbers
+from hdplan.scenes.robot_files.xml_text import Element, is_xacro, split, stray_text
 
-# The elements that define a robot's bodies: what each may contain, and its attributes.
-ELEMENTS = {
+# What each element may contain, and its attributes.
+ELEMENTS: dict[str, tuple[str, ...]] = {
+    "robot": ("link", "joint", "material"),
     "link": ("inertial", "visual", "collision", "collision_checking"),  # the last is Pinocchio's, for capsules
     "inertial": ("origin", "mass", "inertia"),
-    "collision": ("origin", "geometry", "material", "verbose"),
+    "collision": ("origin", "geometry"),
     "geometry": ("box", "cylinder", "sphere", "capsule", "ellipsoid", "mesh"),
     "joint": ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller"),
 }
-ATTRIBUTES = {
+ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    "robot": ("name", "version"),
     "link": ("name", "type"),
     "joint": ("name", "type"),
+    "inertial": (),
     "collision": ("name",),
     "geometry": ("name",),
     "origin": ("xyz", "rpy"),
@@ -41,77 +45,71 @@ ATTRIBUTES = {
     "limit": ("lower", "upper", "effort", "velocity"),
     "mimic": ("joint", "multiplier", "offset"),
 }
-ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
-SRDF = (
-    *("group", "group_state", "end_effector", "virtual_joint", "passive_joint"),
-    *("disable_collisions", "disable_default_collisions", "enable_collisions"),
+ONCE = (
+    *("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic"),
+    *("dynamics", "calibration", "safety_controller"),
 )
-PAIR, ONE = ("link1", "link2", "reason"), ("link",)
-ABOUT_COLLISIONS = {"disable_collisions": PAIR, "enable_collisions": PAIR, "disable_default_collisions": ONE}
-FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
-NEARLY, NEARLY_SHORT = (
-    0.7,
-    0.6,
-)  # similarity from which a word is a misspelling; of at most four letters
+
+NOT_READ = ("visual", "material", "collision_checking", "dynamics", "calibration", "safety_controller")  # nor used
+
+HOLDERS = ("robot", "link", "joint")  # text in these is no value; public robots have some
+DRAKE = "{http://drake.mit.edu}"
+# Elements that are not URDF's and change nothing of where bodies are, and why; what they contain is not read.
+HARMLESS: dict[str, dict[str, str]] = {
+    "robot": {
+        **dict.fromkeys(("gazebo", "mujoco", "bullet"), "settings of a simulator"),
+        **dict.fromkeys(("transmission", "ros2_control"), "from a motor to its joint"),
+        "sensor": "what a sensor measures",
+        "frame": "Drake's name for a pose",
+        "collision_filter_group": "leaves pairs out in Drake; here they are checked",
+    },
+    "link": {
+        **dict.fromkeys(("contact", "surface"), "friction and stiffness of contacts"),
+        **dict.fromkeys(("gravity", "kinematic", "self_collide"), "settings of Gazebo"),
+        "self_collision_checking": "an address of geometry for other checks; here the link's own is checked",
+        "origin": "no movement, if it is 0",
+        "self_filter": "how a filter of images sees the link",
+    },
+    "collision": {
+        "material": "colours",
+        "surface": "friction and stiffness of contacts",
+        "verbose": "a word of URDF's first days, without meaning",
+        f"{DRAKE}proximity_properties": "stiffness of contacts and resolution of pressure fields",
+    },
+    "joint": {
+        "joint_properties": "damping and friction",
+        "controller_gains": "of a controller",
+    },
+}
+# Attributes of the same kind.
+HARMLESS_ATTRIBUTES: dict[str, dict[str, str]] = {
+    "axis": {"rpy": "no turn, if it is 0"},
+    "joint": {"dont_collapse": "how a simulator treats fixed joints"},
+    "limit": {
+        **dict.fromkeys(
+            ("acceleration", f"{DRAKE}acceleration", "deceleration", "jerk"), "limits that URDF does not have"
+        ),
+        **dict.fromkeys(("current", "command_effort", "gear_velocity", "k_velocity"), "of the motor, not the joint"),
+    },
+}
+ZERO = (("link", "origin"), ("axis", "rpy"))  # harmless only where all of its numbers are 0
+UNNOTED = ("robot",)  # where vendors add elements of their own as a matter of course
+NEARLY, NEARLY_SHORT = 0.7, 0.6  # similarity from which a word is a misspelling; of at most four letters
 MOST = 4  # names in a note; further ones are counted
 
 
-def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
+def check_urdf_words(root: Element) -> tuple[str, ...]:
     """Return a note on parts of links and joints that are not URDF.
 
-    Raises InputError for a word that is close to one of URDF's, and for duplicates of elements that may occur once.
+    Raises InputError for an element or attribute that is not known, or of a foreign namespace, for a text where a value
+    may be meant, and for duplicates of elements that may occur once.
     """
-    for element in root:
-        if (tag := _name(element)) not in ("link", "joint"):
-            check_spelling(tag, ("link", "joint"), "element")
-    unknown: dict[str, None] = {}
-    for element in root:
-        if element.tag in ("link", "joint"):
-            _walk(element, f"{element.tag} '{element.get('name')}'", unknown)
-    return (f"not part of URDF, ignored: {listed(unknown, MOST)}",) if unknown else ()
+    ignored: dict[str, None] = {}
+    _walk(root, "robot", "", ignored)
+    return (f"not part of URDF, ignored: {listed(ignored, MOST)}",) if ignored else ()
 
 
-def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
-    """Return notes on links and joints that an SRDF names and the robot does not have, and groups that nothing defines.
-
-    Raises InputError for a word that is close to one of SRDF's.
-    """
-    named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
-    for element in root:
-        tag = _name(element)
-        if tag not in SRDF:
-            check_spelling(tag, SRDF, "element")
-        if tag in ABOUT_COLLISIONS:
-            known = ABOUT_COLLISIONS[tag]
-            for attribute in element.attrib:
-                if attribute not in known:
-                    check_spelling(attribute, known, f"{tag}: attribute")
-            named["link"] += [element.get(key, "") for key in known if key != "reason"]
-        if tag == "passive_joint":
-            named["joint"].append(element.get("name", ""))
-        if tag == "end_effector":
-            named["link"].append(element.get("parent_link", ""))
-            named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
-        if tag == "group":
-            for entry in element:
-                if entry.tag in named:
-                    named[entry.tag].append(entry.get("name", ""))
-                if entry.tag == "chain":
-                    named["link"] += [entry.get("base_link", ""), entry.get("tip_link", "")]
-        if tag == "group_state":
-            named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
-    virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
-    notes = []
-    groups = {group.get("name", "") for group in root.findall("group")}
-    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
-        if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]] + unknown[MOST:]
-            lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
-            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
-    return tuple(notes)
-
-
-def check_shapes(root: ElementTree.Element) -> tuple[str, ...]:
+def check_shapes(root: Element) -> tuple[str, ...]:
     """Return a note on links that are visible but have no collision geometry, unless no link has any."""
     links = root.findall("link")
     seen = [
@@ -122,27 +120,58 @@ def check_shapes(root: ElementTree.Element) -> tuple[str, ...]:
     return (f"links without collision geometry, never checked: {listed(seen, MOST)}",)
 
 
-def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) -> None:
-    """Check an element and its children; collect unknown words that resemble no known one."""
-    tag = _name(element)
-    for attribute in element.attrib if tag in ATTRIBUTES else ():
-        if attribute not in ATTRIBUTES[tag]:
-            check_spelling(attribute, ATTRIBUTES[tag], f"{where}: {tag}: attribute")
-            unknown[f"{attribute} of {tag}"] = None
-    if tag not in ELEMENTS:
-        return
+def _walk(element: Element, tag: str, where: str, ignored: dict[str, None]) -> None:
+    """Check an element and its children; collect what is not URDF's and harmless."""
+    for attribute in element.attrib:
+        if attribute not in ATTRIBUTES.get(tag, ()) and not (tag == "robot" and split(attribute)[0]):
+            _foreign(attribute, f"{where}{tag}: attribute", ATTRIBUTES.get(tag, ()), HARMLESS_ATTRIBUTES.get(tag, {}))
+            if (tag, attribute) in ZERO:
+                _zero(element.get(attribute, ""), f"{where}{tag}: {attribute}")
+            ignored[f"{split(attribute)[1]} of {tag}"] = None
+    if (text := stray_text(element)) and tag not in HOLDERS:
+        raise InputError(f"{where}{tag}: holds the text '{text}', where none belongs")
+    if text:
+        ignored[f"the text '{text}'"] = None
     seen: set[str] = set()
     for child in element:
-        name = _name(child)
-        if name not in ELEMENTS[tag]:
-            if tag != "geometry":  # which contains one known shape, checked with its sizes
-                check_spelling(name, ELEMENTS[tag], f"{where}: element")
-                unknown[f"{name} in {tag}"] = None
-        elif name in seen and name in ONCE:
-            raise InputError(f"{where}: <{name}> occurs twice in <{tag}>; only one is allowed")
+        name = child.tag
+        if name not in ELEMENTS.get(tag, ()):
+            namespace, local = split(name)
+            if tag == "robot" and namespace and local not in ELEMENTS["robot"][:2] and not is_xacro(namespace):
+                continue  # vendors' own
+            _foreign(name, f"{where}element", ELEMENTS.get(tag, ()), HARMLESS.get(tag, {}))
+            if (tag, name) in ZERO:
+                _zero(" ".join(child.attrib.values()), f"{where}{name} in {tag}")
+            if tag not in UNNOTED:
+                ignored[f"{local} in {tag}"] = None
+            continue
+        if name in seen and name in ONCE:
+            raise InputError(f"{where}<{name}> occurs twice in <{tag}>; only one is allowed")
         seen.add(name)
-        if name != "visual":  # nothing is proven about it
-            _walk(child, where, unknown)
+        if name not in NOT_READ:
+            below = f"{name} '{child.get('name')}': " if tag == "robot" else where
+            _walk(child, name, below, ignored)
+
+
+def _zero(text: str, where: str) -> None:
+    """Raise InputError for numbers other than 0 where URDF has none."""
+    with contextlib.suppress(ValueError):
+        if not any(read_numbers(text.split())):
+            return
+    raise InputError(f"{where} is not part of URDF, and must be 0, found '{text}'")
+
+
+def _foreign(word: str, where: str, known: Iterable[str], harmless: Mapping[str, str]) -> None:
+    """Raise InputError for a word that is none of the format's, unless it is known to be harmless."""
+    if word in harmless:
+        return
+    namespace, local = split(word)
+    if is_xacro(namespace):
+        raise InputError(f"{where} 'xacro:{local}': the file is xacro, which is told by its name: .xacro")
+    if namespace:
+        raise InputError(f"{where} '{local}' is of the namespace '{namespace}', in which URDF has none")
+    near = nearest(word, (*known, *harmless), "not part of URDF")
+    raise InputError(f"{where} '{word}' is not known{near}")
 
 
 def check_spelling(word: str, known: Iterable[str], where: str) -> None:
@@ -153,8 +182,3 @@ def check_spelling(word: str, known: Iterable[str], where: str) -> None:
             "_" not in word.strip("_") or right not in word
         ):
             raise InputError(f"{where} '{word}' is not known (did you mean '{right}'?)")
-
-
-def _name(element: ElementTree.Element) -> str:
-    """Return an element's name without its namespace; empty for a comment."""
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""

@@ -1,29 +1,66 @@
-"""XML of robot descriptions: parsed, and refused where its readers would fail."""
+"""XML of robot descriptions: parsed, and refused where its readers would fail or differ.
+
+Comments and processing instructions (`<?xml-model ..?>`) say nothing of the robot and are passed over; a DTD may give
+attributes and texts that are not to be seen where they act, so it is refused.
+"""
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection
 
 from hdplan.scenes.errors import InputError
 
+Element = ElementTree.Element
+
 DEEPEST = 64  # levels of elements
+_XACRO = re.compile(r"/xacro/?$")  # of the namespaces that xacro has had
 
 
-def parse(data: bytes, allowed: Collection[str]) -> ElementTree.Element:
-    """Return the root element. Raises InputError for what is no XML, nested too deeply, or has another root."""
+class _Builder(ElementTree.TreeBuilder):
+    """A tree of elements, without DTD."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Refuse the DTD that begins here."""
+        raise InputError("holds a document type definition (<!DOCTYPE ..>), which is not read")
+
+
+def parse(data: bytes, allowed: Collection[str]) -> Element:
+    """Return the root element. Raises InputError for what is no XML, has a DTD, is nested too deeply, or has another
+    root."""
     try:
-        root = ElementTree.fromstring(data)
+        root: Element = ElementTree.fromstring(data, ElementTree.XMLParser(target=_Builder()))
         _check_depth(root)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"not well-formed XML: {error}") from None
     if root.tag not in allowed:
         expected = " or ".join(f"<{tag}>" for tag in allowed)
-        raise InputError(f"the root element is <{root.tag}>, expected {expected}")
+        namespace, name = split(root.tag)
+        where = f", in the namespace '{namespace}'" if namespace else ""
+        raise InputError(f"the root element is <{name}>{where}, expected {expected}")
     return root
 
 
-def _check_depth(root: ElementTree.Element) -> None:
+def split(name: str) -> tuple[str, str]:
+    """Return the namespace, empty for none, and the local name of an element or attribute."""
+    namespace, _, local = name.rpartition("}")
+    return namespace.removeprefix("{"), local
+
+
+def is_xacro(namespace: str) -> bool:
+    """Whether a namespace is that of xacro, which has had several."""
+    return bool(_XACRO.search(namespace))
+
+
+def stray_text(element: Element) -> str:
+    """Return the beginning of the first text between the tags of an element and of its children; empty for white space
+    alone."""
+    texts = (element.text, *(child.tail for child in element))
+    return next((found[:40] for text in texts if text and (found := text.strip())), "")
+
+
+def _check_depth(root: Element) -> None:
     """Refuse elements that are nested too deeply, as Pinocchio's reader is recursive."""
     level = [root]
     for _ in range(DEEPEST):

@@ -58,30 +58,33 @@ SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
 )
 """What an obstacle may be, by its key."""
-ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "base_joints", "locked", "ignore_pairs")
+ROBOT_KEYS = (
+    *("name", "urdf", "srdf", "package_dirs", "xacro_args", "group", "base", "base_joints", "locked"),
+    "ignore_pairs",
+)
 
 
-def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:
+def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | RobotSpec | None = None) -> Scene:
     """Read one planning problem.
 
     Args:
         path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene: the
             message as YAML, or the text that RViz exports (``.scene``).
         request: the MoveIt motion plan request for a MoveIt planning scene.
-        robot: the name of a robot, or a YAML file with a `robot` section; it replaces the whole robot section of the
-            scene. A MoveIt scene needs it.
+        robot: the name of a robot, its description, a YAML file with a `robot` section, or a RobotSpec; it replaces
+            the whole robot section of the scene. A MoveIt scene needs it.
 
     Raises:
         InputError: any error in these files, in one line: file, field, what was found, what is allowed. Names of
             joints, links and states are checked when the robot is loaded.
     """
     for name, given in (("path", path), ("request", request), ("robot", robot)):
-        if given is not None or name == "path":
+        if name == "path" or not (given is None or (name == "robot" and isinstance(given, RobotSpec))):
             checked(path_of, given, name)
     file = find_scene(path)
     top = read_geometry(file) if file.suffix.lower() == ENDING else read_document(file)
     keys = top.mapping()
-    spec, notes = (None, ()) if robot is None else read_robot(robot)
+    spec, notes = (robot, ()) if robot is None or isinstance(robot, RobotSpec) else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):
         if request is None or spec is None:
             gaps = [("has no goal", "its motion plan request (--request FILE)")] if request is None else []

@@ -22,7 +22,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
-from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, group_of, pair, span
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, argument, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -79,6 +79,9 @@ PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
     absolute_path: TEXT,
+    argument: {
+        "anyOf": [TEXT, {"const": ""}, {"type": "boolean"}, {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}]
+    },
 }
 
 
@@ -161,7 +164,8 @@ def _robot() -> Schema:
     robot = _not_both(
         _section(RobotSpec, without=("source",), base=_pose(), base_joints=_section(PlanarBase)), "name", "srdf"
     )
-    robot = _not_both(robot, "name", "package_dirs")
+    for key in ("package_dirs", "xacro_args"):
+        robot = _not_both(robot, "name", key)
     return {**robot, "oneOf": [_given("name"), _given("urdf"), {"type": "null"}]}
 
 

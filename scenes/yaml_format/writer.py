@@ -66,6 +66,7 @@ def scene_text(scene: Scene) -> str:
         "urdf": spec.urdf and _path(spec.urdf),
         "srdf": spec.srdf and _path(spec.srdf),
         "package_dirs": [_path(folder) for folder in spec.package_dirs],
+        "xacro_args": dict(spec.xacro_args),
         "group": list(spec.group) if isinstance(spec.group, tuple) else spec.group,
         "base": _pose(spec.base),
         "base_joints": {key: list(getattr(moved, key)) for key in ("x", "y", "yaw")} if moved else None,

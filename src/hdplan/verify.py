@@ -58,6 +58,7 @@ DEEPEST = 50  # of a proof's trees
 MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
+DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Python reads 1_0 as 10, too
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
@@ -503,7 +504,14 @@ def collada(root: Any) -> Ball:
 def tree(data: bytes) -> Any:
     """Return the root of an XML file. A DTD could give attributes that are not to be seen where they act."""
     need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
-    return ElementTree.fromstring(data)
+    root = ElementTree.fromstring(data)
+    for word in {word for x in root.iter() for value in x.attrib.values() for word in value.split()}:
+        try:
+            float(word)
+        except ValueError:
+            continue
+        need(DECIMAL.fullmatch(word), f"XML: '{word}' is no number to other readers")
+    return root
 
 
 def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
@@ -790,6 +798,11 @@ class World:
         plain = root.tag == "robot" and not recipe
         need(plain, f"{urdf}: robots that are no URDF, such as xacro and MJCF, cannot be checked")
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
+        bodies = [x for x in root if x.tag.rpartition("}")[2] in ("link", "joint")]
+        said_ = [word for part in (*bodies, *words_) for x in part.iter() for word in (x.tag, *x.attrib)]
+        need(
+            not any(word.startswith("{") for word in said_), f"{urdf}: words of a namespace, which readers differ about"
+        )
         self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
             known_ = self.states.setdefault(state.get("name", ""), {})

@@ -29,20 +29,23 @@ from hdplan.planner.geometry.mesh_files import mesh_stamps, read_mesh_file, read
 from hdplan.planner.geometry.meshes import LARGEST
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
 from hdplan.planner.geometry.shapes import operations, shape_of
-from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.visuals import read_visuals
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import freeze
 from hdplan.scenes.poses import Vector3
-from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_files.library import source_of
+from hdplan.scenes.robot_files.packages import Packages
+from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_spec import RobotSpec
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
+PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
@@ -81,12 +84,14 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
 
     Raises InputError for a URDF that is not valid.
     """
-    _, urdf, _, package_dirs = description_of(spec)
+    source = source_of(spec)
+    visuals, packages = read_visuals(source), Packages(source.urdf, source.package_dirs)
     files = []
-    for *_, named in read_visuals(urdf):
+    for visual in visuals:
         with contextlib.suppress(InputError):  # said when it is to be drawn
-            files += [named.found(urdf, package_dirs)[0]] if named else []
-    own, failed = _visual_skins(robot, urdf, package_dirs, stamps_of([urdf]) + mesh_stamps(dict.fromkeys(files)))
+            files += [visual.mesh.found(packages)[0]] if visual.mesh else []
+    read = [file for file, _, _ in robot.files]
+    own, failed = _visual_skins(robot, source, stamps_of(read) + mesh_stamps(dict.fromkeys(files)))
     bare = {link for link, _ in failed} - {skin.link for skin in own}
     held = {attached.name for attached in robot.attached}
     drawn = own
@@ -101,24 +106,25 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
 
 
 @functools.lru_cache(maxsize=8)
-def _visual_skins(
-    robot: Robot, urdf: Path, package_dirs: tuple[Path, ...], stamps: Stamps
-) -> tuple[tuple[Skin, ...], tuple[tuple[str, str], ...]]:
+def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[Skin, ...], tuple[tuple[str, str], ...]]:
     """Make them once, as long as the files, by `stamps`, stay as they are; and what is wrong with others, with their
     links."""
     parts: dict[tuple[str, Color], list[trimesh.Trimesh]] = {}
     failed: list[tuple[str, str]] = []
-    for link, placement, item, named in read_visuals(urdf):
-        try:
-            found = _parts(link, *named.found(urdf, package_dirs)) if named else _primitive(item)
-        except InputError as error:
-            failed.append((link, str(error)))
+    packages = Packages(source.urdf, source.package_dirs)
+    for visual in read_visuals(source):
+        if visual.failed:
+            failed.append((visual.link, visual.failed))
             continue
-        own: Color = _rgb(item.meshColor)
+        try:
+            found = _parts(visual.link, *visual.mesh.found(packages)) if visual.mesh else _primitive(visual.solid)
+        except InputError as error:
+            failed.append((visual.link, str(error)))
+            continue
         for part in found:
-            color = own if part.color is None or item.overrideMaterial else part.color
+            color = _rgb(visual.color) if visual.color else part.color or PALE
             mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
-            parts.setdefault((link, color), []).append(mesh.apply_transform(placement.homogeneous))
+            parts.setdefault((visual.link, color), []).append(mesh.apply_transform(visual.placement.homogeneous))
     skins = []
     for (link, color), meshes in parts.items():
         frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
@@ -174,8 +180,8 @@ def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
     return Skin(link, joint, *shaded(mesh), color)
 
 
-def _primitive(item: pin.GeometryObject) -> Sequence[_Part]:
-    solid = _solid(item.geometry)
+def _primitive(shape: Any) -> Sequence[_Part]:
+    solid = _solid(shape)
     return (_Part(solid.vertices, solid.faces, None),)
 
 

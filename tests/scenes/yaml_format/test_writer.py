@@ -285,7 +285,9 @@ class Maker:
         folders = () if spec.name else (HOOK.parent,)
         group = self.maybe(self.name(), (f"a {self.name()}", f"b {self.name()}"))
         mobile = self.maybe(PlanarBase((-1.0, 1e-7), (0.0, 2.0), (-7.0, 1.0)), None)
-        spec = replace(spec, package_dirs=folders, base=self.pose(), group=group, base_joints=mobile)
+        arguments = {} if spec.name else {"prefix": "", self.name(): "true", "k": "-1e-7"}
+        spec = replace(spec, package_dirs=folders, xacro_args=arguments)
+        spec = replace(spec, base=self.pose(), group=group, base_joints=mobile)
         spec = replace(spec, locked={self.name(): -1e-7}, ignore_pairs=((self.name(), self.name()),))
         axis = self.rng.normal(size=3)
         x, y, z = (axis / np.linalg.norm(axis)).tolist()

@@ -1,0 +1,105 @@
+"""Words of an SRDF: part of the format, known to be harmless, or refused; and names of what the robot does not have.
+
+An SRDF says which pairs of links are not checked: `<enable_colisions>` must not be passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from hdplan.scenes.errors import InputError, listed, nearest
+from hdplan.scenes.robot_files.urdf_words import MOST
+from hdplan.scenes.robot_files.xml_text import Element, split, stray_text
+
+PAIR = ("link1", "link2", "reason")
+# Element -> what it may contain, its attributes.
+WORDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "robot": (
+        (
+            *("group", "group_state", "end_effector", "virtual_joint", "passive_joint"),
+            *("disable_collisions", "disable_default_collisions", "enable_collisions"),
+        ),
+        ("name", "version"),
+    ),
+    "group": (("link", "joint", "chain", "group"), ("name",)),
+    "group_state": (("joint",), ("name", "group")),
+    "end_effector": ((), ("name", "parent_link", "group", "parent_group")),
+    "virtual_joint": ((), ("name", "type", "parent_frame", "child_link")),
+    "passive_joint": ((), ("name",)),
+    "disable_collisions": ((), PAIR),
+    "enable_collisions": ((), PAIR),
+    "disable_default_collisions": ((), ("link",)),
+    "link": ((), ("name",)),
+    "joint": ((), ("name", "value")),
+    "chain": ((), ("base_link", "tip_link")),
+}
+# Elements that are not MoveIt's and say nothing of motions and pairs, and why; what they contain is not read.
+HARMLESS = {
+    "robot": {
+        "gripper": "where Humanoid Path Planner grasps",
+        "handle": "where Humanoid Path Planner is to grasp",
+        "rotor_params": "inertia and gears of motors, for Pinocchio",
+        "specificities": "sizes of a humanoid's feet",
+        "link_sphere_approximation": "spheres for distance fields; here the link's own geometry is checked",
+        "joint_property": "weights of MoveIt's planners",
+    },
+    "group": {"passive_joint": "a joint that MoveIt reads outside of groups alone"},
+}
+FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
+
+
+def check_srdf_words(root: Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
+    """Return notes on links and joints that an SRDF names and the robot does not have, and groups that nothing defines.
+
+    Raises InputError for an element or attribute that is not known, or of a namespace, and for texts within elements.
+    """
+    _walk(root, "robot", "")
+    named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
+    for element in root:
+        tag = element.tag
+        if tag in ("disable_collisions", "enable_collisions", "disable_default_collisions"):
+            named["link"] += [element.get(key, "") for key in WORDS[tag][1] if key != "reason"]
+        if tag == "passive_joint":
+            named["joint"].append(element.get("name", ""))
+        if tag == "end_effector":
+            named["link"].append(element.get("parent_link", ""))
+            named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
+        if tag == "group":
+            for entry in element:
+                if entry.tag in named:
+                    named[entry.tag].append(entry.get("name", ""))
+                if entry.tag == "chain":
+                    named["link"] += [entry.get("base_link", ""), entry.get("tip_link", "")]
+        if tag == "group_state":
+            named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
+    virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
+    notes = [f"not part of SRDF, ignored: the text '{text}'"] if (text := stray_text(root)) else []
+    groups = {group.get("name", "") for group in root.findall("group")}
+    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
+        if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]] + unknown[MOST:]
+            lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
+            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
+    return tuple(notes)
+
+
+def _walk(element: Element, tag: str, where: str) -> None:
+    children, attributes = WORDS[tag]
+    for attribute in element.attrib:
+        if attribute not in attributes and not (tag == "robot" and split(attribute)[0]):
+            raise InputError(f"{where}{tag}: attribute {_unknown(attribute, attributes)}")
+    if (text := stray_text(element)) and tag != "robot":
+        raise InputError(f"{where}{tag}: holds the text '{text}', where none belongs")
+    harmless = HARMLESS.get(tag, {})
+    for child in element:
+        if child.tag in children:
+            _walk(child, child.tag, f"{child.tag} '{child.get('name')}': " if tag == "robot" else where)
+        elif child.tag not in harmless:
+            raise InputError(f"{where}element {_unknown(child.tag, (*children, *harmless))}")
+
+
+def _unknown(word: str, known: Collection[str]) -> str:
+    namespace, local = split(word)
+    if namespace:
+        return f"'{local}' is of the namespace '{namespace}', in which SRDF has none"
+    return f"'{word}' is not known{nearest(word, known, 'not part of SRDF')}"
