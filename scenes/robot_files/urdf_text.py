@@ -48,7 +48,8 @@ def read_description(path: Path, base_joints: PlanarBase | None = None) -> Descr
         root = parse(data, ("robot", "mujoco"))
         excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
         if root.tag == "mujoco":
-            root, excluded, notes = as_urdf(root, path)
+            model = as_urdf(root, path)
+            root, excluded, notes, files = model.root, model.excluded, model.notes, (*files, *model.files)
         if base_joints is not None:
             _carry(root, base_joints)
         return Description(root, files, excluded, notes)
