@@ -57,6 +57,8 @@ def as_urdf(root: Element, path: Path) -> Converted:
     """
     files = with_includes(root, path)
     check_mjcf_words(root)
+    if root.find("worldbody") is None:
+        raise InputError("no <worldbody>: it holds no robot")
     model = _Model.of(root, path)
     for world in root.findall("worldbody"):
         model.add_body(_Body(WORLD, None, Pose(), MAIN), world)

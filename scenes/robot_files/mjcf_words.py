@@ -132,8 +132,11 @@ def check_mjcf_words(root: Element) -> None:
         if tag in PASSED_OVER:
             continue
         check_attributes(element, tag)
-        if root.tag == "default" and "name" in element.attrib:
-            raise InputError(f"{called(root)}: {tag}: a default has no name, found '{element.get('name')}'")
+        if root.tag == "default" and tag != "default":
+            if said := [key for key in ("name", "class") if key in element.attrib]:
+                raise InputError(f"default: {called(element)}: {said[0]} has no meaning in a default")
+            if len(root.findall(tag)) > 1:
+                raise InputError(f"default: <{tag}> stands there twice")
         check_mjcf_words(element)
 
 
