@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
 from hdplan.scenes.attached import Attached
@@ -57,6 +58,7 @@ def check_robot(scene: Scene, robot: Robot) -> None:
     What is proven of it must hold of the scene's: it may be kept within less, and checked for more pairs of links, but
     not the reverse.
     """
+    check_as_loaded(robot)
     own = load_scene_robot(scene)
     if robot is not own and (words := next(_differences(robot, own), None)):
         raise InputError(f"robot: {words}; the scene's own is hdplan.build(scene).robot")
@@ -76,6 +78,8 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
     for joint, value in own.locked.items():
         if robot.locked.get(joint) != value:
             yield f"its joint '{joint}' is not held where the scene's is"
+    if robot.model != own.model or robot.collision != own.collision or robot.link_joint != own.link_joint:
+        yield "its joints, links or geometry are not those of the scene's"
     if robot.joint_names != own.joint_names:
         yield "other joints of it are planned than of the scene's"
     for joint, beyond in zip(own.joint_names, (robot.lower < own.lower) | (robot.upper > own.upper), strict=True):
@@ -186,9 +190,10 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.ignore_pairs,
     )
     with _loading:
-        if key in _kept and stamps_of(file for file, _, _ in _kept[key].files) == _kept[key].files:
+        kept = _kept.get(key)
+        if kept and stamps_of(file for file, _, _ in kept.files) == kept.files and not kept.as_loaded.changed(kept):
             _kept.move_to_end(key)
-            return _kept[key]
+            return kept
         robot = load_robot(spec)
         _kept[key] = robot
         while len(_kept) > MOST:
