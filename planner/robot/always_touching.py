@@ -39,6 +39,7 @@ ROUNDING = 1e-6  # [m] by which balls must overlap beyond what is needed
 POINTS = 512  # of a grid in a geometry's bounding box, tried as centres
 MOST_BALLS = 40  # of one geometry
 MOST_CORNERS = 200  # vertices of one mesh that count as balls of radius 0
+MOST_TRIANGLES = 2000  # of a mesh that is looked into
 SPREAD = 0.6  # of a ball's radius: centres within are not tried, as their balls are nearly in it
 MOST_CELLS = 150  # looked at for one pair; if they do not do, the pair is not proven
 
@@ -46,15 +47,20 @@ MOST_CELLS = 150  # looked at for one pair; if they do not do, the pair is not p
 def always_touching(robot: Robot, pairs: Iterable[LinkPair], room: float) -> tuple[LinkPair, ...]:
     """Return those of the pairs of links that are proven to touch at all configurations, up to `room` [rad or m] beyond
     the limits of the joints. Of a pair that is not among them nothing is known."""
-    balls: dict[str, Balls] = {}
+    known: dict[tuple[str, bool], Balls] = {}
+
+    def balls(link: str, deep: bool) -> Balls:
+        if (link, deep) not in known:
+            known[link, deep] = _balls_in(robot, link, deep)
+        return known[link, deep]
+
     found = []
-    for pair in pairs:
-        check_time("loading the robot")
-        for link in pair:
-            if link not in balls:
-                balls[link] = _balls_in(robot, link)
-        if _always(robot, pair, (balls[pair[0]], balls[pair[1]]), room):
-            found.append(pair)
+    for a, b in pairs:
+        for deep in (False, True):  # often the vertices of a mesh do, and what is inside it takes long to find
+            check_time("loading the robot")
+            if _always(robot, (a, b), (balls(a, deep), balls(b, deep)), room):
+                found.append((a, b))
+                break
     return tuple(found)
 
 
@@ -143,26 +149,27 @@ def _apart(one: Array, other: Array) -> Array:
 # --- balls -----------------------------------------------------------------------------------------------
 
 
-def _balls_in(robot: Robot, link: str) -> Balls:
-    """Return balls inside a link's solids, in the frame of its joint."""
+def _balls_in(robot: Robot, link: str, deep: bool) -> Balls:
+    """Return balls inside a link's solids, in the frame of its joint; `deep` ones in meshes too."""
     centres, radii = [np.empty((0, 3))], [np.empty(0)]
     for index in robot.link_geometry[link]:
         item = robot.collision.geometryObjects[index]
-        own, within = _balls(item.geometry)
+        own, within = _balls(item.geometry, deep)
         centres.append(_placed(item.placement, own))
         radii.append(within)
     return np.concatenate(centres), np.concatenate(radii)
 
 
-def _balls(geometry: Any) -> Balls:
+def _balls(geometry: Any, deep: bool) -> Balls:
     """Return balls inside one geometry, the largest first."""
     corners = np.empty((0, 3))
     if isinstance(geometry, coal.BVHModelBase):
         mesh = mesh_of(geometry)
         corners = mesh.vertices[:: max(1, len(mesh.vertices) // MOST_CORNERS)]
-        solid = Solid(mesh)
-        points = _grid(*solid.box)
-        points = points[[solid.holds(point) for point in points]] if not solid.open else points[:0]
+        solid, points = Solid(mesh), np.empty((0, 3))
+        if deep and len(mesh.triangles) <= MOST_TRIANGLES and not solid.open:
+            points = _grid(*solid.box)
+            points = points[[solid.holds(point) for point in points]]
         depths = np.array([_distance(point, mesh.vertices[mesh.triangles]) for point in points])
     else:
         geometry.computeLocalAABB()

@@ -7,54 +7,54 @@ few for a humanoid of large meshes).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
-ARRAYS = ("lower", "upper", "inner")
-MAPPINGS = ("locked", "link_joint", "link_geometry", "named_states", "unchecked")
+OTHERS = ("lower", "upper", "inner", "locked", "link_joint", "link_geometry", "named_states", "unchecked")
 
 
 @dataclass(frozen=True, eq=False)
 class AsLoaded:
-    """Copies of a robot's models, arrays and mappings."""
+    """Fields of a robot, each beside its copy."""
 
-    model: pin.Model
-    collision: pin.GeometryModel
-    carriers: tuple[int, ...]  # of the frames: Pinocchio does not compare them
-    arrays: Mapping[str, NDArray[np.float64]]
-    mappings: Mapping[str, Mapping[Any, Any]]
+    model: tuple[pin.Model, pin.Model]
+    carriers: tuple[int, ...]  # of the model's frames: Pinocchio does not compare them
+    collision: tuple[pin.GeometryModel, pin.GeometryModel]
+    others: Mapping[str, tuple[Any, Any]]  # arrays and mappings
 
     @classmethod
-    def of(cls, robot: Robot) -> AsLoaded:
-        """Copy a robot."""
-        return cls(
-            robot.model.copy(),
-            robot.collision.clone(),
-            _carriers(robot.model),
-            {name: getattr(robot, name).copy() for name in ARRAYS},
-            {name: dict(getattr(robot, name)) for name in MAPPINGS},
-        )
+    def of(cls, robot: Robot, before: AsLoaded | None) -> AsLoaded:
+        """Copy a robot. What it has from another one keeps the copies that were made `before`: it may have changed."""
+        others = {name: (value := getattr(robot, name), value.copy()) for name in OTHERS}
+        if before is not None:
+            others |= {name: pair for name, pair in before.others.items() if pair[0] is others[name][0]}
+        if before is not None and before.model[0] is robot.model:
+            model, carriers = before.model, before.carriers
+        else:
+            model, carriers = (robot.model, robot.model.copy()), _carriers(robot.model)
+        if before is not None and before.collision[0] is robot.collision:
+            return cls(model, carriers, before.collision, others)
+        for item in robot.collision.geometryObjects:
+            item.geometry.computeLocalAABB()  # coal's distances would do it, and its comparison sees it
+        return cls(model, carriers, (robot.collision, robot.collision.clone()), others)
 
     def changed(self, robot: Robot) -> str | None:
         """Name the field of a robot that is not as it was; None if all are."""
-        if robot.model != self.model or _carriers(robot.model) != self.carriers:
+        if robot.model != self.model[1] or _carriers(robot.model) != self.carriers:
             return "model"
-        if robot.collision != self.collision:
+        if robot.collision != self.collision[1]:
             return "collision"
-        arrays = (name for name, kept in self.arrays.items() if not np.array_equal(getattr(robot, name), kept))
-        mappings = (name for name, kept in self.mappings.items() if getattr(robot, name) != kept)
-        return next(itertools.chain(arrays, mappings), None)
+        same = {name: getattr(robot, name) == kept for name, (_, kept) in self.others.items()}
+        return next((name for name, each in same.items() if not np.all(each)), None)
 
 
 def check_as_loaded(robot: Robot) -> None:

@@ -76,12 +76,12 @@ class Robot:
     attached: tuple[Attached, ...] = ()  # held objects, which are also among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot
-    as_loaded: AsLoaded = field(init=False, repr=False)  # copies, by which changes are found: `check_as_loaded`
+    as_loaded: AsLoaded = field(default=None, repr=False)  # type: ignore[assignment]  # made here: `check_as_loaded`
 
     def __post_init__(self) -> None:
         """Share its arrays read-only, and keep copies of what can be changed."""
         freeze(self)
-        object.__setattr__(self, "as_loaded", AsLoaded.of(self))
+        object.__setattr__(self, "as_loaded", AsLoaded.of(self, self.as_loaded))
 
     def __repr__(self) -> str:
         """Name the robot and its planned joints."""
@@ -102,8 +102,8 @@ class Robot:
         """Say of links in contact that they touch wherever it was tried, and what to do; empty if none of them does."""
         for a, b in (pair for pair in pairs if link_pair(*pair) in self.doubtful):
             return (
-                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is no proof: name "
-                "them in robot.ignore_pairs, or an SRDF, if they may"
+                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is no proof: "
+                "name them in robot.ignore_pairs, or an SRDF, if they may"
             )
         return ""
 
@@ -298,7 +298,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         notes.append(f"link pairs that are proven always to touch, not checked: {_words(always)}")
     if doubtful := tuple(pair for pair in touching if pair not in unchecked):
         notes.append(
-            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is no proof, so that they "
+            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is no proof, so they "
             f"are checked: {_words(doubtful)}; name them in robot.ignore_pairs, or an SRDF, if they may touch"
         )
     pairs = tuple(pair for pair in every if pair not in unchecked)

@@ -78,8 +78,6 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
     for joint, value in own.locked.items():
         if robot.locked.get(joint) != value:
             yield f"its joint '{joint}' is not held where the scene's is"
-    if robot.model != own.model or robot.collision != own.collision or robot.link_joint != own.link_joint:
-        yield "its joints, links or geometry are not those of the scene's"
     if robot.joint_names != own.joint_names:
         yield "other joints of it are planned than of the scene's"
     for joint, beyond in zip(own.joint_names, (robot.lower < own.lower) | (robot.upper > own.upper), strict=True):
@@ -87,9 +85,16 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
             yield f"its joint '{joint}' may go beyond the limits of the scene's"
     if robot.attached != own.attached:
         yield "it does not hold what the scene attaches"
+    if robot.model != own.model or robot.collision != own.collision or not _alike_links(robot, own):
+        yield "its joints, links or geometry are not those of the scene's"
     for pair in own.self_pairs:
         if pair not in robot.self_pairs:
             yield f"its links {pair[0]} and {pair[1]} are not checked against each other, the scene's are"
+
+
+def _alike_links(robot: Robot, own: Robot) -> bool:
+    """Whether the same joints carry the same geometry."""
+    return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 
 @made_once(MOST)
