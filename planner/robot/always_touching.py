@@ -205,7 +205,7 @@ def _depths(geometry: Any, points: Array) -> Array:
         case coal.Ellipsoid():
             return np.asarray((1.0 - np.linalg.norm(points / geometry.radii, axis=1)) * min(geometry.radii))
         case coal.Cylinder():
-            return np.minimum(geometry.radius - np.hypot(x, y), geometry.halfLength - np.abs(z))
+            return np.asarray(np.minimum(geometry.radius - np.hypot(x, y), geometry.halfLength - np.abs(z)))
         case coal.Capsule():
             beyond = np.maximum(np.abs(z) - geometry.halfLength, 0.0)
             return np.asarray(geometry.radius - np.sqrt(x * x + y * y + beyond * beyond))

@@ -35,7 +35,9 @@ READ = {  # attributes, by element
     "exclude": ("name", "body1", "body2"),
     "coupling": ("name", "class", "active", "joint1", "joint2", "polycoef"),  # `joint` in `equality`
 }
-HARMLESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {  # attributes, by element, with the reason for which they change nothing that is planned with
+HARMLESS: Mapping[
+    str, Mapping[str, tuple[str, ...]]
+] = {  # attributes, by element, with the reason for which they change nothing that is planned with
     "compiler": {
         "visuals are no concern of planning": ("texturedir", "discardvisual"),
         "how the model is compiled and saved": ("usethread", "saveinertial", "convexhull"),
