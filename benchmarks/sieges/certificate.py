@@ -18,7 +18,7 @@ from sieges.world import World
 
 FREE = 1e-3  # [m] by which a place called contact must be free for the verdict to count as too careful
 MORE = 4  # motions in each scene beside the first
-ALWAYS = "in contact at every sampled configuration"
+ALWAYS = "always touching, which is proven"
 
 
 def attack(rng: np.random.Generator, folder: Path) -> Outcome:

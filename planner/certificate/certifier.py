@@ -40,6 +40,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
@@ -78,7 +79,8 @@ def certify(
         check_ends: whether the first and last waypoints must be the scene's start and goal.
 
     Raises:
-        InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used.
+        InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used; the robot
+            was changed after it was loaded.
         UncheckedError: something that the scene asks for was not checked, a fault of hdplan (`coverage`).
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
@@ -129,6 +131,7 @@ class Certifier:
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
         self._asked = asked_of(scene, robot)
         self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
+        check_as_loaded(robot)  # as what was read of it is kept
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
@@ -151,6 +154,7 @@ class Certifier:
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
         failures are not complete."""
         began = time.perf_counter()
+        check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")

@@ -99,12 +99,12 @@ def refuse_clouds(scene: Scene) -> None:
 
 
 def _refuse_unproven_pairs(setup: Setup) -> None:
-    """Refuse pairs of links that are left out because they were found to touch: that is no proof."""
+    """Refuse pairs of links that are left out because they always touch: the checker has no proof of that."""
     for pair, reason in setup.robot.unchecked.items():
         if reason == ALWAYS_TOUCHING and setup.scene.self_collision.checked:
             raise InputError(
-                f"{setup.scene.source}: links {pair[0]} and {pair[1]} touch at every sampled configuration, which "
-                "proves nothing: if they may touch, name them in robot.ignore_pairs"
+                f"{setup.scene.source}: links {pair[0]} and {pair[1]} always touch, which the checker of proofs "
+                "does not show: name them in robot.ignore_pairs"
             )
 
 

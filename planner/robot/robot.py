@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,11 +17,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.robot.always_touching import always_touching
+from hdplan.planner.robot.as_loaded import AsLoaded
 from hdplan.planner.robot.pin_model import motion_axes, move_base, read_model, without_joints
 from hdplan.planner.robot.self_pairs import (
     ALWAYS_TOUCHING,
     CONTACT_SAMPLES,
     NEVER_TOUCHING,
+    ROOM,
     always_in_contact,
     excluded,
     never_in_contact,
@@ -68,15 +71,18 @@ class Robot:
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value, of the planned group first
     notes: tuple[str, ...]  # notes for the user on what was decided in loading
     unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links not checked, and the reason
+    doubtful: tuple[LinkPair, ...] = ()  # pairs checked that touch at every sampled configuration, which is no proof
     files: Stamps = ()  # stamps of the files that it was read from, taken before reading
     attached: tuple[Attached, ...] = ()  # held objects, which are also among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot
     impossible: tuple[str, ...] = ()  # links that move and have an inertia that no body has: no torques
+    as_loaded: AsLoaded = field(default=None, repr=False)  # type: ignore[assignment]  # made here: `check_as_loaded`
 
     def __post_init__(self) -> None:
-        """Share its arrays read-only."""
+        """Share its arrays read-only, and keep copies of what can be changed."""
         freeze(self)
+        object.__setattr__(self, "as_loaded", AsLoaded.of(self, self.as_loaded))
 
     def __repr__(self) -> str:
         """Name the robot and its planned joints."""
@@ -92,6 +98,15 @@ class Robot:
     def never_touching(self) -> tuple[LinkPair, ...]:
         """The pairs of links that are not checked, as they are proven never to touch."""
         return tuple(pair for pair, reason in self.unchecked.items() if reason == NEVER_TOUCHING)
+
+    def doubt(self, pairs: Iterable[tuple[str, str]]) -> str:
+        """Say of links in contact that they touch wherever it was tried, and what to do; empty if none of them does."""
+        for a, b in (pair for pair in pairs if link_pair(*pair) in self.doubtful):
+            return (
+                f"; links {a} and {b} touch at each of {CONTACT_SAMPLES} sampled configurations, which is no proof: "
+                "name them in robot.ignore_pairs, or an SRDF, if they may"
+            )
+        return ""
 
     @cached_property
     def turning(self) -> NDArray[np.bool_]:
@@ -279,16 +294,22 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(loaded, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
     touching = always_in_contact(loaded, (pair for pair in every if pair not in unchecked))
-    unchecked |= dict.fromkeys(touching, ALWAYS_TOUCHING)
+    unchecked |= dict.fromkeys(always_touching(loaded, touching, ROOM), ALWAYS_TOUCHING)
     if never := list(unchecked.values()).count(NEVER_TOUCHING):
         notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")
-    if touching:
-        named = ", ".join(f"{a}-{b}" for a, b in touching)
+    if always := [pair for pair in touching if pair in unchecked]:
+        notes.append(f"link pairs that are proven always to touch, not checked: {_words(always)}")
+    if doubtful := tuple(pair for pair in touching if pair not in unchecked):
         notes.append(
-            f"link pairs in contact at every one of {CONTACT_SAMPLES} sampled configurations, not checked: {named}"
+            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is no proof, so they "
+            f"are checked: {_words(doubtful)}; name them in robot.ignore_pairs, or an SRDF, if they may touch"
         )
     pairs = tuple(pair for pair in every if pair not in unchecked)
-    return replace(loaded, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
+    return replace(loaded, self_pairs=pairs, unchecked=unchecked, doubtful=doubtful, notes=tuple(notes))
+
+
+def _words(pairs: Iterable[LinkPair]) -> str:
+    return ", ".join(f"{a}-{b}" for a, b in pairs)
 
 
 def _moved(links: tuple[str, ...], model: pin.Model) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import with_content
+from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
 from hdplan.scenes.attached import Attached
@@ -59,6 +60,7 @@ def check_robot(scene: Scene, robot: Robot) -> None:
     What is proven of it must hold of the scene's: it may be kept within less, and checked for more pairs of links, but
     not the reverse.
     """
+    check_as_loaded(robot)
     own = load_scene_robot(scene)
     if robot is not own and (words := next(_differences(robot, own), None)):
         raise InputError(f"robot: {words}; the scene's own is hdplan.build(scene).robot")
@@ -85,9 +87,16 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
             yield f"its joint '{joint}' may go beyond the limits of the scene's"
     if robot.attached != own.attached:
         yield "it does not hold what the scene attaches"
+    if robot.model != own.model or robot.collision != own.collision or not _alike_links(robot, own):
+        yield "its joints, links or geometry are not those of the scene's"
     for pair in own.self_pairs:
         if pair not in robot.self_pairs:
             yield f"its links {pair[0]} and {pair[1]} are not checked against each other, the scene's are"
+
+
+def _alike_links(robot: Robot, own: Robot) -> bool:
+    """Whether the same joints carry the same geometry."""
+    return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 
 @made_once(MOST)
@@ -197,9 +206,10 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.ignore_pairs,
     )
     with _loading:
-        if key in _kept and stamps_of(file for file, _, _ in _kept[key].files) == _kept[key].files:
+        kept = _kept.get(key)
+        if kept and stamps_of(file for file, _, _ in kept.files) == kept.files and not kept.as_loaded.changed(kept):
             _kept.move_to_end(key)
-            return _kept[key]
+            return kept
         robot = load_robot(spec)
         _kept[key] = robot
         while len(_kept) > MOST:

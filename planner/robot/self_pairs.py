@@ -1,7 +1,8 @@
 """Which pairs of a robot's links are checked against each other, and why the others are not.
 
-Excluded is what a file says, what cannot be helped (neighbours, links that move as one), and what is found: pairs that
-touch at every one of CONTACT_SAMPLES configurations, and, where no SRDF says it, pairs that are proven never to touch.
+Excluded is what a file says, what cannot be helped (neighbours, links that move as one), and what is proven: pairs that
+always touch (`always_touching`), and, where no SRDF says it, pairs that never touch. Pairs that touch at every one of
+CONTACT_SAMPLES configurations, which is no proof, are checked, and named in a note.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-CONTACT_SAMPLES = 1000  # configurations at which a pair must touch to count as always in contact
+CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is looked into
 ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of a robot differ
 ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
 # Reasons for which pairs of links are not checked, beside those that files give.
-NEIGHBOURS, MOVE_AS_ONE, ALWAYS_TOUCHING = "neighbours", "moving as one", "in contact at every sampled configuration"
-NEVER_TOUCHING = "never touching, which is proven"
+NEIGHBOURS, MOVE_AS_ONE = "neighbours", "moving as one"
+ALWAYS_TOUCHING, NEVER_TOUCHING = "always touching, which is proven", "never touching, which is proven"
 
 
 def excluded(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> dict[LinkPair, str]:

@@ -17,6 +17,7 @@ from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
@@ -30,6 +31,10 @@ class Query:
 
     start: Array  # (n,)
     goal: Array  # (n,)
+
+    def __post_init__(self) -> None:
+        """Share them read-only."""
+        freeze(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +103,22 @@ class Setup:
             start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
         return Query(start, goal if self.aimed else robot.nearest_turn(goal, start))
 
-    @cached_property
+    @property
     def limits(self) -> dict[str, Array]:
-        """The limits (n,) of every limited quantity, by name; see `joint_limits`."""
-        return joint_limits(self.scene, self.robot)
+        """The limits (n,) of every limited quantity, by name; see `joint_limits`. A copy of what is kept."""
+        return dict(self._limits)
 
     @cached_property
+    def _limits(self) -> dict[str, Array]:
+        return {name: read_only(limit) for name, limit in joint_limits(self.scene, self.robot).items()}
+
+    @property
     def loaded_model(self) -> pin.Model:
-        """The robot's model with the scene's loads; see `loads.loaded_model`."""
+        """The robot's model with the scene's loads; see `loads.loaded_model`. A copy of what is kept."""
+        return self._loaded_model.copy()
+
+    @cached_property
+    def _loaded_model(self) -> pin.Model:
         from hdplan.planner.robot.loads import loaded_model
 
         return loaded_model(self.scene, self.robot)

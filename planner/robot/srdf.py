@@ -1,4 +1,4 @@
-"""An SRDF for a robot that has none: which pairs of links need no check, as found by proof and by sampling.
+"""An SRDF for a robot that has none: which pairs of links need no check, as is proven.
 
 Read back beside the description it gives the same pairs as the description alone.
 """
@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 from hdplan.planner.robot.robot import load_robot
-from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, CONTACT_SAMPLES, NEIGHBOURS, NEVER_TOUCHING
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.description import read_tree
 from hdplan.scenes.robot_files.library import description_of, source_of
@@ -22,7 +22,7 @@ REASONS = {NEIGHBOURS: "Adjacent", ALWAYS_TOUCHING: "Always", NEVER_TOUCHING: "N
 def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
     """Return the text of an SRDF that excludes pairs of links, and how many for which reason.
 
-    Excluded is what holds whatever joints are planned: neighbours; pairs that touch at every sampled configuration,
+    Excluded is what holds whatever joints are planned: neighbours; pairs that are proven always to touch,
     with the joints held that are held by default as well as with all of them moving; pairs that are proven never to
     touch.
 
@@ -42,7 +42,7 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
         if reason in REASONS and pair in robot.unchecked
     }
     root = ElementTree.Element("robot", name=tree.name)
-    said = f"always: at each of {CONTACT_SAMPLES} random configurations; never: by proof; adjacent: at one joint"
+    said = "always and never: by proof; adjacent: at one joint"
     root.append(ElementTree.Comment(f" {MADE_HERE} link pairs that are not checked, {said} "))
     for (a, b), reason in found.items():
         ElementTree.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)

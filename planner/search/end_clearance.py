@@ -20,10 +20,12 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
     for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
         close = certifier.too_close(q, required, time_)
         if close and close[0][0].distance <= 0.0:
+            contacts = certifier.contacts(q, time_)
             said = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
-                for c in certifier.contacts(q, time_)[:3]
+                for c in contacts[:3]
             )
+            said += setup.robot.doubt((c.link, c.other) for c in contacts)
             raise UnsolvableError(f"{scene.source}: {field}: in collision: {said}", "end_in_contact")
         if departures := certifier.off_path(q):
             broken = "; ".join(each.words for each in departures)

@@ -193,7 +193,8 @@ def _fault(certifier: Certifier, q: Array) -> tuple[str, str]:
         found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"
         return "end_too_close", f"too close: from {place.link} to {place.other} {found}"
     depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
-    return "end_in_contact", f"in collision: {place.link} and {place.other} {depth}"
+    doubt = certifier.robot.doubt([(place.link, place.other)])
+    return "end_in_contact", f"in collision: {place.link} and {place.other} {depth}{doubt}"
 
 
 def _configurations(count: int) -> str:

@@ -52,7 +52,8 @@ def read_description(source: Source) -> Description:
         root = parse(data, ("robot", "mujoco"))
         excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
         if root.tag == "mujoco":
-            root, excluded, notes = as_urdf(root, path)
+            model = as_urdf(root, path)
+            root, excluded, notes, files = model.root, model.excluded, model.notes, (*files, *model.files)
         if source.base_joints is not None:
             _carry(root, source.base_joints)
         return Description(root, files, excluded, notes)

@@ -31,9 +31,9 @@ def parse(data: bytes, allowed: Collection[str]) -> Element:
     root."""
     try:
         root: Element = ElementTree.fromstring(data, ElementTree.XMLParser(target=_Builder()))
-        _check_depth(root)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"not well-formed XML: {error}") from None
+    check_depth(root)
     if root.tag not in allowed:
         expected = " or ".join(f"<{tag}>" for tag in allowed)
         namespace, name = split(root.tag)
@@ -60,10 +60,10 @@ def stray_text(element: Element) -> str:
     return next((found[:40] for text in texts if text and (found := text.strip())), "")
 
 
-def _check_depth(root: Element) -> None:
-    """Refuse elements that are nested too deeply, as Pinocchio's reader is recursive."""
+def check_depth(root: Element) -> None:
+    """Raise InputError for elements that are nested too deeply: readers of them are recursive."""
     level = [root]
     for _ in range(DEEPEST):
         level = [below for element in level for below in element]
     if level:
-        raise ValueError(f"elements are nested more than {DEEPEST} levels deep")
+        raise InputError(f"not well-formed XML: elements are nested more than {DEEPEST} levels deep")

@@ -321,7 +321,9 @@ def test_a_pair_that_always_touches_is_left_out_with_a_word(tmp_path: Path) -> N
     assert not apart.notes
     touching = load_robot(RobotSpec(urdf=_file(tmp_path, offset=0.0)))
     assert not touching.self_pairs
-    assert any("1000 sampled" in note and "base-lower" in note and "base-tip" in note for note in touching.notes)
+    assert any(
+        "proven always to touch" in note and "base-lower" in note and "base-tip" in note for note in touching.notes
+    )
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

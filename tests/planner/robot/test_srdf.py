@@ -107,7 +107,7 @@ def test_pairs_that_are_proven_never_to_touch_do_not(tmp_path: Path) -> None:
 
 def test_an_srdf_written_and_read_back_gives_the_same_pairs(tmp_path: Path) -> None:
     reasons = dict.fromkeys(("Adjacent", "Always", "Never"), 0)
-    for spec in robots(7, 40, tmp_path):
+    for spec in robots(7, 60, tmp_path):
         alone = load_robot(spec)
         text, counts = srdf_of(spec)
         out = tmp_path / "out.srdf"

@@ -1,0 +1,140 @@
+"""Pairs of links that are proven always to touch do, at every configuration that is tried; what is only sampled is
+checked, and named."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+import trimesh
+
+import hdplan
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.geometry.coal_shapes import triangle_tree
+from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.robot.always_touching import _balls, _distance
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, ROOM
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.robot_files.link_pairs import link_pair
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+
+SHAPES = (
+    "<sphere radius='{a}'/>",
+    "<box size='{a} {b} {c}'/>",
+    "<cylinder radius='{a}' length='{b}'/>",
+    "<capsule radius='{a}' length='{b}'/>",
+    "<ellipsoid radii='{a} {b} {c}'/>",
+    "<mesh filename='{mesh}' scale='{a} {b} {c}'/>",
+)
+
+
+def random_arm(rng: np.random.Generator, folder: Path) -> Robot:
+    """Fat links with short steps between them, so that many touch wherever they turn."""
+    count, parts = int(rng.integers(3, 6)), []
+    for i in range(count):
+        a, b, c = rng.uniform(0.1, 0.5, 3)
+        shape = str(rng.choice(SHAPES)).format(a=a, b=b, c=c, mesh=folder / str(rng.choice(["ball.stl", "ring.stl"])))
+        x, y, z = rng.normal(size=3) * 0.05
+        parts.append(
+            f"<link name='l{i}'><collision><origin xyz='{x} {y} {z}'/><geometry>{shape}</geometry></collision></link>"
+        )
+    for i in range(1, count):
+        kind = rng.choice(["revolute", "revolute", "prismatic", "continuous"])
+        (x, y, z), (u, v, w) = rng.normal(size=3) * 0.06, rng.normal(size=3)
+        parts.append(
+            f"<joint name='j{i}' type='{kind}'><parent link='l{max(0, i - int(rng.integers(1, 3)))}'/>"
+            f"<child link='l{i}'/><origin xyz='{x} {y} {z}' rpy='{u} {v} {w}'/><axis xyz='{v} {w} {u}'/>"
+            f"<limit lower='-{rng.uniform(0, 0.2)}' upper='{rng.uniform(0, 0.2)}' velocity='1' effort='1'/></joint>"
+        )
+    (folder / "arm.urdf").write_text(f"<robot name='arm'>{''.join(parts)}</robot>")
+    return load_robot(RobotSpec(urdf=folder / "arm.urdf"))
+
+
+@pytest.mark.parametrize("arms", [6, pytest.param(80, marks=pytest.mark.slow)])
+def test_pairs_that_are_proven_always_to_touch_do(arms: int, tmp_path: Path) -> None:
+    """At random configurations and corners, up to ROOM beyond the limits; the rest is checked."""
+    trimesh.creation.icosphere(1, 1.0).export(tmp_path / "ball.stl")
+    trimesh.creation.torus(1.0, 0.4, 8, 6).export(tmp_path / "ring.stl")
+    rng, seen, doubtful = np.random.default_rng(4), 0, 0
+    for _ in range(arms):
+        robot = random_arm(rng, tmp_path)
+        always = {pair for pair, reason in robot.unchecked.items() if reason == ALWAYS_TOUCHING}
+        assert set(robot.doubtful) <= set(robot.self_pairs)
+        seen, doubtful = seen + len(always), doubtful + len(robot.doubtful)
+        low, high = np.maximum(robot.lower, -math.pi), np.minimum(robot.upper, math.pi)
+        samples = rng.uniform(low - ROOM, high + ROOM, (6, robot.n))
+        samples[:3] = np.where(rng.uniform(size=(3, robot.n)) < 0.5, low - ROOM, high + ROOM)
+        if not always:
+            continue
+        left = {pair: reason for pair, reason in robot.unchecked.items() if pair not in always}
+        checked = replace(robot, self_pairs=(*robot.self_pairs, *always), unchecked=left)
+        rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper).tolist()
+        scene = Scene(robot=RobotSpec(urdf=tmp_path / "arm.urdf"), start=rest, goal=rest)
+        certifier = Certifier(Setup.of(scene, checked))
+        for q in samples:
+            assert always <= {link_pair(each.link, each.other) for each in certifier.contacts(q)}
+    assert seen > arms / 2
+    assert doubtful < seen
+
+
+def test_distances_from_triangles_are_coals() -> None:
+    rng = np.random.default_rng(0)
+    ring = trimesh.creation.torus(1.0, 0.4, 12, 8)
+    mesh = TriangleMesh.merged(ring.vertices, ring.faces)
+    tree = triangle_tree(mesh)
+    for point in rng.normal(size=(200, 3)):
+        place, result = coal.Transform3s(np.eye(3), point), coal.DistanceResult()
+        expected = coal.distance(tree, coal.Transform3s(), coal.Sphere(1e-9), place, coal.DistanceRequest(), result)
+        assert _distance(point, mesh.vertices[mesh.triangles]) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        coal.Box(0.2, 0.4, 1.0),
+        coal.Sphere(0.3),
+        coal.Ellipsoid(0.1, 0.2, 0.6),
+        coal.Cylinder(0.2, 0.9),
+        coal.Capsule(0.2, 0.6),
+    ],
+    ids=lambda shape: type(shape).__name__,
+)
+def test_balls_lie_inside(shape: coal.ShapeBase) -> None:
+    """Points on their surfaces are inside the shape, as coal finds."""
+    rng = np.random.default_rng(1)
+    centres, radii = _balls(shape, True)
+    assert len(radii) > 3
+    for centre, radius in zip(centres, radii, strict=True):
+        for direction in rng.normal(size=(5, 3)):
+            at = centre + radius * direction / np.linalg.norm(direction)
+            place, result = coal.Transform3s(np.eye(3), at), coal.CollisionResult()
+            assert coal.collide(shape, coal.Transform3s(), coal.Sphere(1e-9), place, coal.CollisionRequest(), result)
+
+
+def test_a_pair_that_is_only_sampled_fails_with_its_name_and_the_remedy(tmp_path: Path) -> None:
+    """Two shells without an inside that always cross."""
+    half = trimesh.creation.icosphere(3, 0.3)
+    half.update_faces(half.triangles_center[:, 2] > 0.0)
+    half.export(tmp_path / "bowl.stl")
+    link = "<link name='{0}'><collision><geometry><mesh filename='bowl.stl'/></geometry></collision></link>"
+    joint = (
+        "<joint name='{0}' type='revolute'><parent link='{1}'/><child link='{2}'/><origin xyz='.1 0 0'/>"
+        "<axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
+    )
+    parts = link.format("base") + "<link name='between'/>" + link.format("tip")
+    parts += joint.format("a", "base", "between") + joint.format("b", "between", "tip")
+    (tmp_path / "bowls.urdf").write_text(f"<robot name='bowls'>{parts}</robot>")
+    spec = RobotSpec(urdf=tmp_path / "bowls.urdf")
+    robot = load_robot(spec)
+    assert robot.doubtful == robot.self_pairs == (("base", "tip"),)
+    assert any("each of 1000 sampled configurations, which is no proof" in note for note in robot.notes)
+    with pytest.raises(hdplan.InputError, match=r"links base and tip touch at each of 1000 .* robot\.ignore_pairs"):
+        hdplan.plan(Scene(robot=spec, start=[0.0, 0.0], goal=[0.5, 0.5]))
+    allowed = RobotSpec(urdf=tmp_path / "bowls.urdf", ignore_pairs=[("base", "tip")])
+    assert hdplan.plan(Scene(robot=allowed, start=[0.0, 0.0], goal=[0.5, 0.5])).certificate.certified
