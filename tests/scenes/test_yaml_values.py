@@ -138,3 +138,12 @@ def test_random_documents_whole_and_damaged(monkeypatch: pytest.MonkeyPatch) -> 
         ):
             assert outcome(damaged) == in_pyyamls_words(damaged, monkeypatch), damaged
     assert whole > 150  # most need nothing of PyYAML
+
+
+@pytest.mark.parametrize("end", ["---", "---\n", "\n---  \n\n", "---\r\n"])
+def test_the_line_that_ros_prints_after_a_message_begins_nothing(end: str) -> None:
+    for text in ("a: 1\n", "---\na: [1, {b: 2}]\n", "a: &x [1]\nb: *x\n", "a: |\n  text\n  ---\n"):
+        assert outcome(text + end) == outcome(text)
+        assert "second document" in str(outcome(f"{text}{end.strip()}\na: 1\n"))
+    assert "second document" not in str(outcome("a: 1 ---\n"))  # which is a text
+    assert outcome("---\n") == "is empty"

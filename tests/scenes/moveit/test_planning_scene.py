@@ -113,6 +113,20 @@ def test_object_pose_multiplies_primitive_pose(files: Files) -> None:
     np.testing.assert_allclose(ball.pose.position, [1, 1, 2], atol=1e-15)
 
 
+def test_what_a_vector_or_quaternion_leaves_out_is_zero_as_in_ros(files: Files) -> None:
+    pose = files.scene["world"]["collision_objects"][0]["primitive_poses"][0]
+    for position, orientation, meant in (
+        ({}, {"w": 1.0}, Pose()),
+        ({"z": 0.5}, {"x": 1, "w": 0}, Pose((0.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0))),
+        ({"x": 1, "y": 2}, {"z": -0.6, "w": 0.8}, Pose((1.0, 2.0, 0.0), (0.0, 0.0, -0.6, 0.8))),
+    ):
+        pose |= {"position": position, "orientation": orientation}
+        assert files.load().obstacles[0].pose == meant
+    pose["orientation"] = {"x": 1.0}  # half a turn in ROS 1; in ROS 2, whose w is then 1, a quarter
+    with pytest.raises(InputError, match=r"primitive_poses\[0\].orientation: the key 'w' is missing"):
+        files.load()
+
+
 def test_object_pose_alone_is_enough(files: Files) -> None:
     del files.scene["world"]["collision_objects"][1]["primitive_poses"]
     _, stand, ball = files.load().obstacles
