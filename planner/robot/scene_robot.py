@@ -184,6 +184,7 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.base_joints,
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,
+        spec.check_pairs,
     )
     with _loading:
         if key in _kept and stamps_of(file for file, _, _ in _kept[key].files) == _kept[key].files:

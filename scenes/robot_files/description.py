@@ -39,6 +39,8 @@ class Tree:
     notes: tuple[str, ...] = ()  # what was ignored
     files: tuple[Path, ...] = ()  # that it was read from
     excluded: frozenset[LinkPair] = frozenset()  # pairs that are not checked, where the description itself says so
+    solid: frozenset[str] = frozenset()  # links with collision geometry
+    velocities: Mapping[str, str] = field(default_factory=dict)  # joint -> its velocity limit, as the URDF writes it
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
         """Return the joints of a chain as MoveIt defines it: those from the tip up to the base (or the root). If the
@@ -183,8 +185,20 @@ def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     links = tuple(link.get("name", "") for link in root.findall("link"))
     collisions = len(root.findall("link/collision"))
+    solid = frozenset(link.get("name", "") for link in root.findall("link") if link.find("collision") is not None)
+    limits = {joint.get("name", ""): joint.find("limit") for joint in root.findall("joint")}
     return Tree(
-        links, parent, mimics, collisions, root.get("name", ""), fixed, notes, description.files, description.excluded
+        links,
+        parent,
+        mimics,
+        collisions,
+        root.get("name", ""),
+        fixed,
+        notes,
+        description.files,
+        description.excluded,
+        solid,
+        {joint: limit.get("velocity", "") for joint, limit in limits.items() if limit is not None},
     )
 
 

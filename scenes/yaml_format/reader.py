@@ -58,7 +58,18 @@ SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
 )
 """What an obstacle may be, by its key."""
-ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "base_joints", "locked", "ignore_pairs")
+ROBOT_KEYS = (
+    "name",
+    "urdf",
+    "srdf",
+    "package_dirs",
+    "group",
+    "base",
+    "base_joints",
+    "locked",
+    "ignore_pairs",
+    "check_pairs",
+)
 
 
 def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:

@@ -37,6 +37,7 @@ def scene_text(scene: Scene) -> str:
         "base_joints": {key: list(getattr(moved, key)) for key in ("x", "y", "yaw")} if moved else None,
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
+        "check_pairs": [list(pair) for pair in spec.check_pairs],
     }
     lines = [
         f"hdplan: {VERSION}",

@@ -770,7 +770,7 @@ class World:
 
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
-        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
+        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs check_pairs"
         spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.absolute().parent
         self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
@@ -798,6 +798,8 @@ class World:
                 known_[name] = value if known_.get(name, value) == value else np.nan
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
+        asked = listing(spec.get("check_pairs"), "check_pairs")
+        self.asked = {frozenset(map(str, listing(x, "check_pairs"))) for x in asked}  # whatever the SRDF says
         links = {x.get("name", ""): x for x in root.findall("link")}
         self.excused = {pair: why for pair, why in self.excused.items() if pair <= {*links}}  # not of what links hold
         if "base_joints" in spec:
@@ -1010,7 +1012,9 @@ class World:
         (a, _), (b, _) = self.at[one], self.at[two]
         if a == b or self.top.get("self_collision") is False:
             return "fixed to each other" if a == b else "self_collision: false"
-        if reason := self.excused.get(frozenset((one, two))):
+        if (pair := frozenset((one, two))) in self.asked:
+            return None
+        if reason := self.excused.get(pair):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
         if not one_joint or not {one, two} <= self.links:
