@@ -19,7 +19,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Search, Slide, search_in_turn
-from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
+from hdplan.planner.search.warm_start import MOVED, begun_at, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
@@ -106,6 +106,7 @@ def plan(
     ]
     warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
+        rows = begun_at(rows, problems[0].start, robot)
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
         warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
         if moved > MOVED:

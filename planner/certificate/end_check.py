@@ -31,7 +31,7 @@ class EndCheck:
         waypoints = curve.rows
         with naming(self.scene.source):
             start = self.robot.configuration(self.scene.start, self.scene.from_request)
-            at_start, at_goal = self._off("first", waypoints[0], start, "start"), self.off_goal(waypoints[-1])
+            at_start, at_goal = self._off("first", waypoints[0], start, "start", 0.0), self.off_goal(waypoints[-1])
         return at_start or at_goal
 
     def placed(self, curve: Curve) -> Iterator[tuple[str, Array, float]]:
@@ -67,11 +67,13 @@ class EndCheck:
                 return f"the last waypoint has {pose.link} {miss} away from {pose.field}"
         return None
 
-    def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
-        """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""
+    def _off(self, which: str, row: Array, target: Array, field: str, turn: float = 2 * np.pi) -> str | None:
+        """Say how the first or last waypoint differs from the configuration of a field; None if it does not. A goal
+        may be reached a whole `turn` away by joints without limits; a robot that stands elsewhere than where its motion
+        begins would jump there."""
         turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper) & self.robot.turning
         error = row - target
-        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # equal up to whole turns
+        error = error - turn * np.round(error / (2 * np.pi)) * turning
         joint = int(np.abs(error).argmax())
         if abs(error[joint]) <= SAME_END:
             return None

@@ -24,6 +24,12 @@ def rows_of(guess: Trajectory, robot: Robot) -> Array:
     return curve.rows
 
 
+def begun_at(rows: Array, start: Array, robot: Robot) -> Array:
+    """Return the waypoints (R, n) with joints without limits turned whole, so that they begin nearest to a start."""
+    moved: Array = rows + (robot.nearest_turn(rows[0], start) - rows[0])
+    return moved
+
+
 def warm_start(problem: Problem, rows: Array, timed: bool) -> tuple[Array, float]:
     """Return the guess (N, n) that a motion of `rows` (R, n) makes, and how far its ends were moved [rad or m].
 

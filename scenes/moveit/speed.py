@@ -8,6 +8,7 @@ certificate checks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from hdplan.scenes.fields import Field
@@ -24,7 +25,7 @@ without one (DEFAULT_ACCEL_MAX); newer versions refuse such joints, whose limits
 
 def read_speed(keys: Mapping[str, Field], tree: Tree, semantics: Semantics, robot: RobotSpec) -> Limits:
     """Return the limits that the factors of a request mean, none if both are 0 or 1; velocities of the joints of the
-    robot's group, or of all if it has none.
+    robot's group, or of all if it has none, and of those that follow them.
 
     Raises:
         InputError: a factor beyond 0 to 1, or a velocity limit of the URDF that is no number.
@@ -40,15 +41,17 @@ def read_speed(keys: Mapping[str, Field], tree: Tree, semantics: Semantics, robo
         "URDF has no acceleration limits"
     )
     members = semantics.groups.get(robot.group) if isinstance(robot.group, str) else robot.group
-    held = {*tree.mimics, *robot.locked, *semantics.passive, *(tree.parent[link][1] for link in tree.fixed)}
+    held = {*robot.locked, *semantics.passive, *(tree.parent[link][1] for link in tree.fixed)}
     velocities: dict[str, float] = {}
     for joint, word in tree.velocities.items():
-        if joint in held or (members is not None and joint not in members) or not word.strip():
-            continue
         try:
-            limit = read_number(word.strip())
+            limit = read_number(word.strip() or "0")
         except ValueError:
             raise asking[0].error(f"the URDF gives joint '{joint}' the velocity limit {word!r}, not a number") from None
-        if limit > 0.0:  # one that is planned without a limit is refused when the robot is loaded
-            velocities[joint] = of_velocity * limit
+        factor = 1.0
+        while joint in tree.mimics:
+            joint, more, _ = tree.mimics[joint]
+            factor *= abs(more)
+        if limit > 0.0 < factor and joint not in held and (members is None or joint in members):
+            velocities[joint] = min(velocities.get(joint, math.inf), of_velocity * limit / factor)
     return asking[0].make(Limits, velocity=velocities or "urdf", acceleration=of_acceleration * ACCELERATION)

@@ -487,7 +487,7 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
     asked = load_robot(RobotSpec(name="panda", check_pairs=(disabled[::-1], neighbours, together)))
     assert {*asked.self_pairs} - {*plain.self_pairs} == {disabled, neighbours}
     assert asked.unchecked.keys() == plain.unchecked.keys() - {disabled, neighbours}
-    with pytest.raises(InputError, match=r"robot.check_pairs: unknown link 'panda_lnk2' \(did you mean 'panda_link2'\?\)"):
+    with pytest.raises(InputError, match=r"robot.check_pairs: unknown link 'panda_lnk2' .*'panda_link2'"):
         load_robot(RobotSpec(name="panda", check_pairs=(("panda_link1", "panda_lnk2"),)))
     with pytest.raises(InputError, match=r"check_pairs\[0\]: 'a' and 'b' stand in ignore_pairs too"):
         RobotSpec(name="panda", check_pairs=(("a", "b"),), ignore_pairs=(("b", "a"),))
@@ -506,5 +506,5 @@ def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path:
     asked = RobotSpec(urdf=urdf, check_pairs=pairs)
     assert load_robot(asked).self_pairs == pairs
     scene = Scene(robot=asked, start=[0.0, 0.0], goal=[0.5, 0.5])
-    with pytest.raises(UnsolvableError, match="a and [bc] overlap"):
+    with pytest.raises(UnsolvableError, match=r"a and [bc] overlap"):
         plan(scene)
