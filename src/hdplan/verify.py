@@ -61,7 +61,7 @@ AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of ro
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
-RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all"
+RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all any"
 ASKING = {  # sections that ask for clearances, and their keys
     "self_collision": "clearance",
     "planner": (
@@ -1510,6 +1510,14 @@ def at_values(world: World, target: Any, end: str) -> bool:
 def reached(world: World, end: str) -> bool:
     """Whether the motion begins at the scene's start, or ends at its goal: one of several."""
     asked = mapping(world.top.get(end), end, TARGETS)
+    need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
+    need("any" not in asked or end == "goal", "start: 'any' is for goals")
+    each = [mapping(x, end, "joints state pose") for x in listing(asked["any"], end)] if "any" in asked else [asked]
+    return any([at_target(world, x, end) for x in each])
+
+
+def at_target(world: World, asked: dict[str, Any], end: str) -> bool:
+    """Whether the motion begins, or ends, at a target that is given in one way."""
     need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
     if end == "goal" and {*asked} & {"pose", "poses", "all"}:
         return at_poses(world, asked)
