@@ -2,26 +2,46 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import FieldError, InputError, naming
+from hdplan.scenes.values import describe
+
+if TYPE_CHECKING:
+    from hdplan.planner.problem.problem import Problem
 
 MOVED = 1e-6  # [rad] or [m] above which a note says that the guess's ends were moved
 
 
-def rows_of(guess: Trajectory, robot: Robot) -> Array:
-    """Return the waypoints (R, n) of a guess in the order of the robot's joints. Raises InputError for joints that are
-    missing, unknown or locked elsewhere, or leave their limits."""
+def rows_of(guess: Trajectory | ArrayLike, robot: Robot) -> Array:
+    """Return the waypoints (R, n) of a guess in the order of the robot's joints, which those of an array have. Raises
+    InputError for joints that are missing, unknown or locked elsewhere, or leave their limits, and for anything but a
+    motion or rows of numbers."""
+    motion = guess if isinstance(guess, Trajectory) else _motion_of(guess, robot)
     with naming("guess"):
-        curve = curve_of(robot, guess)
+        curve = curve_of(robot, motion)
         if beyond := beyond_limits(curve, robot):
             raise InputError(f"trajectory: {beyond}")
     return curve.rows
+
+
+def _motion_of(guess: ArrayLike, robot: Robot) -> Trajectory:
+    try:
+        rows = np.array(guess, dtype=np.float64)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[1] != robot.n or len(rows) < 2:
+        wanted = f"a Trajectory, or waypoints by joints of {robot.name} (two or more, {robot.n})"
+        raise FieldError(f"must be {wanted}, found {describe(guess)}", "guess")
+    with naming("guess"):
+        return Trajectory(robot.joint_names, rows, robot.locked)
 
 
 def begun_at(rows: Array, start: Array, robot: Robot) -> Array:
@@ -49,3 +69,9 @@ def warm_start(problem: Problem, rows: Array, timed: bool) -> tuple[Array, float
     share = np.linspace(0.0, 1.0, count)[:, None]
     moved = rows + (1.0 - share) * to_start + share * to_goal
     return problem.clip(moved), float(max(np.abs(to_start).max(), np.abs(to_goal).max()))
+
+
+def waypoints_of(problem: Problem, guess: Trajectory) -> Array:
+    """Return the waypoints (N, n) that a motion gives a problem. Raises InputError as `rows_of`."""
+    rows = begun_at(rows_of(guess, problem.robot), problem.start, problem.robot)
+    return warm_start(problem, rows, guess.times is not None)[0]
