@@ -8,18 +8,19 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Search, Slide, search_in_turn
-from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
@@ -42,7 +43,7 @@ def plan(
     seed: int = 0,
     time_limit: float = 30.0,
     robot: Robot | None = None,
-    guess: Trajectory | None = None,
+    guess: Trajectory | ArrayLike | None = None,
     report: Callable[[Event], None] = lambda event: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> PlanResult:
@@ -59,9 +60,10 @@ def plan(
             good it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
         robot: the scene's robot, if it is already loaded.
         guess: a motion of this robot from which the solver starts (a warm start), such as the last plan's trajectory
-            after a small change of the scene. Its ends are moved to the scene's, which is noted. It is not trusted: the
-            result is certified like any other motion, and if the guess leads to none, the search continues as without
-            it. Of several goals, the one nearest to its end starts with it.
+            after a small change of the scene, or waypoints (R, n) in the order of the robot's joints. Its ends are
+            moved to the scene's, which is noted. It is not trusted: the result is certified like any other motion, and
+            if the guess leads to none, the search continues as without it. Of several goals, the one nearest to its end
+            starts with it.
         report: called with every step and every certificate.
         stop: called at every step; once it returns True, the best motion so far is certified and returned. A
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
@@ -74,8 +76,6 @@ def plan(
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
-    if guess is not None:
-        instance(guess, Trajectory, "guess")
     run = solver_named(solver)
     began = time.perf_counter()
     with naming(scene.source):
@@ -106,8 +106,11 @@ def plan(
     ]
     warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
+        rows = begun_at(rows, problems[0].start, robot)
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
-        warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
+        warm[nearest], moved = warm_start(
+            problems[nearest], rows, isinstance(guess, Trajectory) and guess.times is not None
+        )
         if moved > MOVED:
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
     attempts = None

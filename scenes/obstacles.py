@@ -49,11 +49,11 @@ class TimedPoses(Checked):
     before the first and after the last."""
 
     times: Annotated[tuple[float, ...], rising_times]  # increasing, at least two [s]
-    poses: tuple[Pose, ...]  # one at each time, in the world
+    poses: tuple[Placement, ...]  # one at each time, in the world
 
     if TYPE_CHECKING:
 
-        def __init__(self, times: Numbers, poses: Sequence[Pose]) -> None: ...
+        def __init__(self, times: Numbers, poses: Sequence[AnyPose]) -> None: ...
 
     def _check_whole(self) -> None:
         if len(self.poses) != len(self.times):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, assert_never
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import EXACT, Place, Pose, Vector3
+from hdplan.scenes.poses import EXACT, AnyPose, Place, Placement, Pose, Vector3
 from hdplan.scenes.values import Checked, Choice, Name, Number, Numbers, Row, is_row, wrong
 
 AXES: Mapping[str, tuple[float, float, float]] = {
@@ -71,12 +71,14 @@ class Within(Checked):
 
     link: Name
     size: Annotated[Vector3, extent]  # full edge lengths of the box [m]; inf: unbounded along that axis
-    pose: Pose = field(default_factory=Pose)  # of the box's centre, in the world
+    pose: Placement = field(default_factory=Pose)  # of the box's centre, in the world
     point: Place = (0.0, 0.0, 0.0)  # in the link's frame [m]
 
     if TYPE_CHECKING:
 
-        def __init__(self, link: str, size: Numbers, pose: Pose = Pose(), point: Numbers = (0.0, 0.0, 0.0)) -> None: ...
+        def __init__(
+            self, link: str, size: Numbers, pose: AnyPose = Pose(), point: Numbers = (0.0, 0.0, 0.0)
+        ) -> None: ...
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,9 +87,20 @@ class Relative(Checked):
 
     link: Name
     to: Name  # the other link
-    pose: Pose | None = None  # of the link's frame, in that of `to`; None: as it is at the start
+    pose: Placement | None = None  # of the link's frame, in that of `to`; None: as it is at the start
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 5e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.05  # angle [rad]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            link: str,
+            to: str,
+            pose: AnyPose | None = None,
+            position_tolerance: float = 5e-3,
+            orientation_tolerance: float = 0.05,
+        ) -> None: ...
 
     def _check_whole(self) -> None:
         if self.link == self.to:

@@ -103,6 +103,8 @@ class RobotSpec(Checked):
     base_joints: PlanarBase | None = None  # planned joints that carry the root link; at 0 it stands there
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
+    check_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()
+    """Checked, although the SRDF disables them or they are neighbours."""
     source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
 
     if TYPE_CHECKING:
@@ -119,6 +121,7 @@ class RobotSpec(Checked):
             base_joints: PlanarBase | None = None,
             locked: Mapping[str, float] = {},
             ignore_pairs: Sequence[Sequence[str]] = (),
+            check_pairs: Sequence[Sequence[str]] = (),
             source: str = "",
         ) -> None: ...
 
@@ -128,6 +131,10 @@ class RobotSpec(Checked):
         for key in ("srdf", "package_dirs", "xacro_args"):
             if self.name is not None and getattr(self, key):
                 raise FieldError("goes with 'urdf'; a robot given by name brings its own", key)
+        ignored = {frozenset(each) for each in self.ignore_pairs}
+        for i, each in enumerate(self.check_pairs):
+            if frozenset(each) in ignored:
+                raise FieldError(f"{each[0]!r} and {each[1]!r} stand in ignore_pairs too", f"check_pairs[{i}]")
 
 
 def robot_spec(value: object) -> RobotSpec:

@@ -42,8 +42,8 @@ class Scene(Checked):
 
     Pass arguments by name. `robot` is a name listed by `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
     shapes with a pose. `start` is a row of joint values in the robot's order [rad or m], a mapping from joint names to
-    values, or the name of an SRDF state. `goal` is one of these too, or a PoseTarget, or a list of either, any of which
-    will do. The other arguments are the sections of a scene file.
+    values, or the name of an SRDF state. `goal` is one of these too, or a Pose or PoseTarget, or a list of any of them,
+    each of which will do. The other arguments are the sections of a scene file.
 
     Raises InputError for any value that would be refused in a file, with the same message. Names of joints, links,
     states and robots, and what one section needs of another, are checked when the scene is planned.
@@ -113,6 +113,11 @@ class Scene(Checked):
         """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
         does."""
         return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
+
+    def with_obstacles(self, obstacles: Sequence[Obstacle | Solid | Seen]) -> Scene:
+        """Return the same scene with other obstacles in the place of its own, in any form that `Scene` takes; with more
+        by ``[*scene.obstacles, another]``. Raises InputError as `Scene` does."""
+        return dataclasses.replace(self, obstacles=obstacles)  # type: ignore[arg-type]
 
     def save(self, path: str | Path) -> None:
         """Write the scene as a hdplan scene file, whole or not at all; `load_scene` gives an equal scene back.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import AnyPose, Placement, Pose
 from hdplan.scenes.values import (
     NEEDED,
     Checked,
@@ -55,7 +55,7 @@ class PoseTarget(Checked):
     """A goal pose of a link: its origin within a ball, its orientation within an angle."""
 
     link: Name | None = None  # None: the end effector of the planned joints
-    pose: Pose = NEEDED  # of the link's frame, in the world
+    pose: Placement = NEEDED  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
     """How far its orientation may deviate, beside its free rotation [rad]."""
@@ -64,6 +64,18 @@ class PoseTarget(Checked):
     field: str = dataclasses.field(
         default="goal", compare=False, repr=False
     )  # where it stands in the file: "goal.poses[1]"
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            link: str | None = None,
+            pose: AnyPose = NEEDED,
+            position_tolerance: float = 1e-3,
+            orientation_tolerance: float = 1e-2,
+            free_rotation: str = "none",
+            field: str = "goal",
+        ) -> None: ...
 
     @property
     def poses(self) -> tuple[PoseTarget, ...]:
@@ -114,9 +126,9 @@ def unlike_the_others(poses: Sequence[PoseTarget]) -> tuple[int, str] | None:
 
 def _choices(value: object) -> tuple[object, ...]:
     kinds = {type(target) for target in value} if isinstance(value, list | tuple) else set()
-    if not isinstance(value, list | tuple) or kinds not in ({JointTarget}, {PoseTarget}, {AllOf}):
-        raise wrong("a list of one or more JointTargets, or of PoseTargets, or one AllOf", value)
-    if kinds == {AllOf} and len(value) > 1:
+    if not isinstance(value, list | tuple) or not kinds or not kinds <= {JointTarget, PoseTarget, AllOf}:
+        raise wrong("a list of one or more JointTargets and PoseTargets, or one AllOf", value)
+    if AllOf in kinds and len(value) > 1:
         raise wrong("one AllOf alone", value)
     return tuple(value)
 
@@ -125,8 +137,8 @@ def _choices(value: object) -> tuple[object, ...]:
 class Goals(Checked):
     """A goal with a choice: any of these targets will do, and any configuration that reaches a pose."""
 
-    targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...] | tuple[AllOf], _choices]
-    """Configurations by values, poses, or poses of several links together."""
+    targets: Annotated[tuple[JointTarget | PoseTarget, ...] | tuple[AllOf], _choices]
+    """Configurations and poses, or poses of several links together."""
     field: str = dataclasses.field(
         default="goal", compare=False, repr=False
     )  # where it stands in the file, for error messages
@@ -154,28 +166,32 @@ class Configuration:
 
 
 AnyConfiguration = JointTarget | Numbers | Mapping[str, float] | str
-AnyGoal = AnyConfiguration | Goals | PoseTarget | AllOf | Sequence[AnyConfiguration | PoseTarget]
+AnyGoal = AnyConfiguration | Goals | Pose | PoseTarget | AllOf | Sequence[AnyConfiguration | Pose | PoseTarget]
 
 
 def goal_of(value: object) -> JointTarget | Goals:
-    """Return a goal in any of its forms: a configuration, a link's pose, or a list of either, any of which will do; or
-    poses of several links together."""
+    """Return a goal in any of its forms: a configuration, a link's pose (a Pose is that of the end effector), or a list
+    of these, any of which will do; or poses of several links together."""
     if isinstance(value, Goals):
         return value
+    if isinstance(value, Pose):
+        value = PoseTarget(pose=value)
     if isinstance(value, PoseTarget | AllOf):
         return Goals((value,))  # type: ignore[arg-type]
     if not is_row(value) or not any(is_row(each) or isinstance(each, _SEVERAL) for each in value):
-        return Configuration("goal", f"{Configuration.allowed}, a PoseTarget, a list of any one of these, or an AllOf")(
+        return Configuration("goal", f"{Configuration.allowed}, a Pose, a PoseTarget, a list of these, or an AllOf")(
             value
         )
     targets = []
     for i, each in enumerate(value):
         place = f"goal[{i}]"
-        if isinstance(each, PoseTarget | AllOf):
+        if isinstance(each, Pose):
+            targets.append(PoseTarget(pose=each, field=place))
+        elif isinstance(each, PoseTarget | AllOf):
             targets.append(dataclasses.replace(each, field=place))
         else:
             targets.append(checked(Configuration(place), each, f"[{i}]"))
     return Goals(targets)  # type: ignore[arg-type]
 
 
-_SEVERAL = (Mapping, JointTarget, PoseTarget, AllOf)  # not a joint value, and so one of several targets
+_SEVERAL = (Mapping, JointTarget, Pose, PoseTarget, AllOf)  # not a joint value, and so one of several targets

@@ -26,6 +26,7 @@ _MAKERS = {
     f"{_TAG}int": _RULES.construct_yaml_int,
     f"{_TAG}float": _RULES.construct_yaml_float,
 }
+_END = re.compile(r"^---\s*\Z", re.MULTILINE)  # which `ros2 topic echo` prints after each message
 _MORE = object()  # a value that is left to PyYAML
 
 
@@ -45,14 +46,14 @@ class _UniqueKeyLoader(yaml.CSafeLoader):
 
 
 def read_mapping(data: bytes) -> dict[Any, Any]:
-    """Read YAML that holds a mapping.
+    """Read YAML that holds a mapping; `---` at its end, as ROS prints it after a message, begins nothing.
 
     Raises:
         InputError: it is not UTF-8, empty, nested too deeply, too large, not YAML (with the line), not a mapping, or
-            has a duplicate key. The message does not name the file.
+            has a duplicate key or a second document. The message does not name the file.
     """
     try:
-        content = data.decode("utf-8-sig")
+        content = _END.sub("", data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start} is 0x{error.object[error.start]:02x})") from None
     try:
@@ -112,6 +113,8 @@ def _built(content: str) -> object:
             count += sizes.get(event.anchor or "", 0)
             if event.anchor in [name for name, _ in begun]:
                 fault = f"the alias '*{event.anchor}' stands within what it names"
+        elif isinstance(event, yaml.DocumentStartEvent) and made[0]:
+            fault = "begins a second document ('---'), and a file holds one"
         else:
             continue
         if not isinstance(event, yaml.CollectionStartEvent):
@@ -121,7 +124,7 @@ def _built(content: str) -> object:
             fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
         if fault:
             raise InputError(f"{_line(event)}{fault}")
-    return made[0][0] if own and len(made[0]) == 1 else _MORE
+    return made[0][0] if own and made[0] else _MORE
 
 
 def _of_scalar(event: yaml.ScalarEvent) -> object:

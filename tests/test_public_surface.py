@@ -10,6 +10,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -250,12 +251,90 @@ def test_a_warm_start_is_first_taken_as_it_is() -> None:
         assert np.array_equal(result.trajectory.positions[-1], robot.configuration(changed.goal))
 
 
+def test_a_guess_is_a_motion_or_its_waypoints_everywhere() -> None:
+    """Both mean the same to `plan`, `solve` and the CasADi program, whatever the order of the motion's joints."""
+    scene = hdplan.load_scene("planar_arm")
+    problem = hdplan.build(scene)
+    names, rows = problem.robot.joint_names, hdplan.solve(problem).trajectory.positions
+    motion = hdplan.Trajectory(names[::-1], rows[:, ::-1])
+    for few in (rows, rows[::2].tolist()):
+        guess = hdplan.Trajectory(names, np.array(few))
+        same = [hdplan.plan(scene, guess=each).trajectory.positions for each in (few, guess)]
+        assert np.array_equal(*same)
+    for solver in ("gauss_newton", "chomp"):
+        same = [hdplan.solve(problem, solver=solver, guess=each).trajectory.positions for each in (rows, motion)]
+        np.testing.assert_allclose(*same, atol=1e-12)
+    program = problem.casadi()
+    np.testing.assert_allclose(program.guess(motion), program.guess(rows), atol=1e-12)
+    assert hdplan.solve(problem, guess=hdplan.Trajectory(names, rows[::5])).trajectory.positions.shape == rows.shape
+    with pytest.raises(hdplan.InputError, match="guess: trajectory: joint"):
+        hdplan.solve(problem, guess=hdplan.Trajectory(("a", "b"), rows))
+
+
+POSE = [0.5, 0.1, 0.4]
+
+
+def test_a_position_alone_is_a_pose_everywhere() -> None:
+    whole, box = hdplan.Pose(POSE), hdplan.Box([0.1, 0.1, 0.1])
+    for made in (
+        lambda pose: hdplan.Obstacle("a", box, pose),
+        lambda pose: hdplan.Box([0.1, 0.1, 0.1], pose=pose),
+        lambda pose: hdplan.Attached("a", "panda_hand", box, pose),
+        lambda pose: hdplan.RobotSpec("panda", base=pose),
+        lambda pose: hdplan.PoseTarget("panda_hand", pose, free_rotation="all"),
+        lambda pose: hdplan.Within("panda_hand", [1.0, 1.0, 1.0], pose),
+        lambda pose: hdplan.Relative("panda_hand", "panda_link0", pose),
+        lambda pose: hdplan.TimedPoses([0.0, 1.0], [pose, hdplan.Pose()]),
+        lambda pose: hdplan.Voxels(np.ones((1, 1, 1), bool), 0.1, pose=pose),
+        lambda pose: hdplan.Cloud([[0.0, 0.0, 0.0]], 0.01, pose=pose),
+    ):
+        assert repr(made(whole)) == repr(made(POSE)) == repr(made(np.array(POSE)))  # type: ignore[no-untyped-call]
+        with pytest.raises(hdplan.InputError, match="a Pose, or a position of three numbers"):
+            made([0.0, 1.0])  # type: ignore[no-untyped-call]
+    robot = hdplan.load_robot("panda")
+    found = [hdplan.inverse_kinematics(robot, "panda_hand", pose, free_rotation="all") for pose in (whole, POSE)]
+    assert len(found[0])
+    assert np.array_equal(*found)
+
+
+def test_goals_of_all_kinds_stand_in_one_list(tmp_path: Path) -> None:
+    """Each is one that will do: the cheapest that is free is taken, and the saved scene and its proof mean the same."""
+    joints = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+    far = hdplan.PoseTarget("panda_hand", hdplan.Pose([3.0, 0.0, 0.5]))  # beyond its reach
+    pose = hdplan.Pose.from_rpy([0.45, 0.2, 0.5], [3.1416, 0, 0])
+    for goal, taken in (([far, joints], "goal[1]"), ([joints, "default"], "goal[1]"), ([far, pose, joints], None)):
+        scene = hdplan.Scene(robot="panda", start="default", goal=goal, planner=hdplan.PlannerSettings(waypoints=8))
+        result = hdplan.plan(scene)
+        assert result.certified
+        assert result.goal is not None
+        assert result.goal.field in ([taken] if taken else ["goal[1]", "goal[2]"])
+        scene.save(tmp_path / "scene.yaml")
+        assert hdplan.load_scene(tmp_path / "scene.yaml") == scene
+        assert hdplan.certify(hdplan.load_scene(tmp_path / "scene.yaml"), result.trajectory).certified
+    only = hdplan.Scene(robot="panda", start="default", goal=pose)
+    assert only == only.with_goal([pose]) == only.with_goal(hdplan.PoseTarget(None, pose))
+
+
+def test_obstacles_can_be_exchanged() -> None:
+    scene = hdplan.Scene(robot="panda", start="default", goal="default", obstacles=[hdplan.Sphere(0.1, pose=POSE)])
+    more = scene.with_obstacles([*scene.obstacles, hdplan.Box([0.1, 0.1, 0.1], name="box", pose=POSE)])
+    assert [obstacle.name for obstacle in more.obstacles] == ["obstacle0", "box"]
+    assert more.with_obstacles(scene.obstacles) == scene
+    assert scene.with_obstacles([]).obstacles == ()
+    with pytest.raises(hdplan.InputError, match=r"obstacles\[1\]: the name 'obstacle0' is taken"):
+        scene.with_obstacles([*scene.obstacles, *scene.obstacles])
+
+
 def test_a_guess_that_does_not_fit_is_refused() -> None:
     scene = hdplan.load_scene("planar_arm")
     names = hdplan.load_robot(scene.robot).joint_names
     for guess, words in (
-        (3, "guess: must be of the class Trajectory, found 3"),
-        (np.zeros((32, 2)), "guess: must be of the class Trajectory, found an array"),
+        (3, "guess: must be a Trajectory, or waypoints by joints of .*, found 3"),
+        ("abc", "guess: must be a Trajectory, .*, found the text 'abc'"),
+        (np.zeros((32, 3)), "guess: must be a Trajectory, .*, found an array of shape \\(32, 3\\)"),
+        (np.zeros((1, 2)), "guess: must be a Trajectory, .*two or more, 2"),
+        ([[0.0, 0.0], [0.0, float("nan")]], "guess: .*finite"),
+        (np.full((32, 2), 9.0), "guess: trajectory: .*limit"),
         (hdplan.Trajectory(("a", "b"), np.zeros((4, 2))), "guess: trajectory: joint '.*' of .* is missing"),
         (hdplan.Trajectory((*names, "c"), np.zeros((4, 3))), "guess: trajectory: joint 'c' is not one of"),
         (hdplan.Trajectory(names, np.full((4, 2), 90.0)), "guess: trajectory: waypoint 0 has joint .* its limits are"),
@@ -302,7 +381,7 @@ def test_inverse_kinematics_keeps_its_word() -> None:
             lambda: hdplan.inverse_kinematics(robot, "panda_link0", hdplan.Pose()),
             "^link: no planned joint moves 'panda_link0'",
         ),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", [0, 0, 1]), "^pose: must be of the class"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", [0, 1]), "^pose: must be a Pose, or a position"),
         (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), near=[0, 1]), "near: shape"),
         (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), seed=-1), "seed: must be a whole"),
         (

@@ -32,7 +32,7 @@ class EndCheck:
         with naming(self.scene.source):
             start = self.robot.configuration(self.scene.start, self.scene.from_request)
             return {
-                "start": self._off("first", curve.rows[0], start, "start"),
+                "start": self._off("first", curve.rows[0], start, "start", 0.0),
                 "goal": self.off_goal(curve.rows[-1]),
             }
 
@@ -79,11 +79,13 @@ class EndCheck:
             case _:
                 assert_never(target)
 
-    def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
-        """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""
+    def _off(self, which: str, row: Array, target: Array, field: str, turn: float = 2 * np.pi) -> str | None:
+        """Say how the first or last waypoint differs from the configuration of a field; None if it does not. A goal
+        may be reached a whole `turn` away by joints without limits; a robot that stands elsewhere than where its motion
+        begins would jump there."""
         turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper) & self.robot.turning
         error = row - target
-        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # equal up to whole turns
+        error = error - turn * np.round(error / (2 * np.pi)) * turning
         joint = int(np.abs(error).argmax())
         if abs(error[joint]) <= SAME_END:
             return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
 BESIDE = 16  # further values in a point, beside its rows: keys, durations, lists
-_END = re.compile(rb"\s+---\s*\Z")  # which `ros2 topic echo` prints after each message
 
 
 def write_joint_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -65,4 +63,4 @@ def read_ros_yaml(data: bytes) -> dict[str, Any]:
 
     Raises InputError saying what is wrong.
     """
-    return read_message(read_mapping(_END.sub(b"\n", data)))
+    return read_message(read_mapping(data))

@@ -22,7 +22,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
+from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
@@ -109,8 +111,11 @@ class Program:
             low[k], high[k] = np.append(low[k], bounds[0]), np.append(high[k], bounds[1])
         return replace(self, rows=tuple(rows), lower=tuple(low), upper=tuple(high))
 
-    def guess(self, positions: ArrayLike) -> Array:
-        """The x of waypoints (N, n), whose ends are taken to be start and goal: what a solver begins with."""
+    def guess(self, positions: Trajectory | ArrayLike) -> Array:
+        """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
+        solver begins with."""
+        if isinstance(positions, Trajectory):
+            positions = waypoints_of(self.problem, positions)
         given = np.asarray(positions, dtype=np.float64)
         shape = self.problem.waypoints, len(self.problem.start)
         if given.shape != shape:

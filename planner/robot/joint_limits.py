@@ -52,6 +52,8 @@ def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> 
         return np.array(given)
     result = np.full(robot.n, np.nan)
     for joint, value in given.items() if isinstance(given, Mapping) else ():
+        if scene.from_request and joint in robot.locked:  # a request's limits are of whole robots; it stands still
+            continue
         result[robot.index_of(joint, where)] = value
     for i in np.flatnonzero(np.isnan(result)).tolist():
         result[i] = _of_urdf(quantity, i, robot, where)

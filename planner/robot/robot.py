@@ -293,7 +293,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     )
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(loaded, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
-    touching = always_in_contact(loaded, (pair for pair in every if pair not in unchecked))
+    asked = {link_pair(a, b) for a, b in spec.check_pairs}
+    touching = always_in_contact(loaded, (pair for pair in every if pair not in unchecked and pair not in asked))
     unchecked |= dict.fromkeys(always_touching(loaded, touching, ROOM), ALWAYS_TOUCHING)
     if never := list(unchecked.values()).count(NEVER_TOUCHING):
         notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")

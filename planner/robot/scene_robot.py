@@ -204,6 +204,7 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.base_joints,
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,
+        spec.check_pairs,
     )
     with _loading:
         kept = _kept.get(key)

@@ -42,22 +42,26 @@ def excluded(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) ->
 
     Neighbours have exactly one moving joint between them, and no other link with geometry: links that meet at a joint
     may overlap there. Links with two joints between them, or with another link fixed to one of them in between, may
-    collide like any two. Held joints do not move. Raises InputError for a link to ignore that is unknown.
+    collide like any two. Held joints do not move. Pairs of `robot.check_pairs` are left out only if they move as one.
+    Raises InputError for a link to ignore, or to check, that is unknown.
     """
-    for link in (link for pair in spec.ignore_pairs for link in pair):
-        if link not in tree.links:
-            raise InputError(f"robot.ignore_pairs: unknown link '{link}'{nearest(link, tree.links)}")
+    for key, named in (("ignore_pairs", spec.ignore_pairs), ("check_pairs", spec.check_pairs)):
+        for link in (link for pair in named for link in pair):
+            if link not in tree.links:
+                raise InputError(f"robot.{key}: unknown link '{link}'{nearest(link, tree.links)}")
     joint, parents = robot.link_joint, robot.model.parents
     pairs = [link_pair(a, b) for a, b in itertools.combinations(robot.links, 2)]
     one_joint = [(a, b) for a, b in pairs if joint[a] == parents[joint[b]] or joint[b] == parents[joint[a]]]
     neighbours = [pair for pair in one_joint if not any(link in joint for link in tree.between(*pair))]
-    return {
+    found = {
         **{link_pair(*pair): "robot.ignore_pairs" for pair in spec.ignore_pairs},
         **dict.fromkeys(tree.excluded, "the MJCF"),
         **dict.fromkeys(semantics.disabled, "the SRDF"),
         **dict.fromkeys(neighbours, NEIGHBOURS),
-        **{(a, b): MOVE_AS_ONE for a, b in pairs if joint[a] == joint[b]},
     }
+    for a, b in spec.check_pairs:
+        found.pop(link_pair(a, b), None)
+    return found | {(a, b): MOVE_AS_ONE for a, b in pairs if joint[a] == joint[b]}
 
 
 def always_in_contact(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[LinkPair, ...]:

@@ -23,7 +23,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import AnyPose
 from hdplan.scenes.targets import AllOf, PoseTarget
 from hdplan.scenes.values import Whole, checked, instance, text
 
@@ -43,7 +43,7 @@ APART = 0.6  # [rad] or [m] in some joint between two configurations that count 
 def inverse_kinematics(
     robot: Robot,
     link: str,
-    pose: Pose,
+    pose: AnyPose,
     *,
     position_tolerance: float = PoseTarget.position_tolerance,
     orientation_tolerance: float = PoseTarget.orientation_tolerance,

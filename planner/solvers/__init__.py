@@ -7,8 +7,11 @@ import importlib
 import pkgutil
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.planner.solvers import methods
 from hdplan.planner.solvers.solution import Budget, Solution, Solver
 from hdplan.scenes.array_types import Array
@@ -35,17 +38,23 @@ def solver_named(name: str) -> Solver:
 
 
 def solve(
-    problem: Problem, *, solver: str = "gauss_newton", guess: Array | None = None, budget: Budget | None = None
+    problem: Problem,
+    *,
+    solver: str = "gauss_newton",
+    guess: Trajectory | ArrayLike | None = None,
+    budget: Budget | None = None,
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
     Args:
         problem: what build returns.
         solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
-        guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
+        guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints; or a motion of the
+            robot, whose ends are moved to the problem's.
         budget: what the solver may spend, and where it reports.
 
-    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
+    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST; for a
+    motion as `plan` does.
     """
     run = solver_named(solver)
     instance(problem, Problem, "problem")
@@ -54,8 +63,10 @@ def solve(
     return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
-def _checked(problem: Problem, guess: Array) -> Array:
+def _checked(problem: Problem, guess: Trajectory | ArrayLike) -> Array:
     """Return a guess that a solver can start from."""
+    if isinstance(guess, Trajectory):
+        return waypoints_of(problem, guess)
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
     try:
         positions = np.array(guess, dtype=np.float64)

@@ -139,10 +139,11 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
             f"{len(targets[0].poses)} poses together: of the configurations that reach them the best certified wins"
         )
     else:
-        kind = "configuration" if targets and isinstance(targets[0], JointTarget) else "pose"
-        reaching = " of the configurations that reach it" * (kind == "pose")
+        kinds = {type(target) for target in targets}
+        kind = "goal" if len(kinds) > 1 else "configuration" if kinds == {JointTarget} else "pose"
+        reaching = " of the configurations that reach it" * (kind != "configuration")
         choice = f"{counted(len(targets), kind)}:{reaching} the best certified wins"
-    kinds = "goal.pose, goal.poses[], goal.all[] or several goal.joints[]"
+    kinds = "goal.pose, goal.poses[], goal.all[], goal.any[] or several goal.joints[]"
     base = scene.robot.base
     x, y, z = base.position
     upside = ", upside down" * bool(base.matrix[2, 2] < 0.0)

@@ -1,28 +1,72 @@
-"""The allowed collision matrix of a MoveIt scene: where it differs from what hdplan checks, a note says so.
+"""The allowed collision matrix of a MoveIt scene: every entry is kept, or a note names it.
 
-Pairs of links are checked as the robot's SRDF says, and links against all objects but those that they hold or may
-touch.
+Two links that it says to check are checked, also where the robot's SRDF disables them (`robot.check_pairs`). What it
+allows to touch is still kept apart, beside what the SRDF and `touch_links` allow: that is stricter, and noted.
+Obstacles are checked against each other neither here nor in MoveIt. A pair without an entry goes by the defaults of its
+names, and by the SRDF if they have none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.fields import Field
 from hdplan.scenes.moveit.fields import MESSAGES
+from hdplan.scenes.moveit.octomap import NAME as OCTOMAP
+from hdplan.scenes.robot_files.description import Semantics, Tree
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
+from hdplan.scenes.robot_spec import RobotSpec
 
-SHOWN = 3  # pairs that a note names
 
-
-def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[LinkPair]) -> None:
-    """Add a note where a link may touch an object, and where a pair of links should be checked that the SRDF disables.
+def read_allowed(
+    section: Field,
+    tree: Tree,
+    semantics: Semantics,
+    robot: RobotSpec,
+    objects: Collection[str],
+    attached: Sequence[Attached],
+) -> tuple[LinkPair, ...]:
+    """Return the pairs of links to check that would not be checked otherwise, and note what is allowed and still kept
+    apart, what `robot.ignore_pairs` leaves out, and names that nothing has. `objects` are the names of the obstacles.
 
     Raises:
         InputError: the number of rows or columns is not that of the names.
     """
     keys = section.mapping(MESSAGES["AllowedCollisionMatrix"])
-    names, defaults = _texts(keys.get("entry_names")), _defaults(section, keys)
+    allowed, defaults = _entries(section, keys), _defaults(section, keys)
+    standing = {_whole(name) for name in objects}
+    touching = {link_pair(_whole(part.name), link) for part in attached for link in (part.link, *part.touch_links)}
+    bodies = {*tree.solid, *standing, *(_whole(part.name) for part in attached)}
+    named = dict.fromkeys([*(name for pair in allowed for name in pair), *defaults])
+    if strange := [name for name in named if name not in bodies and name not in (OCTOMAP, *tree.links)]:
+        section.note(f"names what is neither a link nor an object, which changes nothing: {', '.join(strange)}")
+
+    of_links = (link_pair(a, b) for a, b in itertools.combinations(tree.solid, 2))
+    left_out = {
+        pair
+        for pair in of_links
+        if pair in semantics.disabled or pair in tree.excluded or not tree.solid.intersection(tree.between(*pair))
+    }
+    contacts: dict[str, list[str]] = {name: ["anything"] for name, free in defaults.items() if free and name in bodies}
+    for (a, b), free in allowed.items():
+        kept_apart = {a, b} <= bodies and not {a, b} <= standing and (a, b) not in left_out | touching
+        if free and a != b and kept_apart:
+            first, second = (b, a) if b not in tree.solid else (a, b)
+            contacts.setdefault(first, []).append(second)
+    if contacts:
+        words = "; ".join(f"{name} with {', '.join(others)}" for name, others in contacts.items())
+        section.note(f"allows contact, which hdplan still avoids, of {words}")
+    ignored = {link_pair(a, b) for a, b in robot.ignore_pairs}
+    if unheard := [f"{a}-{b}" for a, b in sorted(ignored) if _says(a, b, allowed, defaults) is False]:
+        section.note(f"asks to check what robot.ignore_pairs leaves out, and is not checked: {', '.join(unheard)}")
+    return tuple(sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False))
+
+
+def _entries(section: Field, keys: Mapping[str, Field]) -> dict[LinkPair, bool]:
+    """Return whether two bodies may touch; where the matrix is not symmetric, they may not."""
+    names = keys["entry_names"].texts() if "entry_names" in keys else ()
     rows = keys["entry_values"].items(len(names), "rows") if "entry_values" in keys else []
     if len(rows) != len(names):
         raise section.error(f"must have as many entry_values as entry_names, found {len(rows)} and {len(names)}")
@@ -33,26 +77,11 @@ def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[Li
         for other, free in zip(names, values.booleans(len(names)), strict=True):
             pair = link_pair(name, other)
             allowed[pair] = free and allowed.get(pair, True)
-    whole = {name.partition("/")[0] for name in objects}
-    touching = [f"{name} (with anything)" for name, free in defaults.items() if free and name in whole]
-    touching += [
-        f"{b}-{a}" if a in whole else f"{a}-{b}"
-        for (a, b), free in allowed.items()
-        if free and (a in whole) != (b in whole)
-    ]
-    if touching:
-        section.note(f"allows contact of {_few(touching)}; hdplan still avoids it")
-    checked = [f"{a}-{b}" for a, b in sorted(disabled) if _says(a, b, allowed, defaults) is False]
-    if checked:
-        section.note(f"asks to check {_few(checked)}, which the robot's SRDF disables; hdplan does not check them")
-
-
-def _texts(entries: Field | None) -> tuple[str, ...]:
-    return entries.texts() if entries else ()
+    return allowed
 
 
 def _defaults(section: Field, keys: Mapping[str, Field]) -> dict[str, bool]:
-    names = _texts(keys.get("default_entry_names"))
+    names = keys["default_entry_names"].texts() if "default_entry_names" in keys else ()
     values = keys["default_entry_values"].booleans() if "default_entry_values" in keys else ()
     if len(names) != len(values):
         raise section.error(
@@ -69,5 +98,6 @@ def _says(a: str, b: str, allowed: Mapping[LinkPair, bool], defaults: Mapping[st
     return all(given) if given else None
 
 
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+def _whole(name: str) -> str:
+    """Return the name of the object that a primitive is of: ``box/1`` is of ``box``."""
+    return name.partition("/")[0]

@@ -18,7 +18,6 @@ class Noted:
     """The field has no effect here, or cannot be honoured; where it is filled, a note says so."""
 
     why: str
-    besides: float = 0.0  # a value, beside 0, that means nothing is asked for
 
 
 @dataclass(frozen=True)
@@ -28,14 +27,21 @@ class Refused:
     why: str
 
 
+@dataclass(frozen=True)
+class Zero:
+    """The field may hold zeros alone: anything else would change the problem, and is an error."""
+
+    why: str
+
+
 UNDERSTOOD: Final = ""  # a field without fields of its own; one that has some is understood by the name of its message
-Use = str | Noted | Refused
+Use = str | Noted | Refused | Zero
 
 PLANNERS = Noted("configures MoveIt's planners, and is not used")
-SPEED = Noted("is not used: a path has no times; `timing` and `limits` in a hdplan scene add them", besides=1.0)
-AT_REST = Noted("is not used: motions begin at rest")
+OF_A_SPEED = Noted("says nothing without max_cartesian_speed")
+AT_REST = Zero("is not 0, but motions begin at rest: a moving start is not supported yet")
+EFFORT = Noted("does not affect where the robot is, and is not used")
 ASIDE = Noted("does not affect where bodies are, and is not used")
-SIZES = "is not applied: links keep their size, and what is proven is planner.clearance"
 SHAPES = "in MoveIt scenes are not supported yet (box, cylinder and sphere are)"
 REGIONS = Refused("meshes are not supported (a box or a sphere is)")
 
@@ -83,8 +89,8 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "dimensions": UNDERSTOOD,
         "polygon": Refused("prisms are not supported yet (box, cylinder and sphere are)"),
     },
-    "LinkPadding": {"link_name": UNDERSTOOD, "padding": Noted(SIZES)},
-    "LinkScale": {"link_name": UNDERSTOOD, "scale": Noted(SIZES, besides=1.0)},
+    "LinkPadding": {"link_name": UNDERSTOOD, "padding": UNDERSTOOD},
+    "LinkScale": {"link_name": UNDERSTOOD, "scale": UNDERSTOOD},
     "AllowedCollisionMatrix": {
         "entry_names": UNDERSTOOD,
         "entry_values": "AllowedCollisionEntry",
@@ -103,14 +109,14 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "name": UNDERSTOOD,
         "position": UNDERSTOOD,
         "velocity": AT_REST,
-        "effort": AT_REST,
+        "effort": EFFORT,
     },
     "MultiDOFJointState": {
         "header": "Header",
         "joint_names": UNDERSTOOD,
         "transforms": "Transform",
         "twist": AT_REST,
-        "wrench": AT_REST,
+        "wrench": EFFORT,
     },
     "AttachedCollisionObject": {
         "link_name": UNDERSTOOD,
@@ -131,11 +137,11 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "group_name": UNDERSTOOD,
         "num_planning_attempts": PLANNERS,
         "allowed_planning_time": PLANNERS,
-        "max_velocity_scaling_factor": SPEED,
-        "max_acceleration_scaling_factor": SPEED,
-        "cartesian_speed_end_effector_link": SPEED,
-        "cartesian_speed_limited_link": SPEED,
-        "max_cartesian_speed": Noted(SPEED.why),
+        "max_velocity_scaling_factor": UNDERSTOOD,
+        "max_acceleration_scaling_factor": UNDERSTOOD,
+        "cartesian_speed_end_effector_link": OF_A_SPEED,
+        "cartesian_speed_limited_link": OF_A_SPEED,
+        "max_cartesian_speed": Refused("limits the speed of a link, which is not supported: only joints have limits"),
     },
     "Constraints": {
         "name": UNDERSTOOD,
@@ -207,8 +213,11 @@ def _walk(entry: Field, kind: str, noted: dict[str, list[str]]) -> None:
             case Refused(why):
                 if is_filled(field.value):
                     raise field.error(why)
-            case Noted(why, besides):
-                if _counts(field.value, besides):
+            case Zero(why):
+                if not _is_zero(field.value):
+                    raise field.error(why)
+            case Noted(why):
+                if not _is_zero(field.value):
                     noted.setdefault(why, []).append(field.key)
             case str(message) if message:
                 parts = field.items() if isinstance(field.value, list) else [field]
@@ -224,10 +233,10 @@ def is_filled(value: object) -> bool:
     return bool(value)
 
 
-def _counts(value: object, besides: float) -> bool:
-    """Tell whether anything in a value differs from 0 and from `besides`."""
+def _is_zero(value: object) -> bool:
+    """Tell whether nothing in a value, at any depth, is a text or a number other than 0."""
     if isinstance(value, Mapping):
-        return any(_counts(entry, besides) for entry in value.values())
+        return all(_is_zero(entry) for entry in value.values())
     if isinstance(value, list):
-        return any(_counts(entry, besides) for entry in value)
-    return bool(value) and value != besides
+        return all(_is_zero(entry) for entry in value)
+    return not value

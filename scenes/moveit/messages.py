@@ -38,21 +38,22 @@ def _pose(position: Field | None, orientation: Field | None) -> Pose:
 
 
 def read_point(entry: Field) -> Vector3:
-    """Read a point or vector [m]."""
+    """Read a point or vector [m]; of a mapping, what is missing is zero, as in ROS."""
     return read_vector(_as_list(entry, ("x", "y", "z")), unit="m")
 
 
 def read_orientation(entry: Field) -> Quaternion:
-    """Read a unit quaternion."""
-    return read_quaternion(_as_list(entry, ("x", "y", "z", "w")))
+    """Read a unit quaternion; of a mapping, x, y and z that are missing are zero, as in ROS. A missing w is 0 in ROS 1
+    and 1 in ROS 2, and so refused."""
+    return read_quaternion(_as_list(entry, ("x", "y", "z", "w"), required=("w",)))
 
 
-def _as_list(entry: Field, names: tuple[str, ...]) -> Field:
+def _as_list(entry: Field, names: tuple[str, ...], required: tuple[str, ...] = ()) -> Field:
     """Return a vector as a list if it is written as a mapping."""
     if not isinstance(entry.value, Mapping):
         return entry
-    keys = entry.mapping(names, required=names)
-    return replace(entry, value=[keys[name].value for name in names])
+    keys = entry.mapping(names, required=required)
+    return replace(entry, value=[keys[name].value if name in keys else 0.0 for name in names])
 
 
 def read_primitive(entry: Field) -> Shape:

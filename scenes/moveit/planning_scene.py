@@ -7,18 +7,21 @@ is done with each. Whatever would change the problem and is not supported is ref
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
-from hdplan.scenes.moveit.allowed_collisions import note_allowed
+from hdplan.scenes.moveit.allowed_collisions import read_allowed
 from hdplan.scenes.moveit.constraints import read_goal_constraints, read_path_constraints
-from hdplan.scenes.moveit.fields import MESSAGES, check_message
+from hdplan.scenes.moveit.fields import MESSAGES, check_message, is_filled
 from hdplan.scenes.moveit.frames import Frames, same_place
 from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, read_transform
 from hdplan.scenes.moveit.octomap import read_octomap
+from hdplan.scenes.moveit.padding import read_padding
+from hdplan.scenes.moveit.speed import read_speed
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose, compose
@@ -27,6 +30,8 @@ from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
+
+PRESCRIBED = re.compile(r"pilz|\b(LIN|CIRC|PTP)\b", re.IGNORECASE)  # planners of one shape of motion
 
 
 def is_moveit_scene(keys: Collection[str]) -> bool:
@@ -61,6 +66,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     check_message(request, "MotionPlanRequest")
     scene_keys = scene.mapping(MESSAGES["PlanningScene"])
     request_keys = request.mapping(MESSAGES["MotionPlanRequest"], required=["goal_constraints"])
+    _check_planner(request_keys, robot)
     with naming(robot.source or scene.document.file):
         name, _, srdf, _ = description_of(robot)
         tree, semantics = read_words(source_of(robot), srdf)
@@ -80,8 +86,11 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         )
     attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
-        objects = [*obstacles, *(part.name for part in attached)]
-        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled | tree.excluded)
+        matrix = scene_keys["allowed_collision_matrix"]
+        added = read_allowed(matrix, tree, semantics, robot, obstacles, attached)
+        robot = dataclasses.replace(robot, check_pairs=tuple(dict.fromkeys((*robot.check_pairs, *added))))
+    if clearance := read_padding(scene_keys, tree):
+        obstacles = {name: dataclasses.replace(each, clearance=clearance) for name, each in obstacles.items()}
     constraints = request_keys.get("path_constraints")
     return scene.make(
         Scene,
@@ -91,6 +100,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         obstacles=tuple(obstacles.values()),
         attached=attached,
         start=JointTarget(f"start ({request_file})", by_name=start),
+        limits=read_speed(request_keys, tree, semantics, robot),
         goal=read_goal_constraints(request_keys["goal_constraints"], f"goal ({request_file})", frames),
         path=read_path_constraints(constraints, frames) if constraints else PathConstraints(),
         from_request=True,
@@ -115,6 +125,19 @@ def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Colle
     if own not in (None, group):
         raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
     return dataclasses.replace(robot, group=group)
+
+
+def _check_planner(keys: Mapping[str, Field], robot: RobotSpec) -> None:
+    """Refuse planners that prescribe the motion's shape, and bounds of a base that can move."""
+    for key in ("pipeline_id", "planner_id"):
+        if key in keys and PRESCRIBED.search(str(keys[key].value)):
+            raise keys[key].error(
+                f"{keys[key].value!r} prescribes the shape of the motion (Pilz's LIN, CIRC, PTP), which is not "
+                "supported: leave it empty for any free motion"
+            )
+    space = keys.get("workspace_parameters")
+    if robot.base_joints is not None and space is not None and is_filled(space.value):
+        raise space.error("bounds the mobile base, as robot.base_joints do here: leave one of them out")
 
 
 # What stands around

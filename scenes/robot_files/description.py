@@ -42,6 +42,8 @@ class Tree:
     files: tuple[Path, ...] = ()  # that it was read from
     excluded: frozenset[LinkPair] = frozenset()  # pairs that are not checked, where the description itself says so
     impossible: tuple[str, ...] = ()  # links with an inertia that no body has
+    solid: frozenset[str] = frozenset()  # links with collision geometry
+    velocities: Mapping[str, str] = field(default_factory=dict)  # joint -> its velocity limit, as the URDF writes it
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
         """Return the joints of a chain as MoveIt defines it: those from the tip up to the base (or the root). If the
@@ -185,6 +187,7 @@ def read_tree(source: Source) -> Tree:
                 read_number(mimic.get(key, value)) for key, value in (("multiplier", "1"), ("offset", "0"))
             )
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
+    limits = {joint.get("name", ""): joint.find("limit") for joint in root.findall("joint")}
     return Tree(
         links=tuple(link.get("name", "") for link in root.findall("link")),
         parent=parent,
@@ -196,6 +199,8 @@ def read_tree(source: Source) -> Tree:
         files=description.files,
         excluded=description.excluded,
         impossible=impossible,
+        solid=frozenset(link.get("name", "") for link in root.findall("link") if link.find("collision") is not None),
+        velocities={joint: limit.get("velocity", "") for joint, limit in limits.items() if limit is not None},
     )
 
 

@@ -60,7 +60,7 @@ SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
 """What an obstacle may be, by its key."""
 ROBOT_KEYS = (
     *("name", "urdf", "srdf", "package_dirs", "xacro_args", "group", "base", "base_joints", "locked"),
-    "ignore_pairs",
+    *("ignore_pairs", "check_pairs"),
 )
 
 

@@ -257,6 +257,7 @@ def _goal() -> dict[str, Schema]:
         "state": TEXT,
         "pose": pose,
         "poses": {**_list(pose), "minItems": 1},
+        "any": {**_list(_one_key({"joints": _joints(), "state": TEXT, "pose": pose})), "minItems": 1},
         "all": {**_list(_object({"pose": {**pose, "required": ["link", "position"]}}, ["pose"])), "minItems": 2},
     }
 

@@ -11,7 +11,7 @@ from hdplan.scenes.pose_fields import pose_of
 from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, AllOf, Goals, JointTarget, PoseTarget, unlike_the_others
 from hdplan.scenes.values import JointValue, Named, Row
 
-GOAL_KEYS = ("joints", "state", "pose", "poses", "all")
+GOAL_KEYS = ("joints", "state", "pose", "poses", "all", "any")
 POSE_KEYS = (
     "link",
     "position",
@@ -44,8 +44,8 @@ def _joints(joints: Field, name: str) -> JointTarget:
 
 
 def read_goal(section: Field) -> JointTarget | Goals:
-    """Read one configuration, or a goal with a choice: several configurations, a link's pose, several poses, or poses
-    of several links together."""
+    """Read one configuration, or a goal with a choice: several configurations, a link's pose, several poses, several
+    of both, or poses of several links together."""
     keys = section.mapping(GOAL_KEYS)
     if len(keys) != 1:
         found = " and ".join(f"'{key}'" for key in keys) or "none of them"
@@ -56,6 +56,8 @@ def read_goal(section: Field) -> JointTarget | Goals:
         return Goals(tuple(_pose_target(pose) for pose in _at_least_one(keys["poses"], "poses")))
     if "all" in keys:
         return Goals((_all_of(keys["all"]),))
+    if "any" in keys:
+        return Goals(tuple(_one_of(entry) for entry in _at_least_one(keys["any"], "goals")))
     if "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value):
         entries = keys["joints"].items(of="configurations")
         return Goals(tuple(_joints(joints, joints.key) for joints in entries))
@@ -71,6 +73,13 @@ def _at_least_one(section: Field, of: str) -> list[Field]:
     if not entries:
         raise section.wrong(f"a list of one or more {of}")
     return entries
+
+
+def _one_of(section: Field) -> JointTarget | PoseTarget:
+    keys = section.mapping(("joints", "state", "pose"))
+    if len(keys) != 1:
+        raise section.error(f"must have one of 'joints', 'state' and 'pose', found {' and '.join(keys) or 'none'}")
+    return _pose_target(keys["pose"]) if "pose" in keys else read_target(section)
 
 
 def _all_of(section: Field) -> AllOf:

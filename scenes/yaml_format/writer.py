@@ -72,6 +72,7 @@ def scene_text(scene: Scene) -> str:
         "base_joints": {key: list(getattr(moved, key)) for key in ("x", "y", "yaw")} if moved else None,
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
+        "check_pairs": [list(pair) for pair in spec.check_pairs],
     }
     lines = [
         f"hdplan: {VERSION}",
@@ -171,11 +172,17 @@ def _target(target: JointTarget | Goals) -> dict[str, Any]:
     if isinstance(target, Goals):
         if isinstance(target.targets[0], AllOf):
             return {"all": [{"pose": _pose_target(each)} for each in target.targets[0].poses]}
-        poses = [_pose_target(each) for each in target.targets if isinstance(each, PoseTarget)]
-        if len(poses) == 1:
-            return {"pose": poses[0]}
-        joints = [_target(each)["joints"] for each in target.targets if isinstance(each, JointTarget)]
-        return {"poses": poses} if poses else {"joints": joints}
+        choice = [_one_of(each) for each in target.targets if not isinstance(each, AllOf)]
+        kinds = {key for entry in choice for key in entry}
+        if kinds == {"pose"}:
+            return choice[0] if len(choice) == 1 else {"poses": [entry["pose"] for entry in choice]}
+        return {"joints": [entry["joints"] for entry in choice]} if kinds == {"joints"} else {"any": choice}
+    return _one_of(target)
+
+
+def _one_of(target: JointTarget | PoseTarget) -> dict[str, Any]:
+    if isinstance(target, PoseTarget):
+        return {"pose": _pose_target(target)}
     if target.state is not None:
         return {"state": target.state}
     return {"joints": list(target.positions) if target.positions is not None else dict(target.by_name or {})}

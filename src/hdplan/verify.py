@@ -62,7 +62,7 @@ DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Py
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
-RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all"
+RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all any"
 ASKING = {  # sections that ask for clearances, and their keys
     "self_collision": "clearance",
     "planner": (
@@ -778,7 +778,7 @@ class World:
 
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
-        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
+        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs check_pairs"
         spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.absolute().parent
         self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
@@ -811,6 +811,8 @@ class World:
                 known_[name] = value if known_.get(name, value) == value else np.nan
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
+        asked = listing(spec.get("check_pairs"), "check_pairs")
+        self.asked = {frozenset(map(str, listing(x, "check_pairs"))) for x in asked}  # whatever the SRDF says
         links = {x.get("name", ""): x for x in root.findall("link")}
         self.excused = {pair: why for pair, why in self.excused.items() if pair <= {*links}}  # not of what links hold
         if "base_joints" in spec:
@@ -1023,7 +1025,9 @@ class World:
         (a, _), (b, _) = self.at[one], self.at[two]
         if a == b or self.top.get("self_collision") is False:
             return "fixed to each other" if a == b else "self_collision: false"
-        if reason := self.excused.get(frozenset((one, two))):
+        if (pair := frozenset((one, two))) in self.asked:
+            return None
+        if reason := self.excused.get(pair):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
         if not one_joint or not {one, two} <= self.links:
@@ -1519,6 +1523,14 @@ def at_values(world: World, target: Any, end: str) -> bool:
 def reached(world: World, end: str) -> bool:
     """Whether the motion begins at the scene's start, or ends at its goal: one of several."""
     asked = mapping(world.top.get(end), end, TARGETS)
+    need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
+    need("any" not in asked or end == "goal", "start: 'any' is for goals")
+    each = [mapping(x, end, "joints state pose") for x in listing(asked["any"], end)] if "any" in asked else [asked]
+    return any([at_target(world, x, end) for x in each])
+
+
+def at_target(world: World, asked: dict[str, Any], end: str) -> bool:
+    """Whether the motion begins, or ends, at a target that is given in one way."""
     need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
     if end == "goal" and {*asked} & {"pose", "poses", "all"}:
         return at_poses(world, asked)

@@ -155,3 +155,12 @@ def test_numbers_that_are_not_decimal_digits_are_refused_by_line(word: str) -> N
 def test_numbers_in_decimal_digits_are_read(word: str) -> None:
     value = read_mapping(f"k: {word}".encode())["k"]
     assert value == (word if "e3" in word else float(word.replace(".inf", "inf").replace(".Inf", "inf")))
+
+
+@pytest.mark.parametrize("end", ["---", "---\n", "\n---  \n\n", "---\r\n"])
+def test_the_line_that_ros_prints_after_a_message_begins_nothing(end: str) -> None:
+    for text in ("a: 1\n", "---\na: [1, {b: 2}]\n", "a: &x [1]\nb: *x\n", "a: |\n  text\n  ---\n"):
+        assert outcome(text + end) == outcome(text)
+        assert "second document" in str(outcome(f"{text}{end.strip()}\na: 1\n"))
+    assert "second document" not in str(outcome("a: 1 ---\n"))  # which is a text
+    assert outcome("---\n") == "is empty"

@@ -261,3 +261,19 @@ def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path)
         else:
             with pytest.raises(RejectedError, match="'a' is beyond it"):
                 claimed(*two, {}, "limits")
+
+
+def test_pairs_that_the_scene_asks_to_check_are_kept_apart_whatever_the_srdf_says(tmp_path: Path) -> None:
+    words = '<robot name="r"><disable_collisions link1="base" link2="finger"/></robot>'
+    (tmp_path / "r.srdf").write_text(words)
+    far, near = frozenset(("base", "finger")), frozenset(("base", "up"))  # neighbours
+    for asked in ([], [["finger", "base"]], [["base", "up"]], [["base", "finger"], ["up", "base"]]):
+        robot = {**SCENE["robot"], "srdf": "r.srdf", "check_pairs": asked}
+        scene, motion = files(tmp_path, {"robot": robot})
+        world = World(scene, motion, {"files": {}, "held": {}}, {})
+        pairs = {frozenset(world.pieces[i].name for i in pair) for pair in world.pairs.tolist()}
+        wanted = {frozenset(pair) for pair in asked}
+        assert pairs & {far, near} == wanted
+        assert {*world.left_out} & {far, near} == {far, near} - wanted
+        ours = hdplan.build(hdplan.load_scene(scene)).robot
+        assert {frozenset(pair) for pair in ours.self_pairs} & {far, near} == wanted

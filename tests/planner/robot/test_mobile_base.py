@@ -132,6 +132,28 @@ def test_a_motion_the_short_way_is_certified_and_named(spec: RobotSpec) -> None:
     assert certify(scene, long).certified  # the goal is a place, and both ways end there
 
 
+def test_a_start_counts_as_it_stands(spec: RobotSpec) -> None:
+    """A motion begins at the very value, and one that begins whole turns away is not certified: a robot would jump."""
+    for start in (7.0, -40.0, 0.5 + 4 * math.pi):
+        scene = Scene(robot=spec, start=[start], goal=[1.0])
+        result = plan(scene)
+        assert result.certified
+        assert result.trajectory.positions[0, 0] == start
+        assert abs(result.trajectory.positions[-1, 0] - start) <= math.pi
+        for turns in (-3, -1, 1, 2):
+            moved = Trajectory(("turn",), result.trajectory.positions + 2 * math.pi * turns)
+            certificate = certify(scene, moved)
+            assert not certificate.certified
+            assert (
+                f"the first waypoint has joint 'turn' at {moved.positions[0, 0]:g}, the scene's start"
+                in certificate.text
+            )
+            again = plan(scene, guess=moved)  # which is turned back whole
+            assert again.certified
+            np.testing.assert_allclose(again.trajectory.positions, result.trajectory.positions, atol=1e-12)
+            assert not [note for note in again.notes if "the guess's ends were moved" in note]
+
+
 def test_where_something_stands_in_the_short_way_the_long_one_is_taken(spec: RobotSpec) -> None:
     ball = Obstacle("ball", Sphere(0.1), Pose((-0.5, 0.0, 0.0)))
     scene = Scene(robot=spec, obstacles=[ball], start=[2.5], goal=[-2.5])

@@ -20,7 +20,7 @@ from hdplan.planner.robot import pin_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, UnsolvableError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
 from hdplan.scenes.robot_spec import RobotSpec
@@ -478,3 +478,35 @@ def test_a_pair_apart_at_the_far_end_of_a_long_slide_is_checked(tmp_path: Path) 
     scene = Scene(robot=RobotSpec(urdf=tmp_path / "axes.urdf"), start=[10, 0], goal=[1, 0])
     onto = Trajectory(robot.joint_names, np.array([[10.0, 0.0], [1.0, 0.0]]))
     assert certify(scene, onto).status is Status.IN_CONTACT
+
+
+def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says() -> None:
+    """Disabled ones and neighbours; not links that move as one, which motions do not change."""
+    plain = load_robot("panda")
+    disabled, neighbours = ("panda_link5", "panda_link7"), ("panda_link1", "panda_link2")
+    together = ("panda_hand", "panda_link7")
+    assert plain.unchecked.keys() >= {disabled, neighbours, together}
+    asked = load_robot(RobotSpec(name="panda", check_pairs=(disabled[::-1], neighbours, together)))
+    assert {*asked.self_pairs} - {*plain.self_pairs} == {disabled, neighbours}
+    assert asked.unchecked.keys() == plain.unchecked.keys() - {disabled, neighbours}
+    with pytest.raises(InputError, match=r"robot.check_pairs: unknown link 'panda_lnk2' .*'panda_link2'"):
+        load_robot(RobotSpec(name="panda", check_pairs=(("panda_link1", "panda_lnk2"),)))
+    with pytest.raises(InputError, match=r"check_pairs\[0\]: 'a' and 'b' stand in ignore_pairs too"):
+        RobotSpec(name="panda", check_pairs=(("a", "b"),), ignore_pairs=(("b", "a"),))
+
+
+def test_a_pair_that_always_touches_and_is_to_be_checked_is_in_contact(tmp_path: Path) -> None:
+    """What is asked for is not left out because it was found to touch everywhere."""
+    box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
+    joint = '<joint name="j{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/>'
+    joint += '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    links = "".join(f'<link name="{name}">{box}</link>' for name in "abc")
+    urdf = tmp_path / "r.urdf"
+    urdf.write_text(f'<robot name="r">{links}{joint.format(1, "a", "b")}{joint.format(2, "b", "c")}</robot>')
+    assert load_robot(RobotSpec(urdf=urdf)).self_pairs == ()
+    pairs = (("a", "b"), ("a", "c"))
+    asked = RobotSpec(urdf=urdf, check_pairs=pairs)
+    assert load_robot(asked).self_pairs == pairs
+    scene = Scene(robot=asked, start=[0.0, 0.0], goal=[0.5, 0.5])
+    with pytest.raises(UnsolvableError, match=r"a and [bc] overlap"):
+        plan(scene)

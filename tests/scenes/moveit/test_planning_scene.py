@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import base64
 import copy
+import dataclasses
+import itertools
 import math
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +15,13 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan.planner.robot.joint_limits import joint_limits
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Box, Cylinder, Sphere
 from hdplan.scenes.voxel_grids import OctoMap
@@ -34,7 +41,10 @@ SCENE: dict[str, Any] = {
         "multi_dof_joint_state": {"joint_names": ["virtual_joint"], "transforms": [STILL], "twist": [], "wrench": []},
     },
     "fixed_frame_transforms": [{"child_frame_id": "world", "transform": STILL}],
-    "allowed_collision_matrix": {"entry_names": ["link0", "link1"], "entry_values": [[False, True], [True, False]]},
+    "allowed_collision_matrix": {
+        "entry_names": ["panda_link0", "panda_link1"],
+        "entry_values": [[False, True], [True, False]],
+    },
     "world": {
         "collision_objects": [
             {
@@ -111,6 +121,20 @@ def test_object_pose_multiplies_primitive_pose(files: Files) -> None:
     assert can.pose == Pose((0.5, 0.0, 0.2))
     np.testing.assert_allclose(stand.pose.matrix, [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], atol=1e-15)
     np.testing.assert_allclose(ball.pose.position, [1, 1, 2], atol=1e-15)
+
+
+def test_what_a_vector_or_quaternion_leaves_out_is_zero_as_in_ros(files: Files) -> None:
+    pose = files.scene["world"]["collision_objects"][0]["primitive_poses"][0]
+    for position, orientation, meant in (
+        ({}, {"w": 1.0}, Pose()),
+        ({"z": 0.5}, {"x": 1, "w": 0}, Pose((0.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0))),
+        ({"x": 1, "y": 2}, {"z": -0.6, "w": 0.8}, Pose((1.0, 2.0, 0.0), (0.0, 0.0, -0.6, 0.8))),
+    ):
+        pose |= {"position": position, "orientation": orientation}
+        assert files.load().obstacles[0].pose == meant
+    pose["orientation"] = {"x": 1.0}  # half a turn in ROS 1; in ROS 2, whose w is then 1, a quarter
+    with pytest.raises(InputError, match=r"primitive_poses\[0\].orientation: the key 'w' is missing"):
+        files.load()
 
 
 def test_object_pose_alone_is_enough(files: Files) -> None:
@@ -197,37 +221,222 @@ def test_bad_octomaps_are_refused(files: Files, key: str, value: Any, words: str
         files.edit("scene", "world.octomap", {"octomap": octomap}).load()
 
 
-def test_a_link_that_may_touch_an_object_is_told(files: Files) -> None:
-    matrix = {"entry_names": ["link0", "can"], "entry_values": [[True, True], [True, True]]}
-    (note,) = files.edit("scene", "allowed_collision_matrix", matrix).load().notes
-    assert "link0-can" in note
-    assert "still avoids it" in note
-    matrix["entry_values"] = [[True, False], [False, True]]
-    assert files.edit("scene", "allowed_collision_matrix", matrix).load().notes == ()
-    ros2 = {"entry_names": ["link0", "can"], "entry_values": [{"enabled": [True, True]}, {"enabled": [True, True]}]}
-    assert len(files.edit("scene", "allowed_collision_matrix", ros2).load().notes) == 1
-    default = {"default_entry_names": ["can"], "default_entry_values": [True]}
-    assert len(files.edit("scene", "allowed_collision_matrix", default).load().notes) == 1
+MATRIX = "allowed_collision_matrix"
 
 
-def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_told(files: Files) -> None:
+def matrix(names: list[str], allowed: Collection[tuple[str, str]], **more: Any) -> dict[str, Any]:
+    pairs = {frozenset(pair) for pair in allowed}
+    return {"entry_names": names, "entry_values": [[frozenset((a, b)) in pairs for b in names] for a in names], **more}
+
+
+def test_contact_that_a_matrix_allows_is_named_where_it_is_still_avoided(files: Files) -> None:
+    names = ["panda_hand", "panda_link3", "can", "stand", "panda_leftfinger", "panda_link0", "panda_link1", "cup"]
+    cup = held("cup", "panda_hand") | {"link_name": "panda_hand", "touch_links": ["panda_leftfinger"], "weight": 0.0}
+    files.edit("scene", HELD, [cup]).edit("request", "start_state.is_diff", True)
+    kept = [  # by the SRDF, by touch_links, or because obstacles are not checked against each other
+        ("panda_link0", "panda_link1"),
+        ("cup", "panda_leftfinger"),
+        ("cup", "panda_hand"),
+        ("can", "stand"),
+        ("panda_link3", "panda_link3"),
+    ]
+    assert files.edit("scene", MATRIX, matrix(names, kept)).load().notes == ()
+    left_out = load_robot("panda").unchecked
+    assert not all(link_pair(a, b) in left_out for a, b in itertools.combinations(SOLID, 2))
+    for pair in itertools.combinations(names, 2):
+        (*notes,) = files.edit("scene", MATRIX, matrix(names, [*kept, pair])).load().notes
+        quiet = pair in kept or pair[::-1] in kept or link_pair(*pair) in left_out
+        assert len(notes) == (not quiet), (pair, notes)
+        assert all("still avoids, of" in note and all(name in note for name in pair) for note in notes)
+    ros2 = matrix(names, [*kept, ("can", "panda_link3")])
+    ros2["entry_values"] = [{"enabled": row} for row in ros2["entry_values"]]
+    (note,) = files.edit("scene", MATRIX, ros2).load().notes
+    assert note.endswith("hdplan still avoids, of can with panda_link3")
+    every = matrix(names, list(itertools.combinations(names, 2)))
+    (note,) = files.edit("scene", MATRIX, every).load().notes
+    assert all(name in note for name in names)
+
+
+@pytest.mark.parametrize("name", ["can", "panda_link3"])
+def test_what_may_touch_anything_is_named(files: Files, name: str) -> None:
+    default = {"default_entry_names": [name], "default_entry_values": [True]}
+    (note,) = files.edit("scene", MATRIX, default).load().notes
+    assert note.endswith(f"hdplan still avoids, of {name} with anything")
+    default["default_entry_values"] = [False]
+    assert files.edit("scene", MATRIX, default).load().notes == ()
+
+
+def test_names_in_a_matrix_that_nothing_has_are_named(files: Files) -> None:
+    names = ["cann", "panda_link0", "panda_hand_sensor", "<octomap>", "panda_link8"]  # which has no geometry
+    (note,) = files.edit("scene", MATRIX, matrix(names, [("cann", "panda_link0")])).load().notes
+    assert note.endswith("neither a link nor an object, which changes nothing: cann, panda_hand_sensor")
+    defaults = {"default_entry_names": ["panda_lnk0"], "default_entry_values": [False]}
+    (note,) = files.edit("scene", MATRIX, defaults).load().notes
+    assert note.endswith("changes nothing: panda_lnk0")
+
+
+def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_checked(files: Files) -> None:
     """By its entry, or by the defaults of its links; not where the matrix says nothing or allows it."""
-    names = ["panda_link0", "panda_link1", "panda_link5"]  # the SRDF disables link0-link1, and not link0-link5
-    for touch, told in ((False, True), (True, False)):
-        rows = [[True, touch, False], [touch, True, False], [False, False, True]]
-        notes = (
-            files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": rows}).load().notes
-        )
-        assert [note for note in notes if "asks to check panda_link0-panda_link1," in note] == list(notes)
-        assert bool(notes) == told
-    uneven = [[True, False, False], [True, True, False], [False, False, True]]
-    files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": uneven})
-    assert len(files.load().notes) == 1
-    defaults = {"default_entry_names": ["panda_link0", "panda_link1"], "default_entry_values": [False, True]}
-    (note,) = files.edit("scene", "allowed_collision_matrix", defaults).load().notes
-    assert "panda_link0-panda_link1" in note
+    names = ["panda_link0", "panda_link1", "panda_link5", "panda_link7"]  # the SRDF disables 0-1 and 5-7, and not 0-5
+    some = [("panda_link0", "panda_link1")]
+    for allowed, asked in (
+        ([], [("panda_link0", "panda_link1"), ("panda_link5", "panda_link7")]),
+        (some, [("panda_link5", "panda_link7")]),
+        ([*some, ("panda_link5", "panda_link7")], []),
+    ):
+        scene = files.edit("scene", MATRIX, matrix(names, allowed)).load()
+        assert scene.notes == ()
+        assert scene.robot.check_pairs == tuple(asked)
+        robot = load_scene_robot(dataclasses.replace(scene, start="default", goal="default"))
+        assert set(asked) <= set(robot.self_pairs)
+        assert not set(asked) & set(robot.unchecked)
+    uneven = matrix(names, [])
+    uneven["entry_values"][0][1] = True
+    assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, uneven).load().robot.check_pairs
+    defaults = {"default_entry_names": names[:2], "default_entry_values": [False, True]}
+    assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, defaults).load().robot.check_pairs
     defaults["default_entry_values"] = [True, True]
-    assert files.edit("scene", "allowed_collision_matrix", defaults).load().notes == ()
+    assert files.edit("scene", MATRIX, defaults).load().robot.check_pairs == ()
+
+
+def test_what_the_robots_own_file_ignores_stays_ignored_and_is_named(files: Files) -> None:
+    own = files.scene_file.with_name("robot.yaml")
+    own.write_text("robot: {name: panda, ignore_pairs: [[panda_link7, panda_link5]]}")
+    files.edit("scene", MATRIX, matrix(["panda_link5", "panda_link7"], []))
+    scene = files.load(robot=own)
+    assert scene.robot.check_pairs == ()
+    assert [note.rpartition(": ")[2] for note in scene.notes] == ["panda_link5-panda_link7"]
+
+
+# Paddings and speeds
+
+
+def padding(**links: float) -> list[dict[str, Any]]:
+    return [{"link_name": link, "padding": value} for link, value in links.items()]
+
+
+SOLID = ["panda_hand", "panda_leftfinger", "panda_rightfinger", *(f"panda_link{i}" for i in range(8))]
+
+
+def test_one_padding_for_all_links_is_a_clearance_to_every_obstacle(files: Files) -> None:
+    files.edit("scene", "link_padding", padding(**dict.fromkeys([*SOLID, "panda_link8"], 0.02)))
+    scene = files.load()
+    assert set(scene.clearances.values()) == {0.02}
+    assert {obstacle.clearance for obstacle in scene.obstacles} == {0.02}  # so that no end may be closer
+    assert [note for note in scene.notes if "link_padding: kept as a clearance of 0.02 m" in note] == list(scene.notes)
+    for none in ([], padding(**dict.fromkeys([*SOLID, "somewhere_else"], 0.0))):
+        scene = files.edit("scene", "link_padding", none).load()
+        assert set(scene.clearances.values()) == {0.0}
+        assert scene.notes == ()
+
+
+UNEVEN = padding(**dict.fromkeys(SOLID, 0.02)) + padding(panda_link3=0.01)
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        (
+            padding(panda_hand=0.02),
+            r"link_padding: must be the same for every link .*0.02 m for 'panda_hand' and 0 m for",
+        ),
+        (padding(**dict.fromkeys(SOLID, 0.02) | {"panda_link3": 0.03}), "0.03 m for 'panda_link3' and 0.02 m for"),
+        (UNEVEN, r"link_padding\[11\]: 'panda_link3' has another padding already"),
+        (padding(panda_link3=-0.01), r"link_padding\[0\].padding: .* 0 to 1"),
+        (padding(panda_lnk3=0.01), r"link_padding\[0\].link_name: unknown link 'panda_lnk3' .*'panda_link3'"),
+        ([{"link_name": "panda_link3"}], r"link_padding\[0\]: the key 'padding' is missing"),
+    ],
+)
+def test_other_paddings_are_refused_by_name(files: Files, entries: list[dict[str, Any]], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        files.edit("scene", "link_padding", entries).load()
+
+
+def test_scaled_links_are_refused_by_name(files: Files) -> None:
+    files.edit("scene", "link_scale", [{"link_name": link, "scale": 1.0} for link in SOLID])
+    assert files.load().notes == ()
+    for scale in (1.1, 0.9, 0.0, -1.0):
+        files.edit("scene", "link_scale.3.scale", scale)
+        with pytest.raises(InputError, match=r"link_scale\[3\].scale: must be 1, as scaled links are not supported"):
+            files.load()
+
+
+VELOCITY, ACCELERATION = "max_velocity_scaling_factor", "max_acceleration_scaling_factor"
+
+
+@pytest.mark.parametrize("other", [None, 0, 0.0, 1, 1.0])
+def test_factors_of_0_and_1_ask_for_nothing(files: Files, other: float | None) -> None:
+    plain = files.load()
+    for key in (VELOCITY, ACCELERATION):
+        files.edit("request", key, other)
+    assert files.load() == plain
+    assert not files.load().timed
+    assert files.load().notes == ()
+
+
+def test_factors_scale_the_limits(files: Files) -> None:
+    full = {f"panda_joint{i}": 2.175 if i < 5 else 2.61 for i in range(1, 8)}  # of its URDF [rad/s]
+    for velocity, acceleration in ((0.25, 1.0), (0.25, 0.0), (1.0, 0.5), (0.25, 0.5), (1e-3, None)):
+        scene = files.edit("request", VELOCITY, velocity).edit("request", ACCELERATION, acceleration).load()
+        assert {joint: scene.limits.velocity[joint] for joint in full} == pytest.approx(
+            {joint: (velocity or 1.0) * limit for joint, limit in full.items()}
+        )
+        assert scene.limits.acceleration == (acceleration or 1.0) * 1.0
+        assert [note for note in scene.notes if "1 assumed, as a URDF has no acceleration" in note] == [*scene.notes]
+        robot = load_scene_robot(dataclasses.replace(scene, start="default", goal="default"))
+        found = joint_limits(scene, robot)["velocity"]  # fingers are held, which keeps their limits
+        np.testing.assert_allclose(found, [scene.limits.velocity[joint] for joint in robot.joint_names])
+        scene.save(files.scene_file.with_name("again.yaml"))
+        assert load_scene(files.scene_file.with_name("again.yaml")).limits == scene.limits
+
+
+@pytest.mark.parametrize("factor", [-0.1, 1.0001, 7, "fast", [0.5], True, float("nan")])
+@pytest.mark.parametrize("key", [VELOCITY, ACCELERATION])
+def test_other_factors_are_refused_by_name(files: Files, key: str, factor: object) -> None:
+    with pytest.raises(InputError, match=rf"request.yaml: {key}: must be a finite number 0 to 1, found"):
+        files.edit("request", key, factor).load()
+
+
+def test_velocities_of_the_start_are_refused_and_zeros_are_not(files: Files) -> None:
+    for which, key in (("scene", "robot_state"), ("request", "start_state")):
+        state = f"{key}.joint_state.velocity"
+        assert files.edit(which, state, [0.0, -0.0]).load().notes == ()
+        for moving in ([0.0, 1e-4], [float("nan"), 0.0]):
+            with pytest.raises(InputError, match=f"{state}: is not 0, but motions begin at rest"):
+                files.edit(which, state, moving).load()
+        files.edit(which, state, [])
+        twist = f"{key}.multi_dof_joint_state.twist"
+        still, turning = ({"linear": {"x": 0.0}, "angular": {"x": 0.0, "z": value}} for value in (0.0, 0.1))
+        assert files.edit(which, twist, [still]).load().notes == ()
+        with pytest.raises(InputError, match=f"{twist}: is not 0, but motions begin at rest"):
+            files.edit(which, twist, [still, turning]).load()
+        files.edit(which, twist, [])
+
+
+@pytest.mark.parametrize(
+    ("key", "planner"),
+    [
+        ("planner_id", "LIN"),
+        ("planner_id", "CIRC"),
+        ("planner_id", "ptp"),
+        ("pipeline_id", "pilz_industrial_motion_planner"),
+    ],
+)
+def test_planners_that_prescribe_the_motions_shape_are_refused(files: Files, key: str, planner: str) -> None:
+    with pytest.raises(InputError, match=f"request.yaml: {key}: '{planner}' prescribes the shape of the motion"):
+        files.edit("request", key, planner).load()
+    (note,) = files.edit("request", key, "LINear_RRTConnectkConfigDefault").load().notes
+    assert "configures MoveIt's planners" in note
+
+
+def test_bounds_of_a_base_that_moves_are_refused(files: Files) -> None:
+    corners = {"min_corner": [-1, -1, 0], "max_corner": [1, 1, 1]}
+    (note,) = files.edit("request", "workspace_parameters", corners).load().notes
+    assert "the base is fixed" in note
+    own = files.scene_file.with_name("robot.yaml")
+    own.write_text("robot: {name: panda, base_joints: {x: [-2, 2], y: [-2, 2], yaw: [-3, 3]}}")
+    with pytest.raises(InputError, match=r"request.yaml: workspace_parameters: bounds the mobile base"):
+        files.load(robot=own)
 
 
 def test_another_robots_name_is_told(files: Files) -> None:
@@ -243,13 +452,6 @@ def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
     (note,) = files.load().notes
     assert "start_state: is_diff is not true, but objects attached in the scene's state stay attached" in note
     assert files.edit("request", "start_state.is_diff", True).load().notes == ()
-
-
-def test_padding_and_scale_are_told_where_they_ask_for_something(files: Files) -> None:
-    for key, value, nothing in (("padding", 0.1, 0.0), ("scale", 1.1, 1.0)):
-        (note,) = files.edit("scene", f"link_{key}", [{"link_name": "a", key: value}]).load().notes
-        assert f"link_{key}[0].{key}: is not applied: links keep their size" in note
-        assert files.edit("scene", f"link_{key}", [{"link_name": "a", key: nothing}]).load().notes == ()
 
 
 def held(name: str, frame: str = "hand") -> dict[str, Any]:

@@ -261,7 +261,7 @@ class Maker:
         return PoseTarget(self.name(), self.pose(), *tolerances, free, field=field)
 
     def goal(self) -> JointTarget | Goals:
-        match int(self.rng.integers(5)):
+        match int(self.rng.integers(6)):
             case 0:
                 return self.target("goal")
             case 4:
@@ -269,11 +269,12 @@ class Maker:
                 return Goals((AllOf(poses, "goal.all"),))
             case 1:
                 return Goals((self.pose_target("goal.pose"),))
+            case 5:
+                return Goals((self.target("a"), self.pose_target("b"), self.target("c"), self.pose_target("d")))
             case 2:
                 return Goals(tuple(self.pose_target(f"goal.poses[{i}]") for i in range(3)))
             case _:
-                targets = (self.target("a"), self.target("b"), self.target("c"))
-                return Goals(tuple(replace(t, state=None, by_name={"a": 1.0}) if t.state else t for t in targets))
+                return Goals((self.target("a"), self.target("b"), self.target("c")))
 
     def values(self) -> Any:
         named = {self.name(): self.number(), self.name(): self.number()}
@@ -289,6 +290,7 @@ class Maker:
         spec = replace(spec, package_dirs=folders, xacro_args=arguments)
         spec = replace(spec, base=self.pose(), group=group, base_joints=mobile)
         spec = replace(spec, locked={self.name(): -1e-7}, ignore_pairs=((self.name(), self.name()),))
+        spec = replace(spec, check_pairs=((self.name(), self.name()),))
         axis = self.rng.normal(size=3)
         x, y, z = (axis / np.linalg.norm(axis)).tolist()
         torque = self.maybe("urdf", self.values())
