@@ -40,8 +40,9 @@ class UnsolvableError(InputError):
         return type(self), (self.args[0], self.cause)
 
 
-class OutOfTime(HdplanError):
-    """The time limit passed before anything was found. The command line ends with exit code 1."""
+class TimeLimitError(HdplanError):
+    """The time limit passed before anything was found, so more time may help: neither bad input nor a problem that has
+    no solution. The command line ends with exit code 1."""
 
 
 class FieldError(InputError):

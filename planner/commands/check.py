@@ -23,7 +23,7 @@ def run_check(scene: str, trajectory: Path, request: Path | None, robot: str | N
         certifier = Certifier(Setup.of(problem))
         with naming(trajectory):  # its joints may not fit
             certificate = certifier.certify(motion)
-    notes = [*certifier.setup.notes, *certificate.notes]
+    notes = list(dict.fromkeys((*certifier.setup.notes, *certificate.notes)))
     with printing() as show:
         if as_json:
             about = {

@@ -17,7 +17,7 @@ from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.planner_settings import DISTANCES
 from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -83,7 +83,7 @@ def run_plan(
     except HdplanError as error:
         if not diagnosed or problem is None:
             raise
-        kind = OutOfTime if isinstance(error, OutOfTime) else InputError
+        kind = TimeLimitError if isinstance(error, TimeLimitError) else InputError
         raise kind(f"{error}; what helps: {_diagnosis(problem, error, told).advice}") from None
     if diagnosed and not result.certified:
         with waiting("finding out why", shown=not quiet and not as_json):

@@ -29,7 +29,8 @@ def load_balls(cloud: Cloud, field: str) -> FixedArray:
     """Return the balls of a cloud (m, 4): centres in its frame and radii [m]. `field` is its field in the scene, for
     error messages.
 
-    Raises InputError for a file that is missing, damaged or empty, and for points that are not finite.
+    How many points were left out in reading stands in `left_out`. Raises InputError for a file that is missing, damaged
+    or empty, and for points that are not finite.
     """
     source = cloud.points
     if isinstance(source, FixedArray):
@@ -57,13 +58,30 @@ def _read(file: Path, radius: float | FixedArray, drop_nan: bool, stamps: Stamps
 @made_once(4)
 def _balls(points: FixedArray, radius: float | FixedArray) -> FixedArray:
     own = radius.array if isinstance(radius, FixedArray) else np.full(len(points), radius)
-    return FixedArray(np.column_stack([points.array, own]))
+    return FixedArray(np.column_stack([points.array, own]), points.left_out)
 
 
 @made_once(4)
 def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
     """Return the balls, each larger by `radius` [m]."""
-    return FixedArray(balls.array + [0.0, 0.0, 0.0, radius]) if radius else balls
+    return FixedArray(balls.array + [0.0, 0.0, 0.0, radius], balls.left_out) if radius else balls
+
+
+def left_out_words(cloud: Cloud, field: str) -> str:
+    """Say which points of a cloud were left out in reading: those that are not finite, or of an image those out of its
+    range; empty if none were. Raises InputError as `load_balls` does."""
+    source = cloud.points
+    if isinstance(source, FixedArray):  # equal arrays share what is made of them, whatever was left out of each
+        return f"{source.left_out} that are not finite" if source.left_out else ""
+    if isinstance(source, Path) and not cloud.drop_nan:
+        return ""
+    count = load_balls(cloud, field).left_out
+    if not count:
+        return ""
+    if isinstance(source, Path):
+        return f"{count} that are not finite"
+    low, high = source.range
+    return f"{count} pixels that saw something nearer than {low:g} m or farther than {high:g} m"
 
 
 @made_once(4)

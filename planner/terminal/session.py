@@ -20,7 +20,7 @@ import typer
 from hdplan.planner.terminal.console import say
 from hdplan.planner.terminal.interrupts import INTERRUPTED, ended_by_signals
 from hdplan.planner.terminal.quick_start import command_of
-from hdplan.scenes.errors import HdplanError, OutOfTime
+from hdplan.scenes.errors import HdplanError, TimeLimitError
 
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
@@ -38,7 +38,7 @@ def run(app: typer.Typer) -> NoReturn:
     try:
         with ended_by_signals():
             code = command_of(app)(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
-    except OutOfTime as error:
+    except TimeLimitError as error:
         code = complain(str(error), NOT_CERTIFIED)
     except HdplanError as error:
         code = complain(str(error))
