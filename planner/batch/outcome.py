@@ -6,6 +6,7 @@ import faulthandler
 import os
 import platform
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import CUT_SHORT, PlanResult
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, debugging
 from hdplan.scenes.scene import Scene
 
 PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process that does not return is ended
@@ -87,7 +88,7 @@ def solve(job: Job, options: Options) -> Outcome:
             return outcome if scene is None else _diagnosed(outcome, scene, error, job, options)
         except Exception as error:
             words = " ".join(f"{type(error).__name__}: {error}".split())
-            said = f"internal error, please report it: {words}"
+            said = f"internal error, please report it: {traceback.format_exc() if debugging() else words}"
             return _without_motion(job, "error", "internal", said, began, files)
 
 

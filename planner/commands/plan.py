@@ -19,6 +19,7 @@ from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.planner_settings import DISTANCES
+from hdplan.scenes.scene import derived
 from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -74,7 +75,7 @@ def run_plan(
 
                 refuse_clouds(problem)
             if distance is not None:
-                problem = replace(problem, planner=replace(problem.planner, distance=distance))
+                problem = derived(problem, planner=replace(problem.planner, distance=distance))
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
                 check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)

@@ -32,7 +32,7 @@ from hdplan.scenes.errors import InputError, listed, naming, nearest
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 
 SAMPLES_PER_INTERVAL = 2  # at least
 PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
@@ -142,7 +142,7 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
     shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
-    seen = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
+    seen = without_own_image(derived(scene, obstacles=obstacles), problem.robot)
     setup = replace(problem.setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
     found = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
@@ -160,7 +160,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
     smoothness."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
-    other = replace(scene, planner=replace(scene.planner, activation=activation))
+    other = derived(scene, planner=replace(scene.planner, activation=activation))
     query = Query(problem.start, problem.goal)
     laid_out = lay_out(replace(problem.setup, scene=other), query, closely=problem.closely)
     if not quick or limits is None or not (limits <= FASTEST).any():

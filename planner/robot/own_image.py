@@ -28,7 +28,7 @@ from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 
 SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
 DOUBTFUL = 1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
@@ -72,7 +72,7 @@ def without_own_image(scene: Scene, robot: Robot) -> Ignoring:
         notes += words
     if not notes:
         return Ignoring(scene)
-    return Ignoring(replace(scene, obstacles=tuple(obstacles)), tuple(notes), np.concatenate(points))
+    return Ignoring(derived(scene, obstacles=tuple(obstacles)), tuple(notes), np.concatenate(points))
 
 
 def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple[Obstacle, str, Array]:

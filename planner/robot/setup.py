@@ -15,7 +15,7 @@ from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
@@ -62,7 +62,7 @@ class Setup:
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
-        scene = self.scene if goal is self.scene.goal else replace(self.scene, goal=goal)
+        scene = self.scene if goal is self.scene.goal else derived(self.scene, goal=goal)
         return replace(self, scene=scene, aimed=True)
 
     @cached_property
@@ -142,4 +142,4 @@ def _with_links(scene: Scene, robot: Robot) -> Scene:
             else target
             for target in goal.targets
         ]
-    return replace(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]
+    return derived(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]
