@@ -5,8 +5,14 @@ The work of each is a module of `planner.commands`, loaded when the command runs
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
+
+from hdplan.planner.terminal.interrupts import end_at_once
+
+if __name__ == "__main__" or Path(sys.argv[0]).stem == "hdplan":  # as a program, not as a module of another one
+    end_at_once()
 
 import typer
 

@@ -35,7 +35,7 @@ from hdplan.planner.collision.link_bodies import fit_report
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
@@ -68,7 +68,7 @@ def row(name: str, motions: int, seed: int) -> list[str]:
         began_plan = time.process_time()
         try:
             result = hdplan.plan(scene, seed=seed, time_limit=PLAN_LIMIT)
-        except OutOfTime:
+        except TimeLimitError:
             continue
         certified += result.certified
         times.append(split(result, time.process_time() - began_plan))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.scenes.errors import HdplanError, InputError, OutOfTime, UnsolvableError
+from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, UnsolvableError
 
 CAUSES = {
     "end_in_contact": "start or goal is in contact",
@@ -17,7 +15,7 @@ CAUSES = {
     "too_hurried": "the duration allows no such motion",
     "time": "the time limit passed",
     "bad_input": "a file or a value is not as it should be",
-    "local_minimum": "no free motion was found from all guesses",
+    "local_minimum": "no free motion was found from the guesses tried",
     "clearance": "a motion was found, closer than is asked",
     "grazing": "a motion grazes a body: neither proven nor refuted",
     "joint_limit": "the range left to a joint allows no free motion",
@@ -45,7 +43,7 @@ _OF_STATUS = {
 def cause_of_refusal(error: HdplanError) -> str:
     """Return the code of a refused problem."""
     match error:
-        case OutOfTime():
+        case TimeLimitError():
             return "time"
         case UnsolvableError(cause=cause):
             return str(cause)
@@ -54,8 +52,6 @@ def cause_of_refusal(error: HdplanError) -> str:
     return "rates"  # no time law within the limits
 
 
-def cause_of_verdict(certificate: Certificate, notes: Sequence[str]) -> str:
-    """Return the code of a motion that is not certified."""
-    if any("the time limit passed" in note for note in notes):
-        return "time"
-    return _OF_STATUS[certificate.status]
+def cause_of_verdict(certificate: Certificate, hurried: bool) -> str:
+    """Return the code of a motion that is not certified; of a `hurried` certificate the time limit ended the check."""
+    return "time" if hurried else _OF_STATUS[certificate.status]

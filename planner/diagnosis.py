@@ -18,10 +18,10 @@ from hdplan.planner.causes import CAUSES, cause_of_refusal, cause_of_verdict
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place, Status
 from hdplan.planner.plan import plan
-from hdplan.planner.result import PlanResult
+from hdplan.planner.result import CUT_SHORT, PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
-from hdplan.scenes.errors import HdplanError, OutOfTime
+from hdplan.scenes.errors import HdplanError, TimeLimitError
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
@@ -86,13 +86,13 @@ def diagnose(
         cause, text, place = cause_of_refusal(failure), str(failure), None
     else:
         certificate = failure.certificate
-        cause, text = cause_of_verdict(certificate, failure.notes), certificate.text
+        cause, text = cause_of_verdict(certificate, CUT_SHORT in failure.notes), certificate.text
         place = min(
             (each for each in (certificate.worst, certificate.self_worst) if each),
             key=lambda each: each.distance,
             default=None,
         )
-    out_of_time = isinstance(failure, OutOfTime)
+    out_of_time = isinstance(failure, TimeLimitError)
     named = failure.certificate.status in SAID if isinstance(failure, PlanResult) else not out_of_time
     if (near := _free_nearby(scene)) and cause in ("end_in_contact", "end_overloaded", "end_off_path"):
         return Diagnosis(cause, f"{CAUSES[cause]}: {text}", near)

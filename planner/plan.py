@@ -15,7 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
 from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
-from hdplan.planner.result import PlanResult, Times
+from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
@@ -23,7 +23,7 @@ from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.deadline import check_time, seconds_left
+from hdplan.scenes.deadline import check_time, seconds_left, whole_limit
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget
@@ -56,8 +56,9 @@ def plan(
         scene: from load_scene, or a Scene made in Python.
         solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
         seed: of the random initial guesses; the same seed gives the same result, as far as the time limit allows.
-        time_limit: [s] for solving and certifying; the best motion found by then is returned, and its status says how
-            good it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
+        time_limit: [s] for solving and certifying; the best motion found by then is returned, its status says how good
+            it is, and `ended` what the limit ended. Within `deadline.time_limit` building counts too, and the
+            certificate ends with it.
         robot: the scene's robot, if it is already loaded.
         guess: a motion of this robot from which the solver starts (a warm start), such as the last plan's trajectory
             after a small change of the scene, or waypoints (R, n) in the order of the robot's joints. Its ends are
@@ -69,7 +70,7 @@ def plan(
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
 
     Raises:
-        OutOfTime: a `deadline.time_limit` passed before there was a motion.
+        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
             and for a guess whose joints are not the robot's, or beyond their limits.
     """
@@ -113,7 +114,7 @@ def plan(
         )
         if moved > MOVED:
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
-    attempts = None
+    attempts, interrupted = None, False
     try:
         search_in_turn(searches, seed, warm)
         attempts = _attempts(searches)
@@ -122,15 +123,18 @@ def plan(
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise
+        interrupted = True
     taken = _best(searches)
     assert taken is not None
+    late = time.perf_counter() > deadline and not interrupted and not stop()
+    ended = _ended(searches, taken, min(time_limit, whole_limit())) if late else ""
     best = searches[taken].conclude()
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
     load, build_ = loaded - began, built - loaded - stopwatch.seconds
     notes = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
-        notes = (*notes, "the time limit passed: what is not proven may only not have been checked finely enough")
+        notes = (*notes, CUT_SHORT)
     goal = JointTarget(goals[taken].field, tuple(best.path[-1].tolist())) if isinstance(scene.goal, Goals) else None
     if goal is not None:
         notes = (*notes, _taken(searches, taken, goal))
@@ -147,15 +151,27 @@ def plan(
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, stopwatch.seconds, solved, certified),
-        notes=(*problems[taken].notes, *best.certificate.notes, *notes),
+        notes=tuple(dict.fromkeys((*filter(None, [ended]), *problems[taken].notes, *best.certificate.notes, *notes))),
         objective=searches[taken].objective.achieved(best.path, best.trajectory),
         goal=goal,
         asked=scene,
+        ended=ended,
     )
 
 
 def _attempts(searches: Sequence[Search]) -> int:
     return sum(search.attempts for search in searches)
+
+
+def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
+    """Say what the time limit ended, of so many seconds; nothing where no more was to be done."""
+    reached = f"time limit of {seconds:g} s reached"
+    if not searches[taken].certified:
+        guesses = _attempts(searches)
+        return f"{reached} after {guesses} guess{'es' * (guesses != 1)}; more time may help"
+    if searches[taken].problem.scene.polish:
+        return f"{reached} while the motion was bettered; more time may better it"
+    return f"{reached} while other goals were tried; more time may find a better one" if len(searches) > 1 else ""
 
 
 def _best(searches: Sequence[Search]) -> int | None:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from hdplan.planner.proof.proof import Proof
     from hdplan.planner.search.objective import Achieved
 
+CUT_SHORT = "the time limit passed: what is not proven may only not have been checked finely enough"
+"""The note on a certificate that the time limit ended."""
+
 _FIGURES = tuple(field.name for field in fields(Iteration))
 
 
@@ -56,6 +59,7 @@ class PlanResult:
     objective: Achieved  # by what certified motions were compared, and how much of it this one has
     goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
     asked: Scene | None = None  # the scene that was planned in
+    ended: str = ""  # what the time limit ended, in words; empty if it ended nothing
 
     def __post_init__(self) -> None:
         """Let the certificate give its proof."""
@@ -105,10 +109,15 @@ class PlanResult:
         """Whether the motion is proven free."""
         return self.certificate.certified
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether the time limit ended the search, or the bettering of its motion: another run may find another one."""
+        return bool(self.ended)
+
     def summary(self) -> dict[str, Any]:
         """Return the result as one JSON object: status, clearance [m], worst place, times [s], counts; the objective,
-        by which motions were compared, and its value; the duration of the motion [s] if it has times; and the goal that
-        was chosen, if the scene leaves a choice."""
+        by which motions were compared, and its value; the duration of the motion [s] if it has times; the goal that was
+        chosen, if the scene leaves a choice; whether the time limit ended the search; and the notes."""
         goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,
@@ -126,6 +135,8 @@ class PlanResult:
             "iterations": self.iterations,
             "attempts": self.attempts,
             "seed": self.seed,
+            "timed_out": self.timed_out,
+            "notes": list(self.notes),
         }
 
     def save(self, path: str | Path) -> None:
@@ -142,7 +153,7 @@ def how_long(trajectory: Trajectory) -> dict[str, float]:
 
 def verdict(certificate: Certificate) -> dict[str, Any]:
     """Return the certificate's figures for JSON: proven clearances [m] (null without proof or obstacles); the closest
-    place, by its path parameter (0 to 1) and time (null for a path without times); and, if the scene has any, the
+    place found, by its path parameter (0 to 1) and time (null for a path without times); and, if the scene has any, the
     greatest share that the motion uses of each limit (null: infinite, at a jump) with its joint, and how well the path
     constraints are kept [rad] or [m]."""
     worst = certificate.worst

@@ -164,7 +164,7 @@ class Cloud(Checked):
             check_count(self.radius, len(given))
             kept = checked(lambda points: finite_points(points, self.drop_nan), given, "points")
             if len(kept) < len(given):
-                object.__setattr__(self, "points", FixedArray(kept))
+                object.__setattr__(self, "points", FixedArray(kept, len(given) - len(kept)))
                 if isinstance(self.radius, FixedArray):
                     seen = np.isfinite(given).all(axis=1)
                     object.__setattr__(self, "radius", FixedArray(self.radius.array[seen]))

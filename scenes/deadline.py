@@ -12,20 +12,25 @@ import time
 from collections.abc import Iterator
 from contextvars import ContextVar
 
-from hdplan.scenes.errors import OutOfTime
+from hdplan.scenes.errors import TimeLimitError
 
 _until: ContextVar[float] = ContextVar("until", default=math.inf)  # time.perf_counter()
+_whole: ContextVar[float] = ContextVar("whole", default=math.inf)  # [s] the limit that ends then, from its beginning
 
 
 @contextlib.contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
     """Limit the time of the block; an outer limit that ends earlier still holds. None sets no limit."""
-    before = _until.get()
-    token = _until.set(before if seconds is None else min(before, time.perf_counter() + seconds))
+    until = math.inf if seconds is None else time.perf_counter() + seconds
+    if seconds is None or until >= _until.get():
+        yield
+        return
+    tokens = _until.set(until), _whole.set(seconds)
     try:
         yield
     finally:
-        _until.reset(token)
+        _until.reset(tokens[0])
+        _whole.reset(tokens[1])
 
 
 def seconds_left() -> float:
@@ -39,7 +44,13 @@ def most_seconds(otherwise: float | None = None) -> float | None:
     return otherwise if math.isinf(left) else left if otherwise is None else min(left, otherwise)
 
 
+def whole_limit() -> float:
+    """Return the limit in force [s], from its beginning; inf without one."""
+    return _whole.get()
+
+
 def check_time(doing: str) -> None:
-    """Raise OutOfTime once the limit has passed, saying what was being done."""
+    """Raise TimeLimitError once the limit has passed, saying what was being done."""
     if seconds_left() == 0.0:
-        raise OutOfTime(f"the time limit passed while {doing}; nothing was found by then (--time-limit)")
+        reached = f"time limit of {whole_limit():g} s reached while {doing}"
+        raise TimeLimitError(f"{reached}; nothing was found by then; more time may help (--time-limit)")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import os
 from collections.abc import Collection, Iterable, Iterator
 
 
@@ -40,8 +41,9 @@ class UnsolvableError(InputError):
         return type(self), (self.args[0], self.cause)
 
 
-class OutOfTime(HdplanError):
-    """The time limit passed before anything was found. The command line ends with exit code 1."""
+class TimeLimitError(HdplanError):
+    """The time limit passed before anything was found, so more time may help: neither bad input nor a problem that has
+    no solution. The command line ends with exit code 1."""
 
 
 class FieldError(InputError):
@@ -63,6 +65,14 @@ class FieldError(InputError):
         error = FieldError(self.problem, self.where, self.value, self.kind)
         error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
         return error
+
+
+DEBUG = "HDPLAN_DEBUG"  # in the environment: shows an internal error whole, not only its line
+
+
+def debugging() -> bool:
+    """Whether whoever runs this asks for internal errors whole."""
+    return os.environ.get(DEBUG, "0") not in ("", "0")
 
 
 def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:

@@ -40,7 +40,8 @@ def check_file(path: Path) -> None:
     try:
         about = os.stat(path)
     except FileNotFoundError:
-        raise InputError("no such file") from None
+        words = f"is a link to {os.readlink(path)}, which does not exist" if leads_nowhere(path) else "no such file"
+        raise InputError(words) from None
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if not stat.S_ISREG(about.st_mode):
@@ -48,6 +49,11 @@ def check_file(path: Path) -> None:
         raise InputError(f"is {kind}, not a file")
     if about.st_size > MOST_BYTES:
         raise InputError(f"is {about.st_size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")
+
+
+def leads_nowhere(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a link to what does not exist."""
+    return os.path.islink(path) and not os.path.exists(path)
 
 
 def stamps_of(files: Iterable[str | Path]) -> Stamps:

@@ -34,6 +34,7 @@ class FixedArray:
     """An array of floats, read-only: equal to another one of the same shape with the same numbers."""
 
     array: NDArray[np.float64]
+    left_out: int = 0  # rows that whoever made it left out; not compared
 
     def __post_init__(self) -> None:
         """Share it read-only."""
@@ -62,6 +63,6 @@ class FixedArray:
         """Say how many there are."""
         return f"<{len(self)} rows>"
 
-    def __reduce__(self) -> tuple[type, tuple[NDArray[np.float64]]]:
-        """Pickle the numbers alone; the copy is read-only again."""
-        return FixedArray, (self.array,)
+    def __reduce__(self) -> tuple[type, tuple[NDArray[np.float64], int]]:
+        """Pickle the numbers, not what was computed of them; the copy is read-only again."""
+        return FixedArray, (self.array, self.left_out)

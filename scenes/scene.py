@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud
@@ -27,6 +27,10 @@ from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import NEEDED, Checked, checked, path_of
 
 SCENE_FILES = (".yaml", ".yml")
+
+
+class FileRead(type(Path())):  # type: ignore[misc]  # PosixPath or WindowsPath, which Python 3.11 cannot derive from Path
+    """The file that a scene was read from, as long as it stands there as it is; a changed copy has another `source`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +54,8 @@ class Scene(Checked):
     """
 
     name: str = field(default="scene", compare=False)
-    source: Path = field(default=Path(), compare=False, repr=False)  # the file it was read from; without one, its name
+    source: Path = field(default=Path(), compare=False, repr=False)
+    # the file it was read from; without one, its name; in errors about a changed copy the file is not to blame
     robot: Annotated[RobotSpec, robot_spec] = NEEDED
     obstacles: Annotated[tuple[Obstacle, ...], obstacles_of] = ()
     start: Annotated[JointTarget, Configuration("start")] = NEEDED
@@ -85,6 +90,12 @@ class Scene(Checked):
             timing: Timing | None = None,
             notes: Sequence[str] = (),
         ) -> None: ...
+
+    def __post_init__(self) -> None:
+        """Check the fields; a copy of a scene that was read is no longer what its file says."""
+        if isinstance(self.source, FileRead):
+            object.__setattr__(self, "source", Path(f"the scene made from {self.source.stem}"))
+        super().__post_init__()
 
     def _check_whole(self) -> None:
         if self.source == Path():
@@ -204,3 +215,16 @@ class Scene(Checked):
             obstacle.name: self.planner.clearance if obstacle.clearance is None else obstacle.clearance
             for obstacle in self.obstacles
         }
+
+
+def derived(scene: Scene, **changes: Any) -> Scene:
+    """Return a scene with changes of our own, not the user's: of what is wrong in it, its file still is to blame."""
+    found = dataclasses.replace(scene, **changes)
+    object.__setattr__(found, "source", scene.source)
+    return found
+
+
+def as_read(scene: Scene, file: Path) -> Scene:
+    """Mark a scene as read from a file."""
+    object.__setattr__(scene, "source", FileRead(file))
+    return scene

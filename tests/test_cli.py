@@ -444,6 +444,12 @@ BAD_ARGUMENTS = {
     "a folder": (["plan", "."], ["is a directory"]),
     "a very long name": (["plan", "x" * 300], ["no such file"]),
     "a name with a line end": (["plan", "a\nb"], ["no such file"]),
+    "a robot for a scene": (
+        ["plan", str(ARM / "planar_arm.urdf")],
+        ["planar_arm.urdf: is a robot's description, not a scene", "robot: {urdf: planar_arm.urdf}", "--robot"],
+    ),
+    "no such proof": (["verify", "planar_arm", __file__, "no.proof"], ["no.proof: no such file"]),
+    "fewer than one": (["sample", "planar_arm", "-n", "-3", "-o", "x.csv"], ["--count", "at least 1", "'-3'"]),
     "no such robot": (["robots", "pandda"], ["'pandda'", "'panda'"]),
     "nothing like it": (["robots", "xyzzy"], ["'xyzzy'", "`hdplan robots` lists them"]),
     "robot misspelt": (["plan", "planar_arm", "--robot", "pandda"], ["--robot: ", "'pandda'", "'panda'"]),
@@ -555,6 +561,7 @@ BAD_TRAJECTORIES = {
     "x.csv": {
         "": "empty",
         "1,2\n3,4\n": "line 1",
+        "shoulder;elbow\n0,1;0\n0;1\n": "line 1: has semicolons between its values; commas are expected",
         "shoulder,elbow\n0,0\n\n1,x\n": "line 4: 'x' is not a number",
         "shoulder,elbow\n0,0\n1\n": "line 3: 1 values",
         "shoulder,elbow\n0,0\n": "at least 2",
@@ -826,3 +833,62 @@ def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: P
     (tmp_path / "m.json").write_text(json.dumps(said))
     assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "o.proof")).code == 1
     assert not (tmp_path / "o.proof").exists()
+
+
+def child(*arguments: str, **within: str) -> Done:
+    """Run `hdplan` as a program of its own."""
+    done = subprocess.run([*COMMAND, *arguments], capture_output=True, env={**os.environ, **within}, check=False)
+    return Done(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+@pytest.mark.parametrize("after", ["typer.main", "rich.text", "numpy.linalg"])
+def test_ctrl_c_while_it_starts_is_one_line(after: str) -> None:
+    """While libraries are imported, some of which make errors of their own of it."""
+    telling = [sys.executable, "-X", "importtime", *COMMAND[1:], "plan", "panda_cage"]
+    with subprocess.Popen(telling, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as started:
+        assert started.stderr is not None
+        while not started.stderr.readline().rstrip().endswith(after):
+            assert started.poll() is None
+        started.send_signal(signal.SIGINT)
+        out, err = started.communicate(timeout=60)
+    said = [line for line in err.splitlines() if not line.startswith("import time:")]
+    assert (out, said) == ("", ["hdplan: interrupted before anything was found"])
+    assert started.returncode in (130, -signal.SIGINT)
+
+
+def test_characters_that_the_output_lacks_are_written_out(tmp_path: Path) -> None:
+    scene = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 0.1", "[0, 0, 3]", name="Kübel"))
+    done = child("plan", str(scene), PYTHONIOENCODING="ascii")
+    assert done.code == 0
+    assert "rad^2" in done.out
+    assert "forearm to K\\xfcbel, about" in done.out or "to K\\xfcbel, about" in done.out
+    assert done.out.isascii()
+
+
+def test_a_cache_that_cannot_be_written_is_one_warning(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = child("plan", "planar_arm", HDPLAN_CACHE=str(tmp_path / "file" / "cache"))
+    assert done.code == 0
+    told = [line for line in done.err.splitlines() if "cache" in line]
+    (line,) = told
+    assert line.startswith(f"hdplan: note: the cache {tmp_path}/file/cache cannot be written (Not a directory), so ")
+    assert "HDPLAN_CACHE" in line
+
+
+def test_an_internal_error_is_shown_whole_where_that_is_asked_for(
+    hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr("hdplan.planner.commands.plan.plan", broken)
+    monkeypatch.delenv("HDPLAN_DEBUG", raising=False)
+    done = hdplan("plan", "planar_arm", "--quiet")
+    assert (done.code, done.out, done.err.count("\n")) == (3, "", 1)
+    assert done.err.endswith("; HDPLAN_DEBUG=1 shows it whole\n")
+    monkeypatch.setenv("HDPLAN_DEBUG", "1")
+    done = hdplan("plan", "planar_arm", "--quiet")
+    assert done.code == 3
+    assert done.err.startswith("Traceback (most recent call last):\n")
+    assert "in broken" in done.err
+    assert "hdplan: internal error" in done.err.splitlines()[-1]

@@ -20,7 +20,7 @@ from sieges.machine import Machine
 
 PLANAR = "planar_arm"
 NOTE = "hdplan: note: "
-LATE = "time limit passed"  # what a command may say with exit code 1
+LATE = "time limit of "  # what a command may say with exit code 1
 INNER = ("encountered in", "empty slice", "encountered a", "deprecated", "Deprecat")  # what NumPy says to programmers
 COMMANDS = ("check", "plan", "explain", "simulate", "follow", "robots")
 SHARES = (0.74, 0.08, 0.06, 0.06, 0.03, 0.03)

@@ -1,15 +1,18 @@
 """A small cache on disk, keyed by content: results that were computed from the same input are read back.
 
 It only saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
-written is not used. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or else the user's own.
+written is not used, which a warning says. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or
+else the user's own.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import os
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -47,17 +50,29 @@ def store(kind: str, key: str, value: Any) -> None:
 
 
 def write_whole(path: Path, data: bytes) -> bool:
-    """Write a file so that other processes see all of it or nothing; return whether that succeeded."""
+    """Write a file of the cache so that other processes see all of it or nothing; return whether that succeeded. Warns
+    once where it did not."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-    except OSError:
+    except OSError as error:
+        _warn_once(cache_dir(), error.strerror)
         return False
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         os.replace(temporary, path)
-    except OSError:
+    except OSError as error:
         Path(temporary).unlink(missing_ok=True)
+        _warn_once(cache_dir(), error.strerror)
         return False
     return True
+
+
+@functools.cache
+def _warn_once(home: Path, why: str) -> None:
+    warnings.warn(
+        f"the cache {home} cannot be written ({why}), so what takes long is made again in every run: set HDPLAN_CACHE "
+        "to a folder that can be written",
+        stacklevel=4,
+    )

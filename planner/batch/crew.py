@@ -41,12 +41,10 @@ def cores() -> int:
 @contextlib.contextmanager
 def crew(workers: Workers) -> Iterator[Client]:
     """Yield a client of workers. Raises InputError if their scheduler does not answer."""
-    import logging
-
     import dask
     from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _silence()
     with contextlib.ExitStack() as stack:
         if isinstance(workers, ClusterFile):
             stack.enter_context(dask.config.set(SETTINGS))
@@ -65,6 +63,15 @@ def crew(workers: Workers) -> Iterator[Client]:
             with contextlib.suppress(OSError):  # a worker that ends meanwhile: its problems will say so
                 client.register_plugin(Caches(packed()))
         yield client
+
+
+def _silence() -> None:
+    """Keep dask from telling of lost workers in its own way: dask gives some of its loggers levels of their own."""
+    import logging
+
+    for name in ("distributed", *logging.root.manager.loggerDict):
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import faulthandler
 import os
 import platform
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,9 +22,9 @@ from hdplan.planner.causes import cause_of_refusal, cause_of_verdict
 from hdplan.planner.diagnosis import MOST_TOGETHER, diagnose
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.result import PlanResult
+from hdplan.planner.result import CUT_SHORT, PlanResult
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, debugging
 from hdplan.scenes.scene import Scene
 
 PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process that does not return is ended
@@ -52,7 +53,7 @@ class Outcome:
     problem: str
     status: str  # of the certificate; "refused" for bad input, "failed" for a process that ended, "error"
     cause: str  # a code of `causes`; empty if certified
-    text: str  # the certificate's sentence, or the error's
+    text: str  # the certificate's sentence, with what the time limit ended; or the error's
     trajectory: Trajectory | None = None
     figures: dict[str, Any] = field(default_factory=dict)  # the other columns of its row (COLUMNS)
     files: dict[str, bytes] = field(default_factory=dict)  # by ending, where they are asked for
@@ -87,7 +88,7 @@ def solve(job: Job, options: Options) -> Outcome:
             return outcome if scene is None else _diagnosed(outcome, scene, error, job, options)
         except Exception as error:
             words = " ".join(f"{type(error).__name__}: {error}".split())
-            said = f"internal error, please report it: {words}"
+            said = f"internal error, please report it: {traceback.format_exc() if debugging() else words}"
             return _without_motion(job, "error", "internal", said, began, files)
 
 
@@ -103,7 +104,7 @@ def _diagnosed(
 
 def failed(job: Job, cause: str, text: str) -> Outcome:
     """Return the outcome of a problem whose process ended."""
-    return Outcome(job.name, "failed", cause, text, figures=_common(job))
+    return Outcome(job.name, "failed", cause, text, figures={**_common(job), "timed_out": cause == "hung"})
 
 
 def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, files: dict[str, bytes]) -> Outcome:
@@ -124,15 +125,17 @@ def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, fil
         "length": float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()),
         "attempts": result.attempts,
         "iterations": result.iterations,
+        "timed_out": result.timed_out,
         "proof": proof,
         **{f"time_{name}": seconds + (read if name == "load" else 0.0) for name, seconds in times.items()},
     }
-    cause = "" if result.certified else cause_of_verdict(certificate, result.notes)
-    return Outcome(job.name, certificate.status.value, cause, certificate.text, motion, figures, files)
+    cause = "" if result.certified else cause_of_verdict(certificate, CUT_SHORT in result.notes)
+    text = f"{certificate.text}; {result.ended}" if result.ended else certificate.text
+    return Outcome(job.name, certificate.status.value, cause, text, motion, figures, files)
 
 
 def _without_motion(job: Job, status: str, cause: str, text: str, began: float, files: dict[str, bytes]) -> Outcome:
-    figures = {**_common(job), "time_load": time.perf_counter() - began}
+    figures = {**_common(job), "time_load": time.perf_counter() - began, "timed_out": cause == "time"}
     return Outcome(job.name, status, cause, text, None, figures, files)
 
 

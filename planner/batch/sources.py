@@ -14,7 +14,8 @@ from pathlib import Path
 from hdplan.planner.batch.job import Job, located, seed_of
 from hdplan.planner.batch.tables import read_rows
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.files import read_file
+from hdplan.scenes.files import leads_nowhere, read_file
+from hdplan.scenes.values import FilePath
 from hdplan.scenes.yaml_format.reader import SECTIONS, find_scene, shipped_scenes
 
 TABLES = (".csv", ".parquet")
@@ -45,10 +46,10 @@ def jobs_of(sources: Sequence[str], scene: str | None = None, seed: int = 0) -> 
             found += _rows(path, scene, seed)
         elif os.path.isdir(path):
             found += _folder(path, f"{path.absolute().name}/" if len(sources) > 1 else "", seed)
-        elif os.path.isfile(path) or source in shipped_scenes():
+        elif _is_there(source) or source in shipped_scenes():
             found.append(_of_file(path, path.stem, "", seed))
         else:
-            files = sorted(Path(file) for file in glob.glob(source, recursive=True) if os.path.isfile(file))
+            files = sorted(Path(file) for file in glob.glob(source, recursive=True) if _is_there(file))
             found += [_of_file(file, str(file.with_suffix("")), _group(file), seed) for file in files]
             if not files:
                 raise InputError(f"{source}: no such file, folder, pattern of files or shipped scene")
@@ -70,13 +71,22 @@ def _of_file(file: Path, name: str, group: str, seed: int) -> Job:
 
 def _folder(folder: Path, begin: str, seed: int) -> list[Job]:
     """Return the problems of a folder and those within: every scene file that is neither request nor robot."""
-    files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SCENES and file.is_file())
+    files = sorted(
+        file
+        for file in folder.rglob("*")
+        if (file.suffix.lower() in SCENES and _is_there(file)) or (not file.suffix and leads_nowhere(file))
+    )  # what leads nowhere may have been a scene, or a folder of them
     files = [file for file in files if not file.name.startswith("request") and file.stem != "robot"]
     if not files:
         raise InputError(f"{folder}: has no scene files ({', '.join(SCENES)})")
     inner = [(file, file.relative_to(folder)) for file in files]
     named = [(file, begin + x.with_suffix("").as_posix()) for file, x in inner]
     return [_of_file(file, name, name.rpartition("/")[0], seed) for file, name in named]
+
+
+def _is_there(file: FilePath) -> bool:
+    """Whether a file is there, or a link to one that is gone: a problem that fails with a word on it."""
+    return os.path.isfile(file) or leads_nowhere(file)
 
 
 def _group(file: Path) -> str:

@@ -26,6 +26,7 @@ COLUMNS = {  # of results, and what they hold
     **dict.fromkeys(("worst_link", "worst_other", "self_worst_link", "self_worst_other"), "string"),
     **dict.fromkeys(("clearance", "self_clearance", "worst_parameter", "motion_time", "length"), "double"),
     **dict.fromkeys(("seed", "attempts", "iterations"), "int64"),
+    "timed_out": "bool",
     **dict.fromkeys(("time_load", "time_build", "time_compile", "time_solve", "time_certify"), "double"),
     **dict.fromkeys(("sha256", "versions"), "string"),
 }

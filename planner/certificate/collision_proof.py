@@ -21,7 +21,7 @@ from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array
 from hdplan.scenes.deadline import seconds_left
-from hdplan.scenes.errors import OutOfTime
+from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving does not help
@@ -358,7 +358,7 @@ class _Run:
                 within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
                 try:
                     found = parts.bound(k, within, goal)
-                except OutOfTime:  # what is left is not proven
+                except TimeLimitError:  # what is left is not proven
                     break
                 items.bound[i] = max(items.bound[i], found.bound)
                 if (distance := max(float(hulls[i]), found.distance)) <= within:

@@ -116,7 +116,7 @@ def part_distance(
     within: float = np.inf,
     enough: float = -np.inf,
 ) -> Found:
-    """Return what can be said about the distance of two pieces' parts. Raises OutOfTime.
+    """Return what can be said about the distance of two pieces' parts. Raises TimeLimitError.
 
     moved: by how much the two move against each other, to first order and beyond it [m] (`Motion`).
     normals: unit directions (k, 3) from b to a to try first.

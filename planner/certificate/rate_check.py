@@ -3,6 +3,13 @@
 Curve and limits -> for each quantity the greatest share of a joint's limit that is used, proven: a derivative of a
 polynomial is a polynomial too, and lies within the hull of its control points. A jump of the velocity is an infinite
 acceleration, a jump of the acceleration an infinite jerk; before its first row and after its last a motion is at rest.
+
+Jumps of at most J = JUMP may be rounding. A motion can grow by many of them all the same, a stair instead of a slope.
+So let S(i, j) be the sum of those from row i to row j. The least slope L ≥ 0 with
+
+    |S(i, j)| ≤ J + L (t_j − t_i)   for all i ≤ j
+
+is added to the derivative: up to J in all, not for each row, the curve is then one whose derivative keeps the bound.
 """
 
 from __future__ import annotations
@@ -20,6 +27,9 @@ from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+
+EXACT = 1e-9  # relative, of the slope of a stair
 
 
 class RateCheck:
@@ -50,12 +60,41 @@ class RateCheck:
         low, high = below.derivative().bounds()
         shares = np.maximum(-low, high) / limit  # (N − 1, n)
         if DERIVATIVES[quantity] > 1:
-            jump = below.jumps()  # (N, n) before each row, at rest before the first and after the last
-            at, joint = np.argwhere(jump > JUMP)[0] if (jump > JUMP).any() else (None, 0)
+            steps = below.steps()  # (N, n) before each row, at rest before the first and after the last
+            abrupt = np.abs(steps) > JUMP
+            times = np.concatenate([[0.0], np.cumsum(below.widths)])
+            shares += slope_of_steps(np.where(abrupt, 0.0, steps), times) / limit
+            at, joint = np.argwhere(abrupt)[0] if abrupt.any() else (None, 0)
             if at is not None:
                 shares[min(int(at), len(shares) - 1), joint] = np.inf
         interval, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
         return Use(quantity, float(shares[interval, joint]), self._joints[joint], interval, float(limit[joint]))
+
+
+def slope_of_steps(steps: Array, times: Array) -> Array:
+    """Return the least slopes L (n,) for which every window of steps (N, n), from row i to row j at `times` (N,), sums
+    up to at most JUMP + L (t_j − t_i).
+
+    Each round finds the windows that exceed this by most, and takes the slopes that they need (W. Dinkelbach, "On
+    nonlinear fractional programming", 1967): they only rise, and end at the least.
+    """
+    after = np.cumsum(steps, axis=0)
+    before, columns = after - steps, np.arange(steps.shape[1])
+    slopes = np.zeros(steps.shape[1])
+    for sign in (1.0, -1.0):
+        while True:
+            low = sign * before - times[:, None] * slopes
+            least = np.minimum.accumulate(low, axis=0)
+            excess = sign * after - times[:, None] * slopes - least
+            last = excess.argmax(axis=0)
+            first = np.array([int((low[: end + 1, k]).argmin()) for k, end in enumerate(last.tolist())], np.int64)
+            taken = times[last] - times[first]
+            rise = sign * (after[last, columns] - before[first, columns]) - JUMP
+            needed = np.divide(rise, taken, out=np.zeros_like(rise), where=taken > 0.0)
+            if not (needed > slopes * (1.0 + EXACT)).any():
+                break
+            slopes = np.maximum(slopes, needed)
+    return slopes * (1.0 + EXACT)
 
 
 def _complaints(uses: tuple[Use, ...], curve: Curve) -> Iterator[tuple[Status, str]]:

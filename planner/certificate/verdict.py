@@ -100,7 +100,7 @@ class Certificate:
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
-    notes: tuple[str, ...] = ()  # on less clearance required than the scene asks for, and on meshes with holes
+    notes: tuple[str, ...] = ()  # on less clearance required than asked for, meshes with holes, points left out
     prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a planned motion
 
     @property

@@ -33,6 +33,8 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable, ending_of, write_output
 from hdplan.scenes.values import Choice, checked
 
+A_FEW = 3  # problems for each worker, after which one can say how long the others take
+
 
 def run_batch(
     sources: Sequence[str],
@@ -70,7 +72,7 @@ def run_batch(
     jobs = jobs_of(sources, scene, seed)
     if export is not None:
         _check_times(jobs[0])
-    with counting("certified") as (count, stop):
+    with counting("certified", A_FEW * (crew if isinstance(crew, int) else cores())) as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
@@ -103,13 +105,13 @@ def show_report(folder: Path, plot: Path | None) -> int:
     of, found = read_run(folder)["problems"], read_journal(folder / JOURNAL)
     rows = [row_of(outcome) for outcome in found]
     certified = sum(outcome.certified for outcome in found)
-    missing = f"; {of - len(rows)} of {of} are not planned yet" if len(rows) < of else ""
+    missing = f", {len(rows) - certified} not, {of - len(rows)} not planned yet" if len(rows) < of else ""
     if plot is not None and rows:
         from hdplan.planner.batch.sheet import run_sheet
 
         write_picture(run_sheet(rows, folder.absolute().name), plot)
     with printing() as show:
-        show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
+        show(Text(f"{certified} of {of} problems certified{missing}", style="bold"))
         if rows:
             show(columns(groups_of(rows)))
         said = [row for failures in failures_of(rows) for row in _told(failures, folder)]

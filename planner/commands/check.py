@@ -31,7 +31,7 @@ def run_check(
         certifier = Certifier(Setup.of(problem))
         with naming(trajectory):  # its joints may not fit
             certificate = certifier.certify(motion)
-    notes = [*certifier.setup.notes, *certificate.notes]
+    notes = list(dict.fromkeys((*certifier.setup.notes, *certificate.notes)))
     with printing() as show:
         if as_json:
             about = {

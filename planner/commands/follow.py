@@ -45,7 +45,7 @@ def run_follow(
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
             show(verdict_text(found.certificate))
-            notes = [("note", note) for note in (*setup.notes, *found.certificate.notes)]
+            notes = [("note", note) for note in dict.fromkeys((*setup.notes, *found.certificate.notes))]
             rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     return 0 if found.succeeded else 1

@@ -17,9 +17,10 @@ from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.planner_settings import DISTANCES
 from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import derived
 from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -75,7 +76,7 @@ def run_plan(
 
                 refuse_clouds(problem)
             if distance is not None:
-                problem = replace(problem, planner=replace(problem.planner, distance=distance))
+                problem = derived(problem, planner=replace(problem.planner, distance=distance))
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
                 check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
@@ -84,7 +85,7 @@ def run_plan(
     except HdplanError as error:
         if not diagnosed or problem is None:
             raise
-        kind = OutOfTime if isinstance(error, OutOfTime) else InputError
+        kind = TimeLimitError if isinstance(error, TimeLimitError) else InputError
         raise kind(f"{error}; what helps: {_diagnosis(problem, error, told).advice}") from None
     if diagnosed and not result.certified:
         with waiting("finding out why", shown=not quiet and not as_json):

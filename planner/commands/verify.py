@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 from hdplan.planner.terminal.console import printing
+from hdplan.scenes.errors import naming
+from hdplan.scenes.files import check_file
 from hdplan.scenes.yaml_format.reader import find_scene
 
 
@@ -16,6 +18,9 @@ def run_verify(scene: str, trajectory: Path, proof: Path) -> int:
     The checker limits the memory and the time of its own process, which whoever wrote the files could else use up.
     """
     files = [str(path) for path in (find_scene(scene), trajectory, proof)]
+    for path in map(Path, files):  # what cannot be read is bad input, not a proof that is rejected
+        with naming(path):
+            check_file(path)
     command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *files]
     done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False)
     ended = done.returncode in (0, 1) and done.stdout

@@ -57,7 +57,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.values import Number, checked, instance, require_fields
 
 Array = NDArray[np.float64]
@@ -171,7 +171,7 @@ class Controller:
         setup = Setup.of(scene, robot)
         scene, robot = setup.scene, setup.robot
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
-        limits = joint_limits(replace(scene, limits=given), robot)["velocity"]
+        limits = joint_limits(derived(scene, limits=given), robot)["velocity"]
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:

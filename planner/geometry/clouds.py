@@ -30,7 +30,8 @@ def read_cloud(cloud: Cloud, where: str) -> Cloud:
     """Return a cloud with its points and radii in memory, read from its file or worked out from its depth image; itself
     if they are. `where` is its field in the scene, for error messages.
 
-    Raises InputError for a file that is missing, damaged or empty, and for points that are not finite.
+    How many points were left out in reading stands in `left_out`. Raises InputError for a file that is missing, damaged
+    or empty, and for points that are not finite.
     """
     source = cloud.points
     if isinstance(source, FixedArray):
@@ -38,7 +39,8 @@ def read_cloud(cloud: Cloud, where: str) -> Cloud:
     if isinstance(source, DepthImage):
         with naming(f"{where}.depth: {source.image}"):
             files = [source.image] if isinstance(source.image, Path) else []
-            points, radii = _apart(_swollen(balls_of(source, stamps_of(files)), cloud.radius))
+            balls = _swollen(balls_of(source, stamps_of(files)), cloud.radius)
+            points, radii = _apart(balls, balls.left_out)
         return replace(cloud, points=points, radius=radii)
     with naming(f"{where}.cloud: {source}"):
         points, radius = _read(source, cloud.radius, cloud.drop_nan, stamps_of([source]))
@@ -67,21 +69,33 @@ def _read(
 
 
 @made_once(4)
-def _apart(balls: FixedArray) -> tuple[FixedArray, FixedArray]:
-    """Return the centres and the radii of balls (m, 4)."""
-    return FixedArray(balls.array[:, :3]), FixedArray(balls.array[:, 3])
+def _apart(balls: FixedArray, left_out: int) -> tuple[FixedArray, FixedArray]:
+    """Return the centres, of which some were left out, and the radii of balls (m, 4)."""
+    return FixedArray(balls.array[:, :3], left_out), FixedArray(balls.array[:, 3])
 
 
 @made_once(4)
 def _balls(points: FixedArray, radius: float | FixedArray) -> FixedArray:
     own = radius.array if isinstance(radius, FixedArray) else np.full(len(points), radius)
-    return FixedArray(np.column_stack([points.array, own]))
+    return FixedArray(np.column_stack([points.array, own]), points.left_out)
 
 
 @made_once(4)
 def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
     """Return the balls, each larger by `radius` [m]."""
-    return FixedArray(balls.array + [0.0, 0.0, 0.0, radius]) if radius else balls
+    return FixedArray(balls.array + [0.0, 0.0, 0.0, radius], balls.left_out) if radius else balls
+
+
+def left_out_words(asked: Cloud, read: Cloud) -> str:
+    """Say which points of a cloud, as it was asked for and as it was read, were left out in reading: those that are not
+    finite, or of an image those out of its range; empty if none were."""
+    count = read.points.left_out if isinstance(read.points, FixedArray) else 0
+    if not count:
+        return ""
+    if not isinstance(asked.points, DepthImage):
+        return f"{count} that are not finite"
+    low, high = asked.points.range
+    return f"{count} pixels that saw something nearer than {low:g} m or farther than {high:g} m"
 
 
 @made_once(4)

@@ -8,6 +8,11 @@ p ± a/2 ± b/2, and parallelograms of neighbours leave no hole between them. It
 with the larger a of both sides, and so with b. Without such a neighbour the surface is taken to face the camera, with
 a = (z/fx, 0, 0) and b = (0, z/fy, 0). Two pixels whose depths differ by more than STEEPEST times z/fx, or z/fy, with
 the smaller z, are not of one surface: there is an edge between them, and nothing was seen there.
+
+How steep that is counts from the ray, not from the picture: the way between the two pixels is w e + Δz d, with w = z/fx
+of the nearer one, e = (1, 0, 0) and d = (s, t, 1) the ray of the farther one. For |Δz| = STEEPEST w its angle with the
+ray is atan(√(1 + t²) / (STEEPEST |d|² ± s)), 11.5° at most, wherever in the picture. So a surface whose normal is
+inclined against the rays by up to 78.5° is one surface.
 """
 
 from __future__ import annotations
@@ -24,7 +29,7 @@ from hdplan.scenes.files import Stamps, read_file
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
 
-STEEPEST = 5.0  # of a surface, against the picture's plane: an inclination of 79°
+STEEPEST = 5.0  # step in depth over a pixel's width: an inclination of 78.5° against the ray
 ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small
 MOST_PIXELS = 20_000_000  # of an image: a larger one would fill the memory
 
@@ -38,7 +43,8 @@ def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
     z = depth.scale * image
     low, high = depth.range
     with np.errstate(invalid="ignore"):
-        seen = (image > 0.0) & (z >= low) & (z <= high)
+        measured = (image > 0.0) & (z < np.inf)
+        seen = measured & (z >= low) & (z <= high)
     if not seen.any():
         raise InputError(f"has no pixel from {low:g} to {high:g} m: is its scale {depth.scale:g} m?")
     height, width = image.shape
@@ -47,7 +53,8 @@ def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
     along = _neighbours(place, seen, 1, np.stack([z / fx, 0.0 * z, 0.0 * z], axis=2))[seen]
     down = _neighbours(place, seen, 0, np.stack([0.0 * z, z / fy, 0.0 * z], axis=2))[seen]
     squares = (along**2).sum(axis=1) + (down**2).sum(axis=1) + 2.0 * np.abs((along * down).sum(axis=1))
-    return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * ABOVE]))
+    out_of_range = int(np.count_nonzero(measured & ~seen))
+    return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * ABOVE]), out_of_range)
 
 
 def _neighbours(place: Array, seen: Mask, axis: int, facing: Array) -> Array:

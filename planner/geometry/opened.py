@@ -21,7 +21,7 @@ from hdplan.scenes.errors import naming
 from hdplan.scenes.files import Stamps
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
@@ -38,7 +38,7 @@ def opened(scene: Scene) -> Scene:
         attached = tuple(with_content(each, "attached") for each in scene.attached)
     if all(one is other for one, other in zip(obstacles + attached, scene.obstacles + scene.attached, strict=True)):
         return scene
-    return replace(scene, obstacles=obstacles, attached=attached)
+    return derived(scene, obstacles=obstacles, attached=attached)
 
 
 def with_content(holder: Holder, field: str) -> Holder:

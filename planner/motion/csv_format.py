@@ -50,6 +50,11 @@ def read_csv(data: bytes) -> dict[str, Any]:
         raise InputError("empty; a header with the joint names and one row per waypoint are expected")
     (line, header), *rows = rows
     names = tuple(name.strip() for name in header)
+    if len(header) == 1 and (mark := next((each for each in ";\t" if each in header[0]), None)):
+        kind = "semicolons" if mark == ";" else "tabs"
+        raise InputError(
+            f"line {line}: has {kind} between its values; commas are expected there, and points in decimals"
+        )
     if any(_is_number(name) for name in names):
         raise InputError(f"line {line}: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
     for line, row in rows:

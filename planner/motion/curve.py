@@ -182,12 +182,16 @@ class Curve:
         """Return proven bounds (k, n) on the absolute values on parts of intervals (k,), from start to end (k,)."""
         return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 
-    def jumps(self) -> Array:
-        """Return by how much (N, n) the curve, a derivative, jumps at each row; it is 0 before the first and after the
-        last."""
+    def steps(self) -> Array:
+        """Return by how much (N, n) the curve, a derivative, jumps at each row, with its sign; it is 0 before the first
+        and after the last."""
         ends = np.concatenate([np.zeros_like(self.control[:1, 0]), self.control[:, -1]])
         starts = np.concatenate([self.control[:, 0], np.zeros_like(self.control[:1, 0])])
-        return np.asarray(np.abs(starts - ends))
+        return np.asarray(starts - ends)
+
+    def jumps(self) -> Array:
+        """Return how large (N, n) its steps are."""
+        return np.asarray(np.abs(self.steps()))
 
 
 def _left(control: Array, fraction: Array) -> Array:

@@ -18,6 +18,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.scene import derived
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     """
     scene = setup.scene
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
-    problem = build(replace(scene, planner=settings), setup.robot)
+    problem = build(derived(scene, planner=settings), setup.robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)
     for term in (problem.terms.obstacles, problem.terms.moving_obstacles):

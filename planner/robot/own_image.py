@@ -1,18 +1,22 @@
-"""What a camera sees of the robot itself: points of clouds that are near it at the start are left out, and counted."""
+"""What a camera sees of the robot itself: points of clouds that are near it at the start are left out, and counted.
+
+So are points in links whose meshes have holes, as the certificate takes them for contact: those that a mesh surrounds
+by more than half. Points in an obstacle with holes, such as an open box, stay: something may lie in it.
+"""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.geometry.cells import grouped
-from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.clouds import balls_in, left_out_words
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.geometry.solids import Solid
@@ -23,7 +27,7 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 
 SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
 DOUBTFUL = 1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
@@ -31,30 +35,43 @@ DOUBTFUL = 1e-5  # [m] coal's distance and that of its own witness points differ
 Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4, 4)
 
 
+class Around(NamedTuple):
+    """What points are ignored around."""
+
+    about: str  # in words
+    margin: float  # [m]
+    solids: Sequence[Placed]
+    links: bool  # of the robot: not an obstacle
+
+
 @dataclass(frozen=True, eq=False)
 class Ignoring:
     """A scene without the points that its clouds ask to ignore."""
 
     scene: Scene
-    notes: tuple[str, ...] = ()  # that count what was left out
+    notes: tuple[str, ...] = ()  # that count what was left out, also in reading
     points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) left out, in the world [m]
 
 
-def without_own_image(scene: Scene, robot: Robot) -> Ignoring:
-    """Leave the points out that the clouds of a scene, its files read, ask to ignore. Raises InputError for a cloud of
-    which nothing is left, and for unknown links."""
+def without_own_image(asked: Scene, scene: Scene, robot: Robot) -> Ignoring:
+    """Leave the points out that the clouds of a scene, as it was asked for and with its files read, ask to ignore.
+    Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
-    for obstacle in scene.obstacles:
-        kept, words, near = obstacle, "", np.empty((0, 3))
-        if isinstance(obstacle.shape, Cloud) and (obstacle.shape.ignore_robot > 0.0 or obstacle.shape.ignore):
-            with naming(scene.source):
-                kept, words, near = _left(obstacle, obstacle.shape, scene, robot)
+    for said, obstacle in zip(asked.obstacles, scene.obstacles, strict=True):
+        kept, words, near = obstacle, [], np.empty((0, 3))
+        if isinstance(cloud := obstacle.shape, Cloud):
+            unread = left_out_words(said.shape, cloud) if isinstance(said.shape, Cloud) else ""
+            words = [f"cloud '{obstacle.name}': left out in reading: {unread}"] if unread else []
+            if cloud.ignore_robot > 0.0 or cloud.ignore:
+                with naming(scene.source):
+                    kept, told, near = _left(obstacle, cloud, scene, robot)
+                words += [told] if told else []
         obstacles.append(kept)
         points.append(near)
-        notes += [words] if words else []
+        notes += words
     if not notes:
         return Ignoring(scene)
-    return Ignoring(replace(scene, obstacles=tuple(obstacles)), tuple(notes), np.concatenate(points))
+    return Ignoring(derived(scene, obstacles=tuple(obstacles)), tuple(notes), np.concatenate(points))
 
 
 def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple[Obstacle, str, Array]:
@@ -63,20 +80,29 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
     balls = balls_in(cloud)
     placement = obstacle.pose.matrix
     world = balls.array[:, :3] @ placement[:3, :3].T + placement[:3, 3]
-    near, words = np.zeros(len(world), dtype=bool), []
-    for about, margin, solids in _ignored(cloud, scene, robot, where):
-        found = np.zeros(len(world), dtype=bool)
-        for geometry, pose in solids:
+    near, words, stay = np.zeros(len(world), dtype=bool), [], []
+    for each in _ignored(cloud, scene, robot, where):
+        found, held = np.zeros(len(world), dtype=bool), np.zeros(len(world), dtype=bool)
+        for geometry, pose in each.solids:
             check_time("leaving out the robot's own image")
-            found |= _within(geometry, pose, world, margin, ~(near | found))
-        words.append(f"{np.count_nonzero(found & ~near)} within {1e3 * margin:g} mm of {about}")
+            found |= _within(geometry, pose, world, each.margin, ~(near | found))
+            held |= _half_surrounded(geometry, pose, world, ~(near | found | held))
+        held &= ~found
+        told = f"{np.count_nonzero((found | held if each.links else found) & ~near)} within "
+        told += f"{1e3 * each.margin:g} mm of {each.about}"
+        if held.any() and each.links:
+            found |= held
+            told += f" ({np.count_nonzero(held)} of them in meshes with holes)"
+        elif held.any():
+            stay.append(f"; {np.count_nonzero(held)} in {each.about}, whose mesh has holes, stay")
+        words.append(told)
         near |= found
     if near.all():
         raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
-    if not near.any():
+    if not near.any() and not stay:
         return obstacle, "", np.empty((0, 3))
     kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
-    note = f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}"
+    note = f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}{''.join(stay)}"
     return replace(obstacle, shape=kept), note, world[near]
 
 
@@ -85,12 +111,14 @@ def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
     return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
 
 
-def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[tuple[str, float, Sequence[Placed]]]:
-    """Yield what points are ignored around: words, the margin [m], and geometries."""
+def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[Around]:
+    """Yield what points are ignored around."""
     if cloud.ignore_robot > 0.0:
-        yield "the robot", cloud.ignore_robot, _robot_at_start(robot, scene, tuple(robot.link_geometry))
+        solids = _robot_at_start(robot, scene, tuple(robot.link_geometry))
+        yield Around("the robot", cloud.ignore_robot, solids, links=True)
     for i, each in enumerate(cloud.ignore):
-        yield each.link or each.obstacle or "", each.margin, _solids(each, scene, robot, f"{field}.cloud.ignore[{i}]")
+        solids = _solids(each, scene, robot, f"{field}.cloud.ignore[{i}]")
+        yield Around(each.link or each.obstacle or "", each.margin, solids, links=each.link is not None)
 
 
 def _solids(ignored: Ignored, scene: Scene, robot: Robot, field: str) -> Sequence[Placed]:
@@ -143,6 +171,20 @@ def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mas
         rows = np.flatnonzero(asked & ~found & ((local >= box.min_) & (local <= box.max_)).all(axis=1))
         if len(rows) and not (solid := _solid(geometry)).open:
             found[rows] = [solid.holds(point) for point in local[rows]]
+    return found
+
+
+def _half_surrounded(geometry: Any, pose: Array, points: Array, asked: Mask) -> Mask:
+    """Tell which of the points (m, 3) a mesh with holes surrounds by more than half; none for other solids, and for
+    one-sided meshes, which have no inside."""
+    found = np.zeros(len(points), dtype=bool)
+    if not isinstance(geometry, coal.BVHModelBase) or not (solid := _solid(geometry)).open:
+        return found
+    if not solid.shells.one_sided.any():
+        low, high = solid.box
+        local = (points - pose[:3, 3]) @ pose[:3, :3]
+        rows = np.flatnonzero(asked & ((local >= low) & (local <= high)).all(axis=1))
+        found[rows] = [solid.holds(point) for point in local[rows]]
     return found
 
 

@@ -18,7 +18,7 @@ from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
@@ -73,10 +73,10 @@ class Setup:
             check_robot(scene, robot)
         asked = _with_links(scene, robot)
         read = opened(asked)
-        seen = without_own_image(read, robot)
+        seen = without_own_image(asked, read, robot)
         left = {old.name: new for old, new in zip(read.obstacles, seen.scene.obstacles, strict=True) if new is not old}
         if left:
-            asked = replace(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
+            asked = derived(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
         return cls(seen.scene, robot, ignored=seen.notes, own_image=seen.points, asked=asked)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
@@ -86,8 +86,8 @@ class Setup:
     def changed(self, **fields: Any) -> Setup:
         """Return the same with other fields of its scene. Raises InputError for what no scene can have, and for files
         that cannot be used."""
-        asked = replace(self.asked, **fields)
-        return replace(self, scene=asked if self.scene is self.asked else replace(self.scene, **fields), asked=asked)
+        asked = derived(self.asked, **fields)
+        return replace(self, scene=asked if self.scene is self.asked else derived(self.scene, **fields), asked=asked)
 
     @cached_property
     def query(self) -> Query:
@@ -174,4 +174,4 @@ def _with_links(scene: Scene, robot: Robot) -> Scene:
             else target
             for target in goal.targets
         ]
-    return replace(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]
+    return derived(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]

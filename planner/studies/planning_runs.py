@@ -30,7 +30,7 @@ from hdplan.planner.search.goals import settled
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 
 Value = str | int | float
 
@@ -246,7 +246,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
     """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem whose penalty reaches as far as
     NEAR."""
     settings = replace(scene.planner, clearance=NEAR)
-    problem = build(replace(scene, planner=settings), situation.robot)
+    problem = build(derived(scene, planner=settings), situation.robot)
     term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0), None

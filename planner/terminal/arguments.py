@@ -16,17 +16,15 @@ SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
 OUT = Path("out")  # where the files of a study go, if no folder is given
 
 
-def _whole_number(text: str) -> int:
+def _whole_number(text: str, least: int = 0) -> int:
     with contextlib.suppress(ValueError):
-        if (number := int(text)) >= 0:
+        if (number := int(text)) >= least:
             return number
-    raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
+    raise typer.BadParameter(f"must be a whole number of at least {least}, found '{text}'")
 
 
 def _above_zero(text: str) -> int:
-    if (number := _whole_number(text)) > 0:
-        return number
-    raise typer.BadParameter(f"must be a whole number of at least 1, found '{text}'")
+    return _whole_number(text, least=1)
 
 
 def _port(text: str) -> int:

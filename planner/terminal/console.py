@@ -161,25 +161,36 @@ def measuring() -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def counting(word: str) -> Iterator[Any]:
+def counting(word: str, enough: int = 10) -> Iterator[Any]:
     """Show how many of many are done: a bar on a terminal, with the rate and the last failure; else a line every EVERY
-    seconds. Yields the function that takes the number done, of all, whether the last one is good, and what it says; and
-    one that tells whether to stop. Ctrl-C is noted as in `progress`."""
-    good, first, began = 0, -1, time.monotonic()
+    seconds. How long the rest takes is said once `enough` are done for it to mean something. Yields the function that
+    takes the number done, of all, whether the last one is good, and what it says; and one that tells whether to stop.
+    Ctrl-C is noted as in `progress`."""
+    good, before, began = 0, -1, 0.0
 
     with noting() as note, _counts() if sys.stderr.isatty() else _lines_between() as show:
 
         def report(done: int, of: int, well: bool, words: str) -> None:
-            nonlocal good, first
+            nonlocal good, before, began
             note()
-            first = done - 1 if first < 0 else first  # of an earlier run that goes on
+            if before < 0:
+                before, began = done - 1, time.monotonic()  # those of an earlier run that goes on
             good += well
-            rate = (done - first) / max(time.monotonic() - began, 1e-9)
-            left = (of - done) / rate
-            said = f"{good} {word}, {done - first - good} not, {rate:.3g} a second, {left:.0f} s left"
+            found = done - before
+            said = f"{good} {word}, {found - good} not" + f", {before} done before" * (before > 0)
+            if found >= max(enough, 2):
+                rate = (found - 1) / max(time.monotonic() - began, 1e-9)  # the first one waits for the workers, too
+                said += f", {rate:.3g} a second" + f", about {_duration((of - done) / rate)} left" * (done < of)
             show(done, of, said, words)
 
         yield report, note.pressed
+
+
+def _duration(seconds: float) -> str:
+    """Return a duration in words, rounded as an estimate is."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
 
 
 @contextlib.contextmanager

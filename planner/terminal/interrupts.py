@@ -8,6 +8,7 @@ to show notes Ctrl-C instead, and ends at its next step.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -20,6 +21,18 @@ EXCEPTIONS: dict[int, Callable[[], BaseException]] = {
     signal.SIGINT: KeyboardInterrupt,
     signal.SIGTERM: lambda: SystemExit(TERMINATED),
 }
+
+
+def end_at_once() -> None:
+    """Let Ctrl-C end the program with one line, from now until `ended_by_signals`: while libraries are imported, which
+    make errors of their own of a KeyboardInterrupt. Ignored signals stay ignored."""
+
+    def ended(*_: object) -> None:
+        os.write(2, b"hdplan: interrupted before anything was found\n")
+        os._exit(INTERRUPTED)
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, ended)
 
 
 @contextlib.contextmanager

@@ -19,8 +19,9 @@ import typer
 
 from hdplan.planner.terminal.console import say
 from hdplan.planner.terminal.interrupts import INTERRUPTED, ended_by_signals
+from hdplan.planner.terminal.plain_text import register
 from hdplan.planner.terminal.quick_start import command_of
-from hdplan.scenes.errors import HdplanError, OutOfTime
+from hdplan.scenes.errors import DEBUG, HdplanError, TimeLimitError, debugging
 
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
@@ -33,12 +34,12 @@ def run(app: typer.Typer) -> NoReturn:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
-            stream.reconfigure(errors="backslashreplace")
+            stream.reconfigure(errors=register())
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         with ended_by_signals():
             code = command_of(app)(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
-    except OutOfTime as error:
+    except TimeLimitError as error:
         code = complain(str(error), NOT_CERTIFIED)
     except HdplanError as error:
         code = complain(str(error))
@@ -67,8 +68,12 @@ def complain(text: str, code: int = BAD_INPUT) -> int:
 
 
 def _internal(error: Exception) -> int:
-    """Print one line about an internal error and return its exit code."""
-    return complain(f"internal error, please report it with the scene and the command: {_fault(error)}", INTERNAL)
+    """Print one line about an internal error, or all of it where DEBUG asks for it, and return its exit code."""
+    said = f"internal error, please report it with the scene and the command: {_fault(error)}"
+    if not debugging():
+        return complain(f"{said}; {DEBUG}=1 shows it whole", INTERNAL)
+    traceback.print_exception(error)
+    return complain(said, INTERNAL)
 
 
 def _fault(error: Exception) -> str:

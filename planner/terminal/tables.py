@@ -49,13 +49,13 @@ def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
 
 
 def closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    """Return rows that say where a motion comes closest: to an obstacle, and between links."""
+    """Return rows that say where a motion comes closest, as far as was found: to an obstacle, and between links."""
     places = {"closest": certificate.worst, "own links": certificate.self_worst}
     return [(name, _place(place)) for name, place in places.items() if place is not None]
 
 
 def _place(place: Place) -> str:
-    distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
+    distance = f"about {abs(place.distance) * 1e3:.2f} mm{' deep' * (place.distance < 0)}"
     when = f"{place.parameter:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
     return f"{place.link} to {place.other}, {distance} at {when}"
 

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.fields import Field, read_document
+from hdplan.scenes.files import leads_nowhere
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.moveit.geometry_text import ENDING, read_geometry
 from hdplan.scenes.moveit.planning_scene import is_moveit_request, is_moveit_scene, read_moveit
@@ -22,7 +23,7 @@ from hdplan.scenes.pose_fields import read_pose
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, as_read, derived
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
@@ -82,6 +83,11 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
         if name == "path" or not (given is None or (name == "robot" and isinstance(given, RobotSpec))):
             checked(path_of, given, name)
     file = find_scene(path)
+    if file.suffix.lower() in ENDINGS:
+        raise InputError(
+            f"{file}: is a robot's description, not a scene: name it in a scene (robot: {{urdf: {file.name}}}, with "
+            "start and goal), or give it beside a scene as its robot (--robot)"
+        )
     top = read_geometry(file) if file.suffix.lower() == ENDING else read_document(file)
     keys = top.mapping()
     spec, notes = (robot, ()) if robot is None or isinstance(robot, RobotSpec) else read_robot(robot)
@@ -112,10 +118,10 @@ def find_scene(path: FilePath) -> Path:
     """Return the file that `path` names: itself if it exists, else the shipped scene of that bare name.
 
     Raises:
-        InputError: neither exists; the nearest shipped scene is suggested.
+        InputError: neither exists, not even as a link that leads nowhere; the nearest shipped scene is suggested.
     """
     file = Path(path)
-    if os.path.exists(file):  # unlike Path.exists, no error for names that are too long
+    if os.path.exists(file) or leads_nowhere(file):  # unlike Path.exists, no error for names that are too long
         return file
     shipped = shipped_scenes()
     if str(file) in shipped:
@@ -150,12 +156,12 @@ def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
 
 
 def _with_notes(scene: Scene, notes: tuple[str, ...]) -> Scene:
-    return dataclasses.replace(scene, notes=(*notes, *scene.notes))
+    return as_read(derived(scene, notes=(*notes, *scene.notes)), scene.source)
 
 
 def read_scene(top: Field, name: str) -> Scene:
     """Read a hdplan scene from its document. Raises InputError as `load_scene`."""
-    return dataclasses.replace(_read_hdplan(top, None), name=name)
+    return derived(_read_hdplan(top, None), name=name)
 
 
 def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.attached import Attached, Payload
     from hdplan.scenes.clouds import Cloud, Ignored
     from hdplan.scenes.depth_images import DepthImage
-    from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+    from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, UnsolvableError
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
     from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
@@ -84,7 +84,6 @@ _HOMES = {  # of names, below hdplan
     "NotProvenError": "planner.proof.proof",
     "Obstacle": "scenes.obstacles",
     "OctoMap": "scenes.voxel_grids",
-    "OutOfTime": "scenes.errors",
     "Outcome": "planner.batch.outcome",
     "PathConstraints": "scenes.path_constraints",
     "Payload": "scenes.attached",
@@ -103,9 +102,11 @@ _HOMES = {  # of names, below hdplan
     "Solution": "planner.solvers.solution",
     "Sphere": "scenes.shapes",
     "SteadyMotion": "scenes.obstacles",
+    "TimeLimitError": "scenes.errors",
     "TimedPoses": "scenes.obstacles",
     "Timing": "scenes.timing",
     "Trajectory": "planner.motion.trajectory",
+    "UnsolvableError": "scenes.errors",
     "Upright": "scenes.path_constraints",
     "Voxels": "scenes.voxel_grids",
     "Within": "scenes.path_constraints",
@@ -142,7 +143,6 @@ __all__ = [
     "NotProvenError",
     "Obstacle",
     "OctoMap",
-    "OutOfTime",
     "Outcome",
     "PathConstraints",
     "Payload",
@@ -161,9 +161,11 @@ __all__ = [
     "Solution",
     "Sphere",
     "SteadyMotion",
+    "TimeLimitError",
     "TimedPoses",
     "Timing",
     "Trajectory",
+    "UnsolvableError",
     "Upright",
     "Voxels",
     "Within",

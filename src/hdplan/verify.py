@@ -1621,6 +1621,10 @@ def main() -> int:
     """Run from the command line."""
     if len(sys.argv) != 4:
         sys.exit("usage: python -m hdplan.verify SCENE TRAJECTORY PROOF")
+    if lacking := [name for name in sys.argv[1:] if not Path(name).is_file()]:
+        print(f"{shown(lacking[0])}: no such file", file=sys.stderr)
+        return 2
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
     try:
         limit()
         print(verify(*map(Path, sys.argv[1:])))

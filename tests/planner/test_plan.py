@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import DENSER, Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
+from hdplan.scenes import deadline
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import PathConstraints
@@ -34,7 +36,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
 KEYS = {  # of the summary, as promised to whoever reads the JSON
     "status", "text", "scene", "robot", "solver", "joint_names", "waypoints", "clearance_m", "self_clearance_m",
-    "worst", "time_s", "iterations", "attempts", "seed", "objective",
+    "worst", "time_s", "iterations", "attempts", "seed", "objective", "timed_out", "notes",
 }  # fmt: skip
 TIMES = {"load", "build", "compile", "solve", "certify"}
 
@@ -231,6 +233,40 @@ def test_events_tell_the_whole_story() -> None:
     assert events[-1].certificate is not None
     assert max(event.attempt for event in events) == result.attempts
     assert set(result.steps) <= set(steps)
+
+
+WALL = Obstacle("wall", Box([2.4, 0.05, 0.5]), Pose((1.4, 0.0, 0.1)))  # no motion passes it
+
+
+def test_a_search_that_the_clock_ended_says_so() -> None:
+    blocked = planar(WALL)
+    result = plan(blocked, time_limit=0.3)
+    assert not result.certified
+    assert result.timed_out
+    guesses = f"{result.attempts} guess{'es' * (result.attempts != 1)}"
+    assert result.ended == f"time limit of 0.3 s reached after {guesses}; more time may help"
+    assert result.ended in result.notes
+    assert (result.summary()["timed_out"], result.summary()["notes"]) == (True, list(result.notes))
+    free = plan(planar())
+    assert (free.timed_out, free.ended, free.summary()["timed_out"]) == (False, "", False)
+    stopped = plan(blocked, stop=lambda: True)
+    assert not stopped.certified
+    assert not stopped.timed_out, "nobody's clock"
+
+
+def test_a_motion_that_the_clock_left_unbettered_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion that the time limit decides may be another one in the next run."""
+    from hdplan.planner import plan as planning
+
+    limit = 0.3
+    monkeypatch.setattr(planning, "polish", lambda *_: time.sleep(limit))
+    result = plan(planar(polish=2), time_limit=limit)
+    assert result.certified
+    assert result.ended == "time limit of 0.3 s reached while the motion was bettered; more time may better it"
+    with deadline.time_limit(1.5 * limit):
+        assert "time limit of 0.3 s" in plan(planar(polish=2), time_limit=limit).ended
+    monkeypatch.setattr(planning, "polish", lambda *_: None)
+    assert plan(planar(polish=2), time_limit=10.0).ended == ""
 
 
 def test_a_motion_is_saved_with_its_verdict(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan.planner.plan import plan
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import FieldError, InputError
 from hdplan.scenes.limits import Limits
@@ -20,7 +22,7 @@ from hdplan.scenes.path_constraints import Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Mesh, Points, Sphere
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
@@ -490,3 +492,23 @@ def test_limits_are_rows_of_numbers(rows: Any) -> None:
         with pytest.raises(InputError, match=rf"Limits\.{name}.*: must be ") as caught:
             Limits(**{name: rows})
         assert "\n" not in str(caught.value)
+
+
+def test_errors_of_a_changed_scene_do_not_name_its_file() -> None:
+    """The file is right; the change is not. Of a scene as it was read, and of what we change ourselves, it is named."""
+    read = load_scene("planar_arm")
+    assert read.source.name == "planar_arm.yaml"
+    ball = Obstacle("ball", Sphere(0.3), Pose((0.3, -0.3, 0.1)))
+    changed = (dataclasses.replace(read, obstacles=[ball]), read.with_start([0.06, 0.0]), read.with_goal([9.0, 0.0]))
+    for scene in (*changed, pickle.loads(pickle.dumps(read)).with_goal([9.0, 0.0])):
+        for again in (scene, dataclasses.replace(scene), pickle.loads(pickle.dumps(scene))):
+            with pytest.raises(InputError, match=r"^the scene made from planar_arm: (start|goal): "):
+                plan(again)
+    assert (read.name, changed[0].name) == ("planar_arm", "planar_arm")
+    whole = derived(read, goal=JointTarget("goal", (9.0, 0.0)))
+    with pytest.raises(InputError, match=r"planar_arm\.yaml: goal: "):
+        plan(whole)
+    alone = Scene(robot=read.robot, start=[0.0, 0.0], goal=[9.0, 0.0], name="mine")
+    for scene in (alone, dataclasses.replace(alone)):
+        with pytest.raises(InputError, match=r"^mine: goal: "):
+            plan(scene)

@@ -29,7 +29,7 @@ from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal, read_journal
 from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.sources import jobs_of
-from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows
+from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows, row_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.writer import scene_text
@@ -191,6 +191,20 @@ def test_a_diagnosis_is_part_of_the_row(run_here: Callable[..., bool]) -> None:
     assert (blocked["status"], blocked["cause"]) == ("refused", "end_in_contact")
     assert blocked["advice"].startswith("within ")
     assert (free["cause"], free["advice"]) == ("", None)
+
+
+def test_a_row_that_the_clock_ended_says_so() -> None:
+    """So that rows which differ between two runs say why."""
+    wall = hdplan.Obstacle("wall", hdplan.Box([2.4, 0.05, 0.5]), hdplan.Pose([1.4, 0.0, 0.1]))
+    blocked = dataclasses.replace(ARM, obstacles=(wall,))
+    cases = [(blocked, 0.5), (blocked, 1e-9), (ARM, 30.0), (ARM.with_goal([0.06, 0.0]), 30.0)]
+    rows = [row_of(solve(Job("one", "", scene), Options(time_limit=each))) for scene, each in cases]
+    assert [row["timed_out"] for row in rows] == [True, True, False, False]
+    searched, hurried, free, refused = rows
+    assert (searched["status"], searched["cause"]) == ("in_contact", "local_minimum")
+    assert searched["text"].endswith(f" reached after {searched['attempts']} guesses; more time may help")
+    assert (hurried["status"], hurried["cause"]) == ("refused", "time")
+    assert (free["cause"], refused["cause"]) == ("", "end_in_contact")
 
 
 def test_a_folder_holds_one_run(run_here: Callable[..., bool]) -> None:

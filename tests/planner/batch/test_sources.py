@@ -45,6 +45,20 @@ def test_folders_are_searched_for_pairs_and_scenes() -> None:
     assert (single.request, single.robot) == (None, None)
 
 
+def test_links_that_lead_nowhere_are_problems_that_say_so() -> None:
+    write("a/one.yaml")
+    for link in ("a/gone.yaml", "a/shelf", "a/readme.txt"):
+        Path(link).symlink_to("nowhere")
+    jobs = jobs_of(["a"])
+    assert [job.name for job in jobs] == ["gone", "one", "shelf"]
+    assert {job.name for job in jobs_of(["a/*.yaml"])} == {"a/gone", "a/one"}
+    for job in jobs:
+        if job.name != "one":
+            with pytest.raises(InputError, match=f"a/{job.name}.* is a link to nowhere, which does not exist$"):
+                job.load()
+            assert job.hashed == ""
+
+
 def test_names_of_several_folders_differ() -> None:
     write("a/one.yaml"), write("b/one.yaml")
     assert [job.name for job in jobs_of(["a", "b"])] == ["a/one", "b/one"]

@@ -43,4 +43,6 @@ def test_they_are_those_that_are_computed(damage: str, tmp_path: Path, monkeypat
 def test_without_a_folder_they_are_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "file"))
-    assert [len(body.vertices) for body in convex_bodies(bodies(5))][:3] == [1, 2, 4]
+    with pytest.warns(UserWarning, match="the cache .* cannot be written"):
+        found = convex_bodies(bodies(5))
+    assert [len(body.vertices) for body in found][:3] == [1, 2, 4]

@@ -63,6 +63,25 @@ def test_a_plane_is_covered_without_holes_whatever_its_inclination(seed: int) ->
     assert (away.min(axis=1) <= 1e-3 * points[:, 2]).all()  # perspective bends the parallelograms a little
 
 
+def test_neighbours_are_of_one_surface_up_to_an_inclination_against_the_ray() -> None:
+    """Also at the picture's edge, where the ray is far from the picture's axis."""
+    rng, focal = np.random.default_rng(79), 500.0
+    for i in range(400):
+        s, t = rng.uniform(-0.9, 0.9, 2)
+        ray = np.array([s, t, 1.0]) / np.linalg.norm([s, t, 1.0])
+        across = np.cross(ray, rng.normal(size=3))
+        tilt = np.radians(rng.uniform(70.0, 78.3))  # a pixel's own width is up to 0.1°
+        normal = np.cos(tilt) * ray + np.sin(tilt) * across / np.linalg.norm(across)
+        rays = np.array([[s, t, 1.0], [s, t, 1.0]])
+        rays[1, i % 2] += 1.0 / focal
+        depth = (normal @ ray) / (rays @ normal)
+        camera = (focal, focal, -s * focal, -t * focal)
+        image = depth[None] if i % 2 == 0 else depth[:, None]
+        found = balls_in(read_cloud(Cloud(DepthImage(image, camera, scale=1.0)), "")).array
+        apart = np.linalg.norm(found[0, :3] - found[1, :3])
+        assert apart <= found[:, 3].sum() * (1.0 + 1e-9), (s, t, np.degrees(tilt))
+
+
 def test_facing_the_camera_a_ball_is_the_pixel_and_no_more() -> None:
     image = np.full(SHAPE, 2.0)
     found = balls(image)

@@ -19,6 +19,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle
@@ -155,6 +156,63 @@ def test_the_motion_is_certified_with_the_points_that_are_kept() -> None:
     result = hdplan.plan(Scene(robot="panda", obstacles=(Obstacle("view", far),), start=START, goal=goal))
     assert result.certified
     assert any(f"{len(own)} within 11 mm of the robot" in note for note in result.notes)
+
+
+ARM = """<robot name="one">
+<link name="base"/>
+<link name="arm"><collision><geometry><mesh filename="arm.stl"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint></robot>"""
+
+
+def open_cube(file: Path) -> None:
+    """A cube of 0.4 m without its upper side."""
+    cube = trimesh.creation.box((0.4, 0.4, 0.4))
+    sides = cube.face_normals[:, 2] < 0.5
+    trimesh.Trimesh(cube.vertices, cube.faces[sides]).export(file)
+
+
+def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_path: Path) -> None:
+    """The certificate takes what an open link surrounds by more than half for contact; in an open box something may
+    lie."""
+    open_cube(tmp_path / "arm.stl")
+    (tmp_path / "one.urdf").write_text(ARM)
+    local = np.random.default_rng(4).uniform(-0.15, 0.15, size=(40, 3))
+    local[:, 2] -= 0.03  # below the opening: in the mesh by more than half, and far from it
+    far = np.array([[2.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
+    there = np.array([5.0, 0.0, 0.0])
+    points = np.vstack([local, local + there, far])
+    box = Obstacle("box", Mesh(tmp_path / "arm.stl"), Pose(tuple(there.tolist())))
+    around = Ignored(0.01, obstacle="box")
+    cloud = Cloud(points, 0.001, drop_nan=True, ignore_robot=0.01, ignore=around)
+    scene = Scene(
+        robot=RobotSpec(urdf=tmp_path / "one.urdf"), obstacles=(Obstacle("view", cloud), box), start=[0.0], goal=[1.0]
+    )
+    setup = Setup.of(scene)
+    np.testing.assert_array_equal(kept(setup), np.vstack([local + there, far[:1]]))
+    said = [
+        "cloud 'view': left out in reading: 1 that are not finite",
+        "cloud 'view': of 81 points left out: 40 within 10 mm of the robot (40 of them in meshes with holes), "
+        "0 within 10 mm of box; 40 in box, whose mesh has holes, stay",
+    ]
+    assert [note for note in setup.notes if "view" in note] == said
+    result = hdplan.plan(scene)
+    assert result.certified
+    assert [note for note in result.notes if "view" in note] == said
+    certificate = hdplan.certify(scene, result.trajectory)
+    assert [note for note in certificate.notes if "view" in note] == said
+
+
+def test_what_an_image_saw_out_of_range_is_counted() -> None:
+    image = np.full((6, 8), 2.0)
+    image[0, :5], image[1, 0], image[2, 0] = 9.0, 0.0, np.nan
+    view = Obstacle("view", Cloud(DepthImage(image, [10, 10, 4, 3], scale=1.0)), TURNED)
+    (note,) = (
+        note for note in Setup.of(Scene("s", Path("s.yaml"), "panda", (view,), START, START)).notes if "view" in note
+    )
+    assert note == (
+        "cloud 'view': left out in reading: 5 pixels that saw something nearer than 0.1 m or farther than 3 m"
+    )
 
 
 @pytest.mark.parametrize(
