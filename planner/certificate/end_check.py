@@ -69,9 +69,8 @@ class EndCheck:
 
     def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
         """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""
-        turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper) & self.robot.turning
         error = row - target
-        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # equal up to whole turns
+        error = np.where(self.robot.endless, np.angle(np.exp(1j * error)), error)  # equal up to whole turns
         joint = int(np.abs(error).argmax())
         if abs(error[joint]) <= SAME_END:
             return None
