@@ -246,8 +246,8 @@ class Certifier:
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
     def _configuration(self, q: ArrayLike) -> Array:
-        """Return the values (m,) of all joints of the model at a configuration (n,), which must be valid, as a NaN would
-        be far from everything. Raises InputError."""
+        """Return the values (m,) of all joints of the model at a valid configuration (n,), as a NaN would be far from
+        everything. Raises InputError."""
         return self.robot.expand(joint_numbers("q", q, self.robot.joint_names))
 
     def off_path(self, q: Array) -> tuple[Departure, ...]:

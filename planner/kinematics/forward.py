@@ -59,7 +59,7 @@ class Kinematics:
     """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches, from any thread.
 
     Attributes:
-        n: number of coordinates of the model: of the planned joints and of those that follow them. nj: number of joints, world included.
+        n: number of coordinates, those of joints that follow others included. nj: number of joints, world included.
         supports: (nj, n) True where coordinate j moves joint i.
         function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
         tree: the same for `forward_loop`.

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, Curve, halves
 from hdplan.planner.motion.trajectory import Trajectory
@@ -62,9 +62,9 @@ def unfolded_curve(robot: Robot, curve: Curve) -> Curve:
     return curve if robot.linkage is None else Curve(robot.expand(curve.control), curve.times)
 
 
-def _check_following(said: Mapping[str, ArrayLike], every: Mapping[str, Array]) -> None:
+def _check_following(said: Mapping[str, ArrayLike], every: Mapping[str, NDArray[np.float64]]) -> None:
     """Refuse what a trajectory says of joints that follow others where it is not that of `every` joint of the model."""
-    for name in said.keys() & every.keys():
+    for name in [name for name in said if name in every]:
         off = float(np.abs(np.asarray(said[name]) - every[name]).max())
         if not off <= SAME_LOCKED:
             raise InputError(f"trajectory: joint '{name}' is up to {off:g} from where it would follow other joints")

@@ -164,8 +164,8 @@ class Problem:
         found = self._penalty(self.robot.expand(positions))
         if linkage is None:
             return found
-        gradient, blocks = linkage.fold(found.gradient), map(linkage.fold_blocks, (found.diagonal, found.coupling))
-        return MotionPenalty(found.cost, gradient, *blocks, found.depth)
+        diagonal, coupling = linkage.fold_blocks(found.diagonal), linkage.fold_blocks(found.coupling)
+        return MotionPenalty(found.cost, linkage.fold(found.gradient), diagonal, coupling, found.depth)
 
     def _penalty(self, positions: Array) -> MotionPenalty:
         """The same with waypoints (N, m) and derivatives of all joints of the model, which the terms are about."""
@@ -198,9 +198,9 @@ class Problem:
         for term in self.terms:
             if spanning := term.bend_over_motion(positions, self.kinematics):
                 diagonal, coupling = diagonal + spanning[0], coupling + spanning[1]
-        return (
-            (diagonal, coupling) if linkage is None else (linkage.fold_blocks(diagonal), linkage.fold_blocks(coupling))
-        )
+        if linkage is None:
+            return diagonal, coupling
+        return linkage.fold_blocks(diagonal), linkage.fold_blocks(coupling)
 
     @cached_property
     def _at_samples(self) -> loops.AtSamples:

@@ -71,8 +71,8 @@ class Linkage:
         for name, rule in rules.items():
             if not max(abs(rule.factor), abs(rule.offset)) <= LARGEST:
                 raise InputError(
-                    f"robot: joint '{name}' follows '{rule.leader}' by a multiplier of {rule.factor:g} and an offset of "
-                    f"{rule.offset:g}; at most {LARGEST:g} are allowed, as its place would be lost in rounding"
+                    f"robot: joint '{name}' follows '{rule.leader}' by a multiplier of {rule.factor:g} and an offset "
+                    f"of {rule.offset:g}; at most {LARGEST:g} are allowed, as its place would be lost in rounding"
                 )
         planned = [name for name in names if name not in rules]
         every = [rules.get(name, Rule(name, 1.0, 0.0)) for name in names]
