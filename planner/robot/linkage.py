@@ -131,7 +131,8 @@ class Linkage:
         """Say how a follower moves."""
         at = self.names.index(joint)
         leader = self.names[self.own[self.leader[at]]]
-        offset = f" {'+-'[self.offset[at] < 0]} {abs(self.offset[at]):g}" if self.offset[at] else ""
+        add = float(self.offset[at])
+        offset = f" {'-' if add < 0 else '+'} {abs(add):g}" if add else ""
         return f"'{joint}' follows '{leader}' at {self.factor[at]:g} x its value{offset}"
 
     @property
