@@ -39,7 +39,7 @@ def with_loads(
     """Return the same for a payload and held objects; errors do not name the scene's file, but what masses are `needed`
     for."""
     if robot.linkage is not None:
-        raise InputError(robot.linkage.no_torques)
+        raise InputError(f"{needed}: {robot.linkage.no_torques}")
     model = robot.model.copy()
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)
