@@ -38,7 +38,7 @@ from hdplan.planner.certificate.verdict import (
 )
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
+from hdplan.planner.motion.robot_curve import beyond_limits, curve_of, unfolded_curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot
@@ -117,7 +117,7 @@ class Certifier:
         # those that never touch need no proof, but how close they come counts in what is claimed
         pairs = (*robot.self_pairs, *(robot.never_touching if scene.self_collision.checked else ()))
         own = [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
-        gathered = Bodies(_chain(robot), bodies, robot.pin_q)
+        gathered = Bodies(_chain(robot), bodies, robot.unfolded.pin_q)
         self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
         self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
         with naming(scene.source):
@@ -159,15 +159,16 @@ class Certifier:
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
+        moved = unfolded_curve(self.robot, curve)  # what follows, moves
         beyond = beyond_limits(curve, self.robot)  # nothing else is checked then: it could be anywhere
         if not beyond:
-            refuse_large_motion(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
+            refuse_large_motion(self.sweep.bodies, self._fields, moved, self.robot.unfolded.joint_names)
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
-        proof = Proof() if beyond else self.sweep.prove(curve, floor, suspect)
-        path = None if self.path is None or beyond else self.path.prove(curve)
+        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect)
+        path = None if self.path is None or beyond else self.path.prove(moved)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)
         worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
@@ -260,12 +261,13 @@ class Certifier:
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
     def _configuration(self, q: ArrayLike) -> Array:
-        """Return a valid configuration (n,), as a NaN would be far from everything. Raises InputError."""
-        return joint_numbers("q", q, self.robot.joint_names)
+        """Return the values (m,) of all joints of the model at a valid configuration (n,), as a NaN would be far from
+        everything. Raises InputError."""
+        return self.robot.expand(joint_numbers("q", q, self.robot.joint_names))
 
     def off_path(self, q: Array) -> tuple[Departure, ...]:
         """Return the path constraints that configuration q (n,) violates; exact up to rounding."""
-        return () if self.path is None else self.path.at(q)
+        return () if self.path is None else self.path.at(self.robot.expand(q))
 
     def overload(self, q: ArrayLike) -> str | None:
         """Say which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None if it

@@ -83,9 +83,8 @@ class EndCheck:
         """Say how the first or last waypoint differs from the configuration of a field; None if it does not. A goal
         may be reached a whole `turn` away by joints without limits; a robot that stands elsewhere than where its motion
         begins would jump there."""
-        turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper) & self.robot.turning
         error = row - target
-        error = error - turn * np.round(error / (2 * np.pi)) * turning
+        error = error - turn * np.round(error / (2 * np.pi)) * self.robot.endless
         joint = int(np.abs(error).argmax())
         if abs(error[joint]) <= SAME_END:
             return None

@@ -78,11 +78,11 @@ class PathCheck:
 
     def __init__(self, setup: Setup, chain: Chain) -> None:
         """Look up the links. Raises InputError as `held_by`."""
-        self.robot, self.chain = setup.robot, chain
+        self.robot, self.chain = setup.robot.unfolded, chain
         self.constraints = held_by(setup)
 
     def at(self, q: Array) -> tuple[Departure, ...]:
-        """Return the constraints that configuration q (n,) violates; exact up to rounding."""
+        """Return the constraints that joint values q (m,) violate; exact up to rounding."""
         frames = self.chain.frames(self.robot.pin_q(q[None]))
         found = [(each, float(each.found(*frames)[0])) for each in self.constraints]
         departures = (_departure(each, 0, 0.0, 0.0, value) for each, value in found)

@@ -51,7 +51,7 @@ def collision_model_of(robot: Robot, geometry: str, planes: str) -> CollisionMod
     arguments."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
     enclosed = _enclosed(robot, bodies, geometry, planes)
-    reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
+    reach = tuple(reach_of(robot.unfolded, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, enclosed)
     kept = _distances_kept(robot, kinematics, bodies, enclosed, pairs)
     return CollisionModel(kinematics, bodies, enclosed, reach, pairs, kept, unresolved)
@@ -85,7 +85,7 @@ def _distances_kept(
     result = np.zeros(len(pairs))
     for group in (np.flatnonzero(~np.array(with_held, dtype=bool)), np.flatnonzero(with_held)):
         chosen = [pairs[row] for row in group]
-        result[group] = distances_kept(robot, kinematics, bodies, planes, chosen, SELF_ACTIVATION)
+        result[group] = distances_kept(robot.unfolded, kinematics, bodies, planes, chosen, SELF_ACTIVATION)
     return tuple(result.tolist())
 
 
@@ -125,7 +125,7 @@ def _often_overlapping(
     if known is not None:
         return tuple((a, b) for a, b in known)
     laid_out = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)
-    drawn = kinematics.evaluate(robot.draw(np.random.default_rng(0), TRIALS))
+    drawn = kinematics.evaluate(robot.expand(robot.draw(np.random.default_rng(0), TRIALS)))
     sample, pair = laid_out.close(drawn)
     distance, _, _ = HdsdfPairs(laid_out, GAMMA, LENGTH)(drawn, sample, pair)
     overlaps: dict[LinkPair, set[int]] = {}

@@ -175,6 +175,8 @@ def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[i
     for joint, placement in zip(model.joints, model.jointPlacements, strict=True):
         parts += [str(joint), np.round(placement.homogeneous, 12).tobytes()]
     parts.append(np.array(list(model.parents)).tobytes())
+    if robot.linkage is not None:
+        parts += [robot.linkage.matrix.tobytes(), robot.linkage.offset.tobytes()]
     for index in sorted({index for pair in pairs for index in pair}):
         body = bodies[index]
         vertices = np.round(body.body.vertices, 9) + 0.0  # machines differ in the last digits: far less than ROUNDING

@@ -127,7 +127,7 @@ class Barriers:
             rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
-        self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
+        self._nothing = BarrierRows(np.empty(0), np.empty((0, robot.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
@@ -136,7 +136,8 @@ class Barriers:
         self.standing = standing & (settings.distance in ("hdsdf", "euclidean"))  # (P,) of which `within` is proven
         self._enlarged: dict[float, BodyPairs] = {}  # the pairs with obstacles, by the horizon
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
-        self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+        every = levers(robot.unfolded, [(body.joint, body.body) for body in bodies])
+        self.levers = every if robot.linkage is None else every @ np.abs(robot.linkage.matrix)  # (n,) [m]
 
     def __repr__(self) -> str:
         """Say how many pairs of each kind there are."""
@@ -195,10 +196,11 @@ class Barriers:
         if not found:
             return self._nothing
         fields = zip(*((rows.value, rows.gradient, rows.drift, rows.separation) for rows in found), strict=True)
-        return BarrierRows(*(np.concatenate(parts) for parts in fields))
+        value, gradient, drift, separation = (np.concatenate(parts) for parts in fields)
+        return BarrierRows(value, self.robot.fold(gradient), drift, separation)
 
     def _at(self, q: Array, time: float) -> _Moment:
-        kinematics, now = self.kinematics.evaluate(q), np.array([time])
+        kinematics, now = self.kinematics.evaluate(self.robot.expand(q)), np.array([time])
         poses = [motion.at(now)[0] for motion in self.movers]
         if poses:
             flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
@@ -251,7 +253,7 @@ def _can_meet(
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in (*np.flatnonzero(reach_of(robot, body.joint, body.body).meets(boxes, half)).tolist(), *moving)
+        for b in (*np.flatnonzero(reach_of(robot.unfolded, body.joint, body.body).meets(boxes, half)).tolist(), *moving)
     ]
 
 

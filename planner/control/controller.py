@@ -52,7 +52,7 @@ from hdplan.planner.control.barriers import BarrierRows, Barriers, scene_barrier
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import Task
-from hdplan.planner.robot.joint_limits import joint_limits
+from hdplan.planner.robot.joint_limits import joint_limits, urdf_velocities
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers, quadratic
@@ -146,7 +146,7 @@ class Controller:
                 f"{sure[0]:.3g} m is needed"
             )
         self._clearance = barriers.clearance(settings.margin)
-        given = robot.model.velocityLimit if limits is None else limits
+        given = urdf_velocities(robot) if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
     def __repr__(self) -> str:

@@ -59,7 +59,7 @@ class Kinematics:
     """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches, from any thread.
 
     Attributes:
-        n: number of coordinates. nj: number of joints, world included.
+        n: number of coordinates, those of joints that follow others included. nj: number of joints, world included.
         supports: (nj, n) True where coordinate j moves joint i.
         function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
         tree: the same for `forward_loop`.
@@ -119,8 +119,11 @@ class Kinematics:
         return vars(self) | {"_maps": {}}
 
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
-        """Return the kinematics of configurations q (B, n), or of one (n,) as a batch of one."""
+        """Return the kinematics at values q (B, n) of all joints of the model, or at one (n,) as a batch of one; of a
+        robot's configurations these are `Robot.expand`."""
         values = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        if values.shape[1] != self.n:  # the loops would read beyond it
+            raise ValueError(f"{values.shape[1]} joint values, but the model has {self.n} joints")
         if loops := forward_loop.library():
             return KinematicsBatch(*forward_loop.forward(loops, self.tree, values, self.nj))
         count = len(values)

@@ -42,7 +42,7 @@ class LinkPose(NamedTuple):
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose error (B, 6), translation [m] and rotation [rad] in world axes, and its Jacobian (B, 6, n)."""
-        state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
+        state, wanted, joint = self.arm.evaluate(self.robot.expand(q)), self.target.pose.matrix, self.joint
         rotation = state.rotations[:, joint] @ self.placement[:3, :3]
         origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
         linear = state.linear + np.cross(state.angular, origin[:, None])
@@ -59,8 +59,8 @@ class LinkPose(NamedTuple):
                 wanted[:3, :3] @ rotation.transpose(0, 2, 1)
             ).as_rotvec()
         moved = self.arm.supports[joint][:, None]
-        jacobian = np.concatenate([linear, turning], axis=2) * moved
-        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
+        jacobian = (np.concatenate([linear, turning], axis=2) * moved).transpose(0, 2, 1)
+        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), self.robot.fold(jacobian)
 
 
 class Aim(NamedTuple):
@@ -68,7 +68,7 @@ class Aim(NamedTuple):
 
     links: tuple[LinkPose, ...]
     tolerances: Array  # (k, 2) [m] and [rad]
-    loops: inverse_loop.Loops | None  # in C; None without a compiler
+    loops: inverse_loop.Loops | None  # in C; None without a compiler, and where joints follow others
 
     @classmethod
     def at(cls, robot: Robot, target: PoseTarget | AllOf) -> Aim:
@@ -112,10 +112,9 @@ class Aim(NamedTuple):
 
 
 def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops | None:
-    functions = inverse_loop.library()
-    if functions is None:
+    functions, robot, arm = inverse_loop.library(), links[0].robot, links[0].arm
+    if functions is None or robot.linkage is not None:
         return None
-    robot, arm = links[0].robot, links[0].arm
     joints = np.array([link.joint for link in links], np.int64)
     freedoms = np.array([("x", "y", "z", "none", "all").index(link.target.free_rotation) for link in links], np.int64)
     placed, wanted = (

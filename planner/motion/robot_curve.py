@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, Curve, halves
 from hdplan.planner.motion.trajectory import Trajectory
@@ -21,8 +21,8 @@ SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory 
 def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
     """Return the trajectory's curve, with its joints in the order of the robot's planned ones.
 
-    Locked joints must stay at the values at which the robot holds them. Raises InputError for joints that are missing,
-    unknown or at another value.
+    Locked joints must stay at the values at which the robot holds them, and joints that follow others must follow them.
+    Raises InputError for joints that are missing, unknown or at another value.
     """
     names, curve = trajectory.joint_names, trajectory.curve
     if missing := [name for name in robot.joint_names if name not in names]:
@@ -31,8 +31,10 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
         name: curve.control[:, :, column] for column, name in enumerate(names) if name not in robot.joint_names
     }
     for name, values in {**trajectory.locked, **held}.items():
+        if name in robot.followers:
+            continue
         if name not in robot.locked:
-            known = (*robot.joint_names, *robot.locked)
+            known = (*robot.joint_names, *robot.followers, *robot.locked)
             raise InputError(f"trajectory: joint '{name}' is not one of {robot.name}{nearest(name, known)}")
         away = np.asarray(values) - robot.locked[name]
         if np.abs(away).max() > SAME_LOCKED:
@@ -41,6 +43,9 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
                 f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
             )
     curve = curve.columns([names.index(name) for name in robot.joint_names])
+    if robot.linkage is not None:
+        every = zip(robot.linkage.names, np.moveaxis(robot.expand(curve.control), 2, 0), strict=True)
+        _check_following({**trajectory.locked, **held}, dict(every))
     far = np.abs(curve.control)
     if far.max() > FARTHEST:
         interval, point, joint = np.unravel_index(far.argmax(), far.shape)
@@ -49,6 +54,20 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
             f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than {FARTHEST:g}"
         )
     return curve
+
+
+def unfolded_curve(robot: Robot, curve: Curve) -> Curve:
+    """Return the curve of all joints of the model, those that follow others included: exact, as the control points of a
+    polynomial follow as its values do. The curve itself where nothing follows."""
+    return curve if robot.linkage is None else Curve(robot.expand(curve.control), curve.times)
+
+
+def _check_following(said: Mapping[str, ArrayLike], every: Mapping[str, NDArray[np.float64]]) -> None:
+    """Refuse what a trajectory says of joints that follow others where it is not that of `every` joint of the model."""
+    for name in [name for name in said if name in every]:
+        off = float(np.abs(np.asarray(said[name]) - every[name]).max())
+        if not off <= SAME_LOCKED:
+            raise InputError(f"trajectory: joint '{name}' is up to {off:g} from where it would follow other joints")
 
 
 def beyond_limits(curve: Curve, robot: Robot) -> str | None:

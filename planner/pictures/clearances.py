@@ -65,7 +65,7 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
     problem = build(derived(scene, planner=settings), setup.robot)
     least = np.full(len(positions), np.inf)
-    kinematics = problem.kinematics.evaluate(positions)
+    kinematics = problem.placed(positions)
     for term in (problem.terms.obstacles, problem.terms.moving_obstacles):
         if term:
             inside = term.inside(term.met(kinematics, times))

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
-from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem import loops
 from hdplan.planner.problem.pace import Pace
 from hdplan.planner.problem.samples import Samples
@@ -160,6 +160,15 @@ class Problem:
     def penalty(self, positions: Array) -> MotionPenalty:
         """All terms but the smoothness at waypoints (N, n), without their weight; the depth is that of the samples
         (B,)."""
+        linkage = self.robot.linkage
+        found = self._penalty(self.robot.expand(positions))
+        if linkage is None:
+            return found
+        diagonal, coupling = linkage.fold_blocks(found.diagonal), linkage.fold_blocks(found.coupling)
+        return MotionPenalty(found.cost, linkage.fold(found.gradient), diagonal, coupling, found.depth)
+
+    def _penalty(self, positions: Array) -> MotionPenalty:
+        """The same with waypoints (N, m) and derivatives of all joints of the model, which the terms are about."""
         if compiled := loops.library():
             kinematics, found = self._at_samples(compiled, positions)
         else:
@@ -181,6 +190,7 @@ class Problem:
         """What the Hessian of the penalty at waypoints (N, n) has beyond the curvature: blocks (N, n, n) of each
         waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
         known."""
+        positions, linkage = self.robot.expand(positions), self.robot.linkage
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         nothing = nowhere(*kinematics.columns.shape[:2])
         found = [bend for term in self.terms if (bend := term.bend(kinematics, self.samples)) is not None]
@@ -188,7 +198,9 @@ class Problem:
         for term in self.terms:
             if spanning := term.bend_over_motion(positions, self.kinematics):
                 diagonal, coupling = diagonal + spanning[0], coupling + spanning[1]
-        return diagonal, coupling
+        if linkage is None:
+            return diagonal, coupling
+        return linkage.fold_blocks(diagonal), linkage.fold_blocks(coupling)
 
     @cached_property
     def _at_samples(self) -> loops.AtSamples:
@@ -217,13 +229,18 @@ class Problem:
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
         point of the motion, or at path parameters (B,)."""
-        kinematics = self.kinematics.evaluate(configurations)
+        kinematics = self.placed(configurations)
         depths = [term.depth(kinematics, parameter) for term in self.terms]
         result: Array = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
 
+    def placed(self, configurations: Array) -> KinematicsBatch:
+        """The kinematics at configurations (B, n), or at one (n,)."""
+        return self.kinematics.evaluate(self.robot.expand(configurations))
+
     def with_term(self, term: Term) -> Problem:
-        """The same problem with one more term in its cost, the user's own."""
+        """The same problem with one more term in its cost, the user's own: in terms of all joints of the model, those
+        that follow others included."""
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def with_cloud(self, points: ArrayLike | Cloud, name: str | None = None) -> Problem:
@@ -248,7 +265,7 @@ class Problem:
     def resampled(self, positions: Array) -> Problem:
         """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
         from one sample to the next."""
-        kinematics = self.kinematics.evaluate(positions)
+        kinematics = self.placed(positions)
         joints = [body.joint for body in self.bodies]
         centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies]).reshape(-1, 3)
         places = (

@@ -27,8 +27,9 @@ LOOKS = 9  # points of every interval at which the time law is evaluated
 
 def velocity_penalty(setup: Setup) -> VelocityPenalty:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    scene = setup.scene
-    return VelocityPenalty(setup.limits["velocity"], MinimumJerk(scene.end_time), scene.planner.waypoints)
+    scene, most = setup.scene, np.full(setup.robot.model.nv, np.inf)  # of what follows: in the others' limits already
+    most[setup.robot.coordinates] = setup.limits["velocity"]
+    return VelocityPenalty(most, MinimumJerk(scene.end_time), scene.planner.waypoints)
 
 
 class VelocityPenalty(Term):

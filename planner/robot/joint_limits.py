@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
@@ -26,10 +26,16 @@ def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
     """Return the greatest absolute values (n,) that a scene allows, for every quantity that it limits, by name.
     Velocities are limited as soon as the motion is timed, by the URDF's values if the scene has no others.
 
+    Joints that follow others are kept within limits, too, those of the planned joints that they follow are lower for
+    it: within one number for all joints, or else within the URDF's own values, if it has any.
+
     Raises:
         InputError: wrong number of values, unknown names, or a value that neither scene nor URDF gives.
     """
-    return {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
+    found = {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
+    if robot.linkage is None:
+        return found
+    return {quantity: _with_followers(quantity, most, scene, robot) for quantity, most in found.items()}
 
 
 def asked_limits(scene: Scene) -> dict[str, JointValues]:
@@ -60,13 +66,35 @@ def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> 
     return result
 
 
+def _with_followers(quantity: str, most: Array, scene: Scene, robot: Robot) -> Array:
+    """Return the limits (n,) that keep followers within theirs, too. Raises InputError for torques: nothing says how a
+    linkage shares them."""
+    assert robot.linkage is not None
+    if quantity not in DERIVATIVES:
+        raise InputError(f"{scene.source}: limits.{quantity}: {robot.linkage.no_torques}")
+    if isinstance(given := asked_limits(scene)[quantity], float):
+        return robot.linkage.tightest(np.full(robot.model.nv, given))
+    return np.minimum(most, urdf_velocities(robot, of_planned=np.inf)) if quantity == "velocity" else most
+
+
+def urdf_velocities(robot: Robot, of_planned: ArrayLike | None = None) -> Array:
+    """Return the greatest speeds (n,) that the URDF gives the planned joints, or those of_planned, and what follows
+    them; a follower without a limit has none."""
+    every = np.array(robot.model.velocityLimit)
+    if of_planned is not None:
+        every[robot.coordinates] = of_planned
+    if robot.linkage is None:
+        return every
+    return robot.linkage.tightest(np.where(robot.linkage.follows & ~(every > 0.0), np.inf, every))
+
+
 def _of_urdf(quantity: str, index: int, robot: Robot, where: str) -> float:
-    """Return the URDF's limit of a planned joint; joint i is coordinate i of the model's tangent space."""
+    """Return the URDF's limit of a planned joint."""
     in_urdf = {"velocity": robot.model.velocityLimit, "torque": robot.model.effortLimit}
     joint = robot.joint_names[index]
     if quantity not in in_urdf:
         raise InputError(f"{where}: no value for joint '{joint}', and a URDF has none: give all {robot.n} joints one")
-    value = float(in_urdf[quantity][index])
+    value = float(in_urdf[quantity][robot.coordinates[index]])
     if not 0.0 < value < np.inf:
         raise InputError(f"{where}: the URDF gives joint '{joint}' no limit (found {value:g}): give it one by name")
     return value

@@ -40,7 +40,7 @@ def end_effector(robot: Robot, field: str) -> str:
     arms do, or several end effectors are at their end.
     """
     model = robot.model
-    last = [joint for joint in range(1, model.njoints) if len(model.supports[joint]) == model.njoints]
+    last = [joint for joint in range(1, model.njoints) if _moved_by_all(robot, joint)]
     links = _links(robot)
     hands = {hand.link for hand in robot.semantics.end_effectors if hand.link in links}
     found = sorted(link for link in hands if model.frames[links[link]].parentJoint in last)
@@ -51,6 +51,12 @@ def end_effector(robot: Robot, field: str) -> str:
         why = f"its end effectors are {', '.join(found)}" if found else "no one link is moved by all planned joints"
         raise InputError(f"{field}: the key 'link' is missing, and {robot.name} has no one end effector: {why}")
     return found[0]
+
+
+def _moved_by_all(robot: Robot, joint: int) -> bool:
+    """Whether all planned joints, or what follows them, move what a joint of the model carries."""
+    own = [index - 1 for index in robot.model.supports[joint] if index > 0]
+    return len(set(robot.linkage.leader[own].tolist() if robot.linkage else own)) == robot.n
 
 
 def _last_joint(robot: Robot, joint: int) -> int:

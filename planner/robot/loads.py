@@ -27,7 +27,8 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
 
     Raises:
         InputError: for a link that the robot does not have; an inertia that no body can have; a mass for a mesh that
-            is not closed, as it has no volume over which to distribute it; a joint that moves no mass.
+            is not closed, as it has no volume over which to distribute it; a joint that moves no mass; a robot with
+            joints that follow others.
     """
     with naming(scene.source):
         torque = scene.limits.torque is not None or scene.objective != "energy"
@@ -40,6 +41,8 @@ def with_loads(
 ) -> pin.Model:
     """Return the same for a payload and held objects whose files were read; errors do not name the scene's file, but
     what masses are `needed` for."""
+    if robot.linkage is not None:
+        raise InputError(f"{needed}: {robot.linkage.no_torques}")
     if robot.impossible:
         raise InputError(
             f"{needed}: no body has the inertia of link '{robot.impossible[0]}' of {robot.name}: a principal moment is "

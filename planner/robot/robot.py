@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,7 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.robot.always_touching import always_touching
 from hdplan.planner.robot.as_loaded import AsLoaded
+from hdplan.planner.robot.linkage import Linkage, room_of, rules_of
 from hdplan.planner.robot.pin_model import motion_axes, move_base, read_model, without_joints
+from hdplan.planner.robot.planned_joints import planned_joints, range_of
 from hdplan.planner.robot.self_pairs import (
     ALWAYS_TOUCHING,
     CONTACT_SAMPLES,
@@ -30,14 +31,13 @@ from hdplan.planner.robot.self_pairs import (
     never_in_contact,
 )
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import FEW, InputError, UnsolvableError, listed, naming, nearest
+from hdplan.scenes.errors import FEW, InputError, UnsolvableError, listed, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
 from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
-from hdplan.scenes.robot_files.mjcf import UNLIMITED
 from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
@@ -48,13 +48,12 @@ Array = NDArray[np.float64]
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
 SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same
 PLAN_LESS = "; robot.group plans only some of the joints, robot.locked holds others"
-GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
-ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is planned, where several are given
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A fixed-base robot with its locked joints removed; planned joint i is joint i + 1 of the model."""
+    """A fixed-base robot with its locked joints removed. Planned joint i is joint i + 1 of the model, unless joints
+    follow others (`linkage`): these are joints of the model, too, but not planned."""
 
     name: str
     model: pin.Model  # with the base where the scene puts it; joint 0 is the world
@@ -77,6 +76,7 @@ class Robot:
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot
     impossible: tuple[str, ...] = ()  # links that move and have an inertia that no body has: no torques
+    linkage: Linkage | None = None  # how joints of the model follow the planned ones; None: there are no others
     as_loaded: AsLoaded = field(default=None, repr=False)  # type: ignore[assignment]  # made here: `check_as_loaded`
 
     def __post_init__(self) -> None:
@@ -87,12 +87,43 @@ class Robot:
     def __repr__(self) -> str:
         """Name the robot and its planned joints."""
         held = f", {len(self.locked)} joints held" if self.locked else ""
-        return f"<Robot {self.name}: {self.n} joints planned ({', '.join(self.joint_names)}){held}>"
+        along = f", {len(self.linkage.followers)} follow" if self.linkage else ""
+        return f"<Robot {self.name}: {self.n} joints planned ({', '.join(self.joint_names)}){along}{held}>"
 
     @property
     def n(self) -> int:
         """Number of planned joints."""
         return len(self.joint_names)
+
+    @property
+    def followers(self) -> tuple[str, ...]:
+        """The joints of the model that follow planned ones."""
+        return self.linkage.followers if self.linkage else ()
+
+    @cached_property
+    def coordinates(self) -> NDArray[np.int64]:
+        """Which coordinates of the model's velocities the planned joints are (n,)."""
+        return self.linkage.own if self.linkage else read_only(np.arange(self.n))
+
+    @cached_property
+    def unfolded(self) -> Robot:
+        """The same robot with followers as joints like any other, within what the planned ones' limits leave them;
+        itself where nothing follows. Its configurations are those of `expand`."""
+        if self.linkage is None:
+            return self
+        lower, upper = self.linkage.spread(self.lower, self.upper)
+        inner = np.stack(self.linkage.spread(*self.inner))
+        return replace(self, joint_names=self.linkage.names, lower=lower, upper=upper, inner=inner, linkage=None)
+
+    def expand(self, q: Array) -> Array:
+        """Return the values (..., m) of all joints of the model at configurations (..., n): q itself where nothing
+        follows."""
+        return q if self.linkage is None else self.linkage.expand(q)
+
+    def fold(self, wrench: Array) -> Array:
+        """Return what derivatives (..., m) with respect to all joints of the model are with respect to the planned ones
+        (..., n)."""
+        return wrench if self.linkage is None else self.linkage.fold(wrench)
 
     @property
     def never_touching(self) -> tuple[LinkPair, ...]:
@@ -112,7 +143,17 @@ class Robot:
     def turning(self) -> NDArray[np.bool_]:
         """Which joints turn, rather than slide (n,)."""
         joints = itertools.islice(self.model.joints, 1, None)
-        return read_only(np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints]))
+        return read_only(np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])[self.coordinates])
+
+    @cached_property
+    def followed(self) -> NDArray[np.bool_]:
+        """Which joints others follow (n,): a whole turn of one may take these anywhere."""
+        return self.linkage.followed if self.linkage else read_only(np.zeros(self.n, dtype=np.bool_))
+
+    @cached_property
+    def endless(self) -> NDArray[np.bool_]:
+        """Which joints turn without limits, so that whole turns lead to the same place (n,)."""
+        return read_only(np.isinf(self.lower) & np.isinf(self.upper) & self.turning & ~self.followed)
 
     @cached_property
     def _circling(self) -> tuple[bool, ...]:
@@ -130,7 +171,7 @@ class Robot:
 
     def pin_q(self, q: ArrayLike) -> Array:
         """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
-        values = np.asarray(q, dtype=np.float64)
+        values = self.expand(np.asarray(q, dtype=np.float64))
         if not any(self._circling):
             return values.copy()
         columns: list[Array] = []
@@ -165,7 +206,7 @@ class Robot:
         else:
             named = target.by_name or {}
             for joint, value in named.items():
-                if joint not in self.locked and not from_request:
+                if joint not in (*self.locked, *self.followers) and not from_request:
                     self.index_of(joint, where)
                 if abs(value - self.locked.get(joint, value)) > SAME_PLACE:
                     raise InputError(
@@ -175,20 +216,24 @@ class Robot:
         missing = [joint for joint in self.joint_names if joint not in named]
         if missing:
             raise InputError(f"{where}: no value for {listed(missing)}{PLAN_LESS * (len(missing) > FEW)}")
-        return self._within_limits(
-            np.array([named[joint] for joint in self.joint_names], dtype=np.float64), where, from_request
-        )
+        q = np.array([named[joint] for joint in self.joint_names], dtype=np.float64)
+        if self.linkage is not None:
+            rounded = from_request or target.state is not None
+            self.linkage.check(q, named, where, LIMIT_ROUNDING if rounded else SAME_PLACE)
+        return self._within_limits(q, where, from_request)
 
     def nearest_turn(self, q: Array, near: Array) -> Array:
         """Return configurations q (..., n) as near to another one as whole turns of joints without limits bring them:
         q_i + 2πk is the same place for every whole k, and the values that the joint passes on the way are free."""
         turns = np.round((near - q) / (2 * math.pi))
-        return np.where(np.isinf(self.lower) & np.isinf(self.upper) & self.turning, q + 2 * math.pi * turns, q)
+        return np.where(self.endless, q + 2 * math.pi * turns, q)
 
     def index_of(self, joint: str, where: str) -> int:
         """Return the index of a planned joint. Raises InputError, naming `where`, for any other name."""
         if joint in self.locked:
             raise InputError(f"{where}: joint '{joint}' is held at {self.locked[joint]:g}, not planned (robot.locked)")
+        if self.linkage is not None and joint in self.followers:
+            raise InputError(f"{where}: joint '{joint}' is not planned itself: {self.linkage.rule(joint)}")
         if joint not in self.joint_names:
             raise InputError(f"{where}: unknown joint '{joint}'{nearest(joint, (*self.joint_names, *self.locked))}")
         return self.joint_names.index(joint)
@@ -209,8 +254,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     """Load a robot: one of example-robot-data by its name, or that of a RobotSpec, such as a URDF (and SRDF) file.
 
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
-    group, or else all joints except those of a hand. Mimic joints, the joints that they follow, and those that the SRDF
-    calls passive are never planned.
+    group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
+    planned: mimic joints move with the joint that they follow, where that is planned.
     All other joints are held: at the scene's value (even beyond the limits), or else at the value of the first named
     state that has one, or else at 0, or as near to it as their limits allow.
 
@@ -238,10 +283,18 @@ def load_robot(robot: str | RobotSpec) -> Robot:
                 f"robot: joint '{joint}' of {name} has {kind.nv} coordinates ({kind.shortname()}); "
                 "only joints with one coordinate can be planned"
             )
-    planned, group, notes = _planned(joints, spec, tree, semantics, name)
+    ranges = {joint: range_of(full, joint) for joint in joints}
+    planned, group, notes = planned_joints(full, ranges, spec, tree, semantics, name)
     if spec.base_joints is not None:
         planned += [joint for joint in BASE_JOINTS if joint not in (*planned, *spec.locked)]
-    held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
+    rules = {joint: rule for joint, rule in rules_of(tree, joints).items() if rule.leader in planned and rule.factor}
+    for joint in spec.locked:
+        if joint in rules:
+            raise InputError(
+                f"robot.locked: joint '{joint}' follows '{rules[joint].leader}', which is planned: hold that one"
+            )
+    resting = [joint for joint in joints if joint not in (*planned, *rules)]
+    held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in resting}
     notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:
         notes.append(f"no link of {name} has collision geometry, so it cannot touch anything")
@@ -266,16 +319,22 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         link = str(model.frames[item.parentFrame].name)
         link_geometry[link] = (*link_geometry.get(link, ()), index)
         link_joint[link] = int(item.parentJoint)
-    bounded = np.array([joint.nq == 1 for joint in itertools.islice(model.joints, 1, None)])
-    first = [joint.idx_q for joint in itertools.islice(model.joints, 1, None)]
-    lower, upper = np.asarray(model.lowerPositionLimit)[first], np.asarray(model.upperPositionLimit)[first]
-    lower = np.where(bounded & (lower > -UNLIMITED), lower, -np.inf)
-    upper = np.where(bounded & (upper < UNLIMITED), upper, np.inf)
+    names, linkage = tuple(str(joint) for joint in model.names)[1:], None
+    lower, upper = np.array([ranges[joint] for joint in names]).reshape(-1, 2).T
+    if rules:
+        linkage = Linkage.of(names, rules)
+        names = tuple(names[i] for i in linkage.own.tolist())
+        notes += [f"joints that move with others: {', '.join(map(linkage.rule, linkage.followers))}"]
+        within = np.array([room_of(joint, rules, ranges) for joint in names])
+        for i in np.flatnonzero((within != np.stack([lower, upper], axis=1)[linkage.own]).any(axis=1)).tolist():
+            low, high = within[i].tolist()
+            notes.append(f"joint '{names[i]}': limits narrowed to [{low:g}, {high:g}] by those of what follows it")
+        lower, upper = within.T
     loaded = Robot(
         name=name,
         model=model,
         collision=collision,
-        joint_names=tuple(str(joint) for joint in model.names)[1:],
+        joint_names=names,
         lower=lower,
         upper=upper,
         inner=np.stack([lower, upper]),
@@ -290,6 +349,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         files=(*files, *meshes),
         base=spec.base,
         impossible=_moved(tree.impossible, model),
+        linkage=linkage,
     )
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(loaded, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
@@ -317,68 +377,6 @@ def _moved(links: tuple[str, ...], model: pin.Model) -> tuple[str, ...]:
     """Return those of the links that a joint of the model moves."""
     carried = {str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint}
     return tuple(link for link in links if link in carried)
-
-
-def _planned(
-    joints: list[str], spec: RobotSpec, tree: Tree, semantics: Semantics, name: str
-) -> tuple[list[str], str | None, list[str]]:
-    """Return the joints to plan, the SRDF's group that they are of, if any, and notes where a group chose them or could
-    not."""
-    coupled = tree.coupled
-    candidates = [joint for joint in joints if joint not in coupled and joint not in semantics.passive]
-    if isinstance(spec.group, tuple):
-        return _listed_joints(spec.group, joints, candidates, spec, tree), None, []
-    groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
-    if spec.group is not None:
-        if not semantics.groups:
-            raise InputError(
-                f"robot.group: no SRDF of {name} says which joints the group '{spec.group}' has; "
-                "robot.group: [joint, ..] names them, robot.srdf gives an SRDF"
-            )
-        with naming("robot.group"):
-            group = semantics.group(spec.group, (name, tree.name))
-        planned = [joint for joint in groups[group] if joint not in spec.locked]
-        if not planned:
-            raise InputError(
-                f"robot.group: the group '{group}' has no joint that can be planned: not fixed, mimic or passive "
-                "joints, joints that mimic joints follow, or those of robot.locked"
-            )
-        return planned, group, [f"planned joints: those of the SRDF's group '{group}'"]
-    notes: list[str] = []
-    groups = {group: members for group, members in groups.items() if members}
-    arms = [group for group in groups if ARM_GROUP.search(group)] if len(groups) > 1 else list(groups)
-    chosen = None
-    if len(arms) == 1 and len(groups[arms[0]]) < len(candidates):
-        chosen = arms[0]
-        candidates = groups[chosen]
-        notes.append(f"planned joints: those of the SRDF's group '{chosen}'")
-    candidates = [joint for joint in candidates if not GRIPPER.search(joint)] or candidates
-    planned = [joint for joint in candidates if joint not in spec.locked]
-    if not planned:
-        raise InputError(f"robot: {name} has no joint left to plan")
-    return planned, chosen, notes
-
-
-def _listed_joints(
-    asked: tuple[str, ...], joints: list[str], candidates: list[str], spec: RobotSpec, tree: Tree
-) -> list[str]:
-    """Return the joints that robot.group lists, in the robot's order. Raises InputError for one that cannot be
-    planned."""
-    for i, joint in enumerate(asked):
-        why = None
-        if joint in spec.locked:
-            why = "is held by robot.locked: leave it out of one of the two"
-        elif joint in tree.coupled:
-            why = "cannot be planned: it is a mimic joint, or one that a mimic joint follows"
-        elif joint in joints and joint not in candidates:
-            why = "cannot be planned: it is passive, says the SRDF"
-        elif joint not in joints and joint in tree.joints:
-            why = "cannot be planned: it is fixed"
-        elif joint not in joints:
-            raise InputError(f"robot.group[{i}]: unknown joint '{joint}'{nearest(joint, candidates)}")
-        if why:
-            raise InputError(f"robot.group[{i}]: joint '{joint}' {why}")
-    return [joint for joint in joints if joint in asked]
 
 
 def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantics: Semantics) -> float:

@@ -82,6 +82,8 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
             yield f"its joint '{joint}' is not held where the scene's is"
     if robot.joint_names != own.joint_names:
         yield "other joints of it are planned than of the scene's"
+    elif robot.followers != own.followers:
+        yield "other joints of it follow than of the scene's"
     for joint, beyond in zip(own.joint_names, (robot.lower < own.lower) | (robot.upper > own.upper), strict=True):
         if beyond:
             yield f"its joint '{joint}' may go beyond the limits of the scene's"

@@ -150,7 +150,11 @@ class Setup:
         scene, robot = self.scene, self.robot
         ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
         named = [joint for target in ends for joint in target.by_name or ()]
-        unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
+        unknown = [
+            joint
+            for joint in dict.fromkeys(named)
+            if joint not in (*robot.joint_names, *robot.followers, *robot.locked)
+        ]
         notes = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
         for target in ends:
             state = robot.named_states.get(target.state or "", {})

@@ -8,6 +8,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
+from hdplan.planner.robot.pin_model import read_model
+from hdplan.planner.robot.planned_joints import range_of, with_range
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.scenes.errors import InputError
@@ -29,13 +31,15 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
     Raises:
         InputError: a robot that cannot be loaded, or that has an SRDF.
     """
+    source = source_of(spec)
     name, _, srdf, _ = description_of(spec)
     if srdf is not None:
         raise InputError(f"--srdf: {name} has an SRDF: {srdf}")
-    tree = read_tree(source_of(spec))
+    tree = read_tree(source)
     robot = load_robot(spec)
-    movable = tuple(joint for joint in (*robot.joint_names, *robot.locked) if joint not in tree.coupled)
-    whole = load_robot(replace(spec, group=movable, locked={}))
+    full, _, _ = read_model(source)
+    movable = with_range({joint: range_of(full, joint) for joint in list(map(str, full.names))[1:]}, tree)
+    whole = load_robot(replace(spec, group=tuple(movable), locked={}))
     found = {
         pair: REASONS[reason]
         for pair, reason in sorted(whole.unchecked.items())

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
-from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.kinematics.inverse import LONGEST, Aim, damped_step, self_motion
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -101,7 +100,7 @@ def reaching(
     best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]
     least = tuple(Miss(position, angle) for position, angle in best.tolist())
     met = _centred(aim, q[aim.within(error, AT_MOST)])
-    met = _distinct(_fewest_turns(robot, aim.arm, met, start), start)
+    met = _distinct(_fewest_turns(robot, met, start), start)
     if not path:
         met = _distinct(np.vstack([_drawn_near(aim, met, start), met]), start)
     return met, least
@@ -119,7 +118,8 @@ def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
         error, jacobian = aim.linearized(q[going])
         missing, far = aim.beyond(error, AIM), ~aim.within(error, ENOUGH)
         if path:
-            astray, slope = to_path(path, aim.arm.evaluate(q[going]))
+            astray, slope = to_path(path, aim.arm.evaluate(aim.robot.expand(q[going])))
+            slope = aim.robot.fold(slope)
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
@@ -167,11 +167,11 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
     return q
 
 
-def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:
+def _fewest_turns(robot: Robot, q: Array, start: Array) -> Array:
     """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
-    revolute = np.linalg.norm(arm.evaluate(start).angular[0], axis=1) > 0.5
+    turns = robot.turning & ~robot.followed
     nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
-    return np.where(revolute & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
+    return np.where(turns & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
 
 
 def _distinct(q: Array, start: Array) -> Array:

@@ -42,14 +42,14 @@ def _with_room(problem: Problem) -> tuple[Clearance, ...]:
 
 
 def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
-    way, once = [end], Samples((1,))
+    way, once, fold = [end], Samples((1,)), problem.robot.fold
     for _ in range(STEPS):
-        kinematics = problem.kinematics.evaluate(way[-1])
+        kinematics = problem.placed(way[-1])
         found = [term.at_samples(kinematics, once) for term in terms]
-        gradient = np.sum([penalty.gradient[0] for penalty in found], axis=0)
+        gradient = fold(np.sum([penalty.gradient[0] for penalty in found], axis=0))
         if not np.any(gradient):
             break
-        curvature = np.sum([penalty.curvature[0] for penalty in found], axis=0)
+        curvature = fold(fold(np.sum([penalty.curvature[0] for penalty in found], axis=0)).T)
         damped = curvature + DAMPING * np.trace(curvature) / len(end) * np.eye(len(end))
         step = -np.linalg.solve(damped, gradient)
         step *= min(1.0, LONGEST / np.abs(step).max())

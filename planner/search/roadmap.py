@@ -63,10 +63,10 @@ def onto_path(problem: Problem, q: Array) -> Array:
     from hdplan.planner.problem.path_terms import to_path
 
     for _ in range(PULLS):
-        missing, slope = to_path(problem.terms.path, problem.kinematics.evaluate(q))
+        missing, slope = to_path(problem.terms.path, problem.placed(q))
         if not missing.any():
             break
-        q = damped_step(problem.robot, q, missing, slope)
+        q = damped_step(problem.robot, q, missing, problem.robot.fold(slope))
     return q
 
 

@@ -146,7 +146,7 @@ class TimedRoadmap(Roadmap):
     def _depths(self, configurations: Array) -> Array:
         """(depth/DEPTH)² of configurations (B, n) at every step (B, S + 1)."""
         batch, steps = len(configurations), len(self.parameters)
-        kinematics = self.problem.kinematics.evaluate(configurations)
+        kinematics = self.problem.placed(configurations)
         again = np.repeat(np.arange(batch), steps)
         repeated = KinematicsBatch(kinematics.placements[again], kinematics.columns[again])
         moving = self.moving.depth(repeated, np.tile(self.parameters, batch)).reshape(batch, steps)

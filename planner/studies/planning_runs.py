@@ -250,7 +250,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
     term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0), None
-    kinematics = problem.kinematics.evaluate(situation.near)
+    kinematics = problem.placed(situation.near)
     sample, pair = term.pairs.close(kinematics)
     separation = np.full(len(situation.near), np.inf)
     np.minimum.at(separation, sample, term.distance(kinematics, sample, pair)[2])
@@ -263,7 +263,7 @@ def _off(problem: Problem, situation: _Situation) -> Array:
     term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0)
-    inside = term.inside(problem.kinematics.evaluate(situation.near))
+    inside = term.inside(problem.placed(situation.near))
     order = np.lexsort((inside.distance, inside.sample))
     _, deepest = np.unique(inside.sample[order], return_index=True)
     rows = order[deepest]

@@ -48,8 +48,8 @@ def trial(problem: Problem) -> Rows:
     solver's initial weight."""
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     placed = problem.samples.configurations(line)
-    kinematics = problem.kinematics.evaluate(placed)
-    seconds = {"kinematics": _median(lambda: problem.kinematics.evaluate(placed))}
+    kinematics = problem.placed(placed)
+    seconds = {"kinematics": _median(lambda: problem.placed(placed))}
     costs = {"smoothness": problem.smoothness.value(line)[0]}
     seconds["smoothness"] = _median(lambda: problem.smoothness.value(line))
     for term in problem.terms:
@@ -69,7 +69,8 @@ def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Array)
     """Return one evaluation of a term as a function, which returns the term's cost."""
 
     def run() -> float:
-        found = (term.at_samples(kinematics, problem.samples), term.over_motion(line, problem.kinematics))
+        along = problem.robot.expand(line)
+        found = (term.at_samples(kinematics, problem.samples), term.over_motion(along, problem.kinematics))
         return sum(penalty.cost for penalty in found if penalty)
 
     return run

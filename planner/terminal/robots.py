@@ -82,7 +82,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
         for i, joint in enumerate(robot.joint_names)
     ]
     held: Rows = [{"joint": joint, "at": round(value, 6)} for joint, value in robot.locked.items()]
-    moving = {*robot.joint_names, *robot.locked}
+    moving = {*robot.joint_names, *robot.followers, *robot.locked}
     groups: Rows = [
         {"group": group, "joints": ", ".join(joint for joint in members if joint in moving)}
         for group, members in robot.semantics.groups.items()

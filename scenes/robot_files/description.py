@@ -82,11 +82,6 @@ class Tree:
         """All joints, fixed ones too."""
         return tuple(joint for _, joint in self.parent.values())
 
-    @property
-    def coupled(self) -> set[str]:
-        """The mimic joints, and those that they follow."""
-        return {joint for mimic, (followed, _, _) in self.mimics.items() for joint in (mimic, followed)}
-
     def between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the links on the path from link `a` to link `b`, without these two."""
         above_a, above_b = self._upward(a), self._upward(b)

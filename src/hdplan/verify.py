@@ -583,6 +583,7 @@ class Joint:
     low: float
     high: float
     most: dict[str, float] = field(default_factory=dict)  # of velocity and torque, by the URDF
+    follows: bool = False  # another joint
 
 
 def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
@@ -825,6 +826,9 @@ class World:
             below.setdefault(parent, []).append((parent, child, joint))
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
+        self.rules, by_name = dict[str, tuple[str, float, float]](), {x.get("name"): x for x in root.findall("joint")}
+        for name in by_name:
+            self.follow(name, by_name)
         self.joints, self.held, waiting = list[Joint](), dict[str, float](), below.get(first, [])[:]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
         while waiting:  # depth first, by the joints' names, as a scene counts them
@@ -874,6 +878,25 @@ class World:
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
 
+    def follow(self, name: str, joints: dict[str, Any]) -> None:
+        """Let a joint that follows one of the motion's, or one that follows itself, move with it: at scale times its
+        value + add, as do the control points."""
+        mimic = joints[name].find("mimic")
+        if mimic is None or joints[name].get("type") == "fixed" or name in self.rules:
+            return
+        other = mimic.get("joint", "")
+        if other in joints and other not in self.names:
+            self.follow(other, joints)
+        if other not in self.names:  # it is held
+            return
+        need(name not in self.names, f"joint '{name}': follows '{other}', and the motion says where it is")
+        scale, add = numbers([float(mimic.get(key, x)) for key, x in (("multiplier", 1.0), ("offset", 0.0))], 2, name)
+        column = [self.names.index(other)]
+        at, every = self.control[:, :, column] * float(scale) + float(add), self.control
+        mid, rad = (np.concatenate(x, axis=2) for x in ((every.mid, at.mid), (every.rad, at.rad)))
+        self.control, self.rows = Ball(mid, rad), np.hstack([self.rows, self.rows[:, column] * scale + add])
+        self.names, self.rules[name] = [*self.names, name], (other, float(scale), float(add))
+
     def link(self, name: Any) -> tuple[int, Pose]:
         """Return the joint that carries a link, and where the link is in its frame."""
         need(name in self.links, f"'{name}' is no link of the robot")
@@ -915,7 +938,7 @@ class World:
         start = mapping(self.top.get("start"), "start", TARGETS).get("joints")
         sources = [x for x in (self.spec.get("locked"), self.locked) if isinstance(x, dict) and name in x]
         if name in self.names:
-            need(mimic is None, f"joint '{name}': follows another joint and cannot be moved")
+            need(mimic is None or name in self.rules, f"joint '{name}': follows another joint and cannot be moved")
             at = self.control[:, :, self.names.index(name)]
             held = all(((at - numbers(x[name], 1, name)).size <= SAME).all() for x in sources)
             need(held, f"joint '{name}': moves, and is to be held")
@@ -923,7 +946,8 @@ class World:
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
             kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
             most = {key: float(limit.get(word, "nan")) for key, word in kinds}
-            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, most))
+            follows = name in self.rules
+            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, most, follows))
             return len(self.joints) - 1, HERE
         if mimic is not None:
             need(mimic.get("joint") not in self.names, f"joint '{name}': follows a joint that moves: cannot be checked")
@@ -1277,15 +1301,20 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
 
 
 def limits_of(world: World, name: str, joints: list[Joint]) -> Any:
-    """Return the scene's limits (n,) of a rate, or of torques."""
+    """Return the scene's limits (n,) of a rate, or of torques. What follows another joint is within one number for all,
+    or within the URDF's own, if it has any."""
     asked = world.limits.get(name, "urdf" if name == "velocity" else None)
     need(world.clock is not None, f"limits.{name}: the motion has no times")
+    named = [x.name for x in joints if not x.follows]
     values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
-    values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
-    need({*values} <= {x.name for x in joints}, f"limits.{name}: names a joint that does not move")
+    values = dict(zip(named, asked, strict=True)) if isinstance(asked, list) else values
+    good = {*values} <= {*named} or not isinstance(asked, dict)
+    need(good, f"limits.{name}: names a joint that does not move, or follows another one")
     most = [values.get(x.name, "urdf") for x in joints]
     most = [x.most.get(name) if y == "urdf" else y for x, y in zip(joints, most, strict=True)]
-    return numbers(most, len(joints), f"limits.{name}")
+    free: Any = np.array([x.follows and not (y or 0.0) > 0.0 for x, y in zip(joints, most, strict=True)])
+    found = numbers([0.0 if x else y for x, y in zip(free, most, strict=True)], len(joints), f"limits.{name}")
+    return np.where(free, np.inf, found)
 
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
@@ -1338,6 +1367,7 @@ def check_torques(world: World) -> None:
     """Check the limits of torques: inverse dynamics (Luh, Walker and Paul 1980) of numbers that are linear in s but for
     a radius, from the joints' values and rates on parts of the motion. Gravity is 9.81 m/s^2 along -z."""
     joints = world.joints[: world.rows.shape[1]]
+    need(not world.rules, "limits.torque: nothing says how joints share a load that follow one another")
     most, rates = limits_of(world, "torque", joints), rates_of(world, "torque", 2)
     need(np.isfinite([mass for mass, *_ in world.masses]).all(), "limits.torque: a mass's inertia cannot be checked")
     loads = [
@@ -1508,10 +1538,13 @@ def at_values(world: World, target: Any, end: str) -> bool:
     joints, row = world.joints[: world.rows.shape[1]], world.rows[0 if end == "start" else -1]
     names = [x.name for x in joints]
     if not isinstance(target, dict):
-        target = dict(zip(names, numbers(listing(target, end), len(row), end).tolist(), strict=True))
+        leading = [x.name for x in joints if not x.follows]
+        target = dict(zip(leading, numbers(listing(target, end), len(leading), end).tolist(), strict=True))
     here = {**world.held, **dict(zip(names, row.tolist(), strict=True))}
     need({*target} <= {*here} or world.top.get("from_request"), f"{end}: names a joint that is none")
     free = {x.name for x in joints if end == "goal" and x.turns and x.low == -np.inf == -x.high}
+    free -= {*world.rules} | {other for other, _, _ in world.rules.values()}  # a turn of these leads elsewhere
+    here = {name: at for name, at in here.items() if name not in world.rules or name in target}
     for name, at in here.items():
         off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"{end}: joint '{name}'")[0])
         off -= 2 * np.pi * np.rint(off / (2 * np.pi)) * (name in free)
@@ -1537,7 +1570,7 @@ def at_target(world: World, asked: dict[str, Any], end: str) -> bool:
     state = world.states.get(str(asked.get("state")), {})
     values: Any = asked.get("joints")
     if "state" in asked:
-        values = [state.get(x.name) for x in world.joints[: world.rows.shape[1]]]
+        values = [state.get(x.name) for x in world.joints[: world.rows.shape[1]] if not x.follows]
     several = isinstance(values, list) and any(isinstance(x, (list, dict)) for x in values)
     return any(at_values(world, x, end) for x in (values if several else [values]))
 
@@ -1555,7 +1588,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
     if "path" in claims:
         check_path(world)
     ranges = world.limits.get("position", {})
-    need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
+    need({*ranges} <= {x.name for x in joints if not x.follows}, "limits.position: a joint does not move, or follows")
     low, high = np.array([(x.low, x.high) for x in joints]).T
     for i, name in enumerate(x.name for x in joints):
         least, most = numbers(ranges[name], 2, f"limits.position.{name}") if name in ranges else (low[i], high[i])
@@ -1592,6 +1625,8 @@ def statement(world: World, head: dict[str, Any]) -> str:
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted("-".join(sorted(x)) for x, why in world.left_out.items() if why == reason)
         said.append(f"  not compared, {reason}: {', '.join(pairs)}")
+    rules = (f"{name} at {k:g} x {other} + {add:g}" for name, (other, k, add) in world.rules.items())
+    said += [f"  following, as the URDF says: {', '.join(rules)}"] * bool(world.rules)
     said += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
     return "\n".join([*map(shown, said), "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 

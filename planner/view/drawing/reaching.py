@@ -32,7 +32,7 @@ def follow_tip(tip: Tip, postures: Sequence[Array], target: pin.SE3) -> tuple[Ar
         pin.computeJointJacobians(robot.model, data, robot.pin_q(q))
         error = pin.log6((data.oMi[tip.joint] * offset).actInv(target)).vector
         own = pin.getJointJacobian(robot.model, data, tip.joint, pin.ReferenceFrame.LOCAL)
-        return error[None], (offset.toActionMatrixInverse() @ own)[None]
+        return error[None], robot.fold(offset.toActionMatrixInverse() @ own)[None]
 
     q, _ = _follow(robot, linearized, postures)
     return q, float(np.linalg.norm(tip.placement(q).translation - target.translation))

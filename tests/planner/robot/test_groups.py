@@ -314,9 +314,11 @@ def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
     ):
         with pytest.raises(InputError, match=said):
             replace(two_arms, group=group)
-    coupled = load_robot(RobotSpec(name="panda")).locked
-    with pytest.raises(InputError, match="cannot be planned: it is a mimic joint, or one that a mimic joint follows"):
-        load_robot(RobotSpec(name="panda", group=tuple(coupled)))
+    fingers = tuple(load_robot(RobotSpec(name="panda")).locked)
+    with pytest.raises(InputError, match=r"\[1\].*it is a mimic joint, which follows 'panda_finger_joint1'"):
+        load_robot(RobotSpec(name="panda", group=fingers))
+    hand = load_robot(RobotSpec(name="panda", group=fingers[:1]))
+    assert (hand.joint_names, hand.followers) == (fingers[:1], fingers[1:])
 
 
 def test_a_group_of_joints_is_read_and_written(two_arms: RobotSpec, tmp_path: Path) -> None:
