@@ -128,11 +128,8 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: solids.obstacle_bodies(OF_LIDAR),
     ),
     ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "seen"): "asks for what can be enclosed again",
-    ("planner/collision/halfspace_bodies.py", "enclosed_loosely", "shape"): "asks for what can be enclosed again",
     ("planner/collision/halfspace_bodies.py", "from_obstacle", "seen"): (
         lambda: halfspace_bodies.from_obstacle(OF_LIDAR),
-    ),
-    ("planner/collision/halfspace_bodies.py", "from_obstacle", "shape"): (
         lambda: halfspace_bodies.from_obstacle(OF_TORUS),
         lambda: halfspace_bodies.from_obstacle(OF_ROUNDED),
     ),

@@ -39,7 +39,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
         "timing notes"
     ),
-    RobotSpec: "name urdf srdf package_dirs group base base_joints locked ignore_pairs source",
+    RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
     PlanarBase: "x y yaw kind",
     Obstacle: "name shape pose clearance motion",
     SteadyMotion: "velocity spin",
@@ -66,7 +66,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
     Pose: "position quaternion_xyzw",
-    FixedArray: "array",
+    FixedArray: "array left_out",
 }
 
 
@@ -95,6 +95,10 @@ def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
     return frozenset(_asked(scene, robot))
 
 
+def _of_pair(one: str, other: str) -> str:
+    return f"robot.check_pairs: {one}, {other}"
+
+
 def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
     yield from (f"robot: {link}" for link in robot.links)
     for obstacle in scene.obstacles:
@@ -104,6 +108,7 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
     yield from (f"attached.{held.name}" for held in scene.attached)
     if scene.self_collision.checked:
         yield "self_collision"
+        yield from (_of_pair(*pair) for pair in scene.robot.check_pairs)
     limited = {each.name for each in fields(scene.limits) if getattr(scene.limits, each.name) not in (None, {})}
     yield from (f"limits.{name}" for name in ({*limited, "velocity"} if scene.timed else limited))
     for each in fields(scene.path):
@@ -211,8 +216,13 @@ def _of_self_pairs(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, flo
     for one, other in robot.unchecked.keys() - {*robot.never_touching}:
         if one in number and other in number:
             asked[min(number[one], number[other]), max(number[one], number[other])] = False
-    if (met.reshape(count, count) >= pieces[:, None] * pieces)[asked].all():
+    compared = met.reshape(count, count) >= pieces[:, None] * pieces
+    if compared[asked].all():
         yield "self_collision"
+    for pair in scene.robot.check_pairs:  # what moves as one, or has no geometry, cannot meet
+        rows = sorted(number[link] for link in pair if link in number)
+        if len(rows) < 2 or compared[rows[0], rows[1]] or not (carried[rows[0]] != carried[rows[1]]).any():
+            yield _of_pair(*pair)
 
 
 def _rows(names: Sequence[str], own: int) -> dict[str, list[int]]:

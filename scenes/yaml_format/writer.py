@@ -33,7 +33,7 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
         "timing notes"
     ),
-    RobotSpec: "name urdf srdf package_dirs group base base_joints locked ignore_pairs source",
+    RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
     PlanarBase: "x y yaw kind",
     Pose: "position quaternion_xyzw",
     Obstacle: "name shape pose clearance motion",
