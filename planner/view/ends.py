@@ -93,7 +93,7 @@ def is_free(edited: Edited, end: str, q: Array) -> bool:
 
 def with_target(goal: Goals, old: object, new: Any) -> Goals:
     """Return a goal with one of its alternatives exchanged."""
-    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))
+    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))  # type: ignore[misc]
 
 
 def _at(robot: Robot, target: PoseTarget, q: Array) -> PoseTarget:
