@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from hdplan.scenes.errors import FieldError, InputError, naming, nearest
 from hdplan.scenes.files import read_file
+from hdplan.scenes.number_text import read_number
 from hdplan.scenes.values import Check, Choice, Number, Row, Whole, boolean, describe, shorten, text
 from hdplan.scenes.yaml_values import read_mapping
 
@@ -100,7 +101,7 @@ class Field:
         """Return the number that a text holds, in a document that may hold numbers as text."""
         if isinstance(value, str) and self.document.text_numbers:
             with contextlib.suppress(ValueError):
-                return float(value)
+                return read_number(value)
         return value
 
     def integer(self, low: int, high: int) -> int:

@@ -182,7 +182,7 @@ def goal_of(value: object) -> JointTarget | Goals:
         return Configuration("goal", f"{Configuration.allowed}, a Pose, a PoseTarget, a list of these, or an AllOf")(
             value
         )
-    targets = []
+    targets: list[JointTarget | PoseTarget | AllOf] = []
     for i, each in enumerate(value):
         place = f"goal[{i}]"
         if isinstance(each, Pose):

@@ -139,8 +139,8 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
             f"{len(targets[0].poses)} poses together: of the configurations that reach them the best certified wins"
         )
     else:
-        kinds = {type(target) for target in targets}
-        kind = "goal" if len(kinds) > 1 else "configuration" if kinds == {JointTarget} else "pose"
+        of = {type(target) for target in targets}
+        kind = "goal" if len(of) > 1 else "configuration" if of == {JointTarget} else "pose"
         reaching = " of the configurations that reach it" * (kind != "configuration")
         choice = f"{counted(len(targets), kind)}:{reaching} the best certified wins"
     kinds = "goal.pose, goal.poses[], goal.all[], goal.any[] or several goal.joints[]"

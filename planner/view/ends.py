@@ -8,6 +8,7 @@ and free axis. A state or a random configuration replaces it, as they are joint 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -90,9 +91,9 @@ def is_free(edited: Edited, end: str, q: Array) -> bool:
     return not (certifier.too_close(q, edited.scene.planner.clearance, when) or certifier.off_path(q))
 
 
-def with_target(goal: Goals, old: object, new: object) -> Goals:
+def with_target(goal: Goals, old: object, new: Any) -> Goals:
     """Return a goal with one of its alternatives exchanged."""
-    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))  # type: ignore[arg-type]
+    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))  # type: ignore[misc]
 
 
 def _at(robot: Robot, target: PoseTarget, q: Array) -> PoseTarget:

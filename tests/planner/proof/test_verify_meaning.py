@@ -277,3 +277,21 @@ def test_pairs_that_the_scene_asks_to_check_are_kept_apart_whatever_the_srdf_say
         assert {*world.left_out} & {far, near} == {far, near} - wanted
         ours = hdplan.build(hdplan.load_scene(scene)).robot
         assert {frozenset(pair) for pair in ours.self_pairs} & {far, near} == wanted
+
+
+def test_a_goal_of_several_kinds_is_met_by_any_of_them(tmp_path: Path) -> None:
+    pose = {"link": "fore", "position": [3.0, 0.0, 0.0], "free_rotation": "all"}  # beyond its reach
+    met, missed = {"joints": [0.5, 0.5]}, {"joints": {"a": 0.5, "b": 0.51}}
+    for goals, good in (([{"pose": pose}, met], True), ([missed, met], True), ([{"pose": pose}, missed], False)):
+        two = files(tmp_path, {"goal": {"any": goals}})
+        assert hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1])).certified is good
+        if good:
+            assert hdplan.prove(*two).text.startswith("accepted:")
+        else:
+            with pytest.raises(RejectedError, match="goal"):
+                claimed(*two, {}, "goal")
+    for bad in ({"start": {"any": [{"joints": [0, 0.1]}]}}, {"goal": {"any": [{"any": [met]}]}}, {"goal": {"any": []}}):
+        with pytest.raises(hdplan.InputError, match="any"):
+            hdplan.load_scene(files(tmp_path, bad)[0])
+        with pytest.raises(RejectedError):
+            claimed(*files(tmp_path, bad), {}, "start", "goal")

@@ -15,11 +15,14 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.plan import plan
 from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.robot_spec import RobotSpec
@@ -388,6 +391,24 @@ def test_factors_scale_the_limits(files: Files) -> None:
         np.testing.assert_allclose(found, [scene.limits.velocity[joint] for joint in robot.joint_names])
         scene.save(files.scene_file.with_name("again.yaml"))
         assert load_scene(files.scene_file.with_name("again.yaml")).limits == scene.limits
+
+
+def test_a_scaled_request_is_planned_with_times_that_keep_its_limits(tmp_path: Path) -> None:
+    examples = Path(__file__).parents[3] / "docs" / "examples"
+    request = yaml.safe_load((examples / "moveit_request.yaml").read_text()) | {VELOCITY: 0.2, ACCELERATION: 0.5}
+    (tmp_path / "request.yaml").write_text(yaml.safe_dump(request) + "---\n")
+    scene = load_scene(examples / "moveit_scene.yaml", tmp_path / "request.yaml", "panda")
+    result = plan(scene)
+    motion = result.trajectory
+    assert result.certified
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    assert np.all(np.abs(motion.velocities) <= [0.2 * 2.175] * 4 + [0.2 * 2.61] * 3)
+    assert np.all(np.abs(motion.accelerations) <= 0.5)
+    assert {use.quantity for use in result.certificate.uses} == {"velocity", "acceleration"}
+    assert all(0.5 < use.share <= 1.0 for use in result.certificate.uses)
+    fast = dataclasses.replace(scene, limits=Limits(acceleration=5.0))
+    assert not certify(scene, plan(fast).trajectory).certified
 
 
 @pytest.mark.parametrize("factor", [-0.1, 1.0001, 7, "fast", [0.5], True, float("nan")])
