@@ -91,6 +91,7 @@ FAULTS: dict[tuple[str, str], dict[str, str]] = {  # what these readers make of 
         r"(?m)^[ \t]+[vf]": "lines that are indented are passed over",
         r"\\(?!\r?\n)": "a backslash joins lines wherever it stands, in comments too",
     },
+    ("Assimp", ".ply"): {r"(?s)element face.*element vertex": "faces before vertices end the process"},
     ("Assimp", ".off"): {r"#": "reading does not end after a comment"},
 }
 
