@@ -15,26 +15,27 @@ from hdplan.scenes.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
-from sieges import mesh_writers, meshes_files  # noqa: E402
+from sieges import mesh_writers, meshes_files
 
 ENDINGS = ("stl", "obj", "off", "ply")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_500_legal_files_are_read_as_written_and_as_assimp_reads_them(ending: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [120, pytest.param(500, marks=pytest.mark.slow)])
+def test_legal_files_are_read_as_written_and_as_assimp_reads_them(ending: str, count: int, tmp_path: Path) -> None:
     kinds: Counter[str] = Counter()
-    for seed in range(500):
+    for seed in range(count):
         data, truth = mesh_writers.written(np.random.default_rng([seed, 0]), ending)
         path = tmp_path / f"mesh.{ending}"
         path.write_bytes(data)
         kind, finding = meshes_files.opinions(path, truth)
         assert finding == "", seed
         kinds[kind] += 1
-    assert kinds["read by Assimp"] > 300, kinds
+    assert kinds["read by Assimp"] > 0.6 * count, kinds
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [80, pytest.param(5000, marks=pytest.mark.slow)])
 def test_spoilt_files_are_refused_or_read_as_others_read_them(ending: str, count: int, tmp_path: Path) -> None:
     kinds: Counter[str] = Counter()
     for seed in range(count):
@@ -46,7 +47,25 @@ def test_spoilt_files_are_refused_or_read_as_others_read_them(ending: str, count
         assert finding == "", seed
         kinds[kind] += 1
     assert kinds["refused"] > count // 4, kinds
-    assert kinds["read by Assimp"] > 0, kinds
+    assert kinds["read by Assimp"] > kinds["refused by Assimp"], kinds
+
+
+def test_the_judge_sees_what_is_missing_or_moved_but_not_how_flat_polygons_are_cut() -> None:
+    rng = np.random.default_rng(0)
+    points, polygons = mesh_writers.part(rng)
+    triangles = mesh_writers.cut(points, polygons)
+    assert meshes_files.different(triangles, np.roll(triangles[::-1], 1, axis=1)) == ""
+    for k in range(len(triangles)):
+        assert meshes_files.different(triangles, np.delete(triangles, k, axis=0))
+        moved = triangles.copy()
+        moved[k, 1] += 1e-3
+        assert meshes_files.different(triangles, moved)
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    one, other = square[[[0, 1, 2], [0, 2, 3]]], square[[[1, 2, 3], [1, 3, 0]]]
+    assert meshes_files.different(one, other) == ""
+    assert meshes_files.different(one, other[:, ::-1])
+    square[2, 2] = 0.1
+    assert meshes_files.different(square[[[0, 1, 2], [0, 2, 3]]], square[[[1, 2, 3], [1, 3, 0]]])
 
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1\n"
@@ -75,7 +94,7 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("obj", SQUARE + "# a \\\nf 1 2 3\n", "line 6: .* a backslash at its end has two readings"),
         ("obj", SQUARE + "f 1 2\\\n3 4\n", "line 6: .* a backslash at its end has two readings"),
         ("obj", SQUARE + "# a\rf 1 2 3\n", "line 6: holds the control character"),
-        ("obj", SQUARE + "f 1 2 3 5\nf 1 3 2 4\n", "line 7: a face of 4 corners is not flat and convex"),
+        ("obj", SQUARE + "f 1 2 3 4\nf 1 3 2 4\n", "line 7: a face of 4 corners is not flat and convex"),
         ("obj", SQUARE + "f 1 2 3 4 5\n", "line 6: a face of 5 corners is not flat and convex"),
         ("obj", SQUARE + "f 1 2 3\nf 1 2 9\n", "line 7: a face has vertex 8 .* there are 5 vertices"),
         ("stl", SOLID + "endsolid a\nsolid b\n", "is cut short: it does not end with 'endsolid'"),
