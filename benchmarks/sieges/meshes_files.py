@@ -88,6 +88,7 @@ FAULTS: dict[tuple[str, str], dict[str, str]] = {  # what these readers make of 
     },
     ("Assimp", ".ply"): {
         r"(?s)element face.*element vertex": "faces before vertices end the process",
+        r"[ \t\n]\+[0-9]+[ \t\r\n]": "rows with a plus sign before a whole number are read one word late",
         r"(?m)^comment [0-9]": "of a comment that begins with a number, rows are lost",
     },
     ("trimesh", ".obj"): {r"(?m)^\s*[vf]\t": "lines with a tab after their keyword are passed over"},
