@@ -24,14 +24,8 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
         "distance.batch",
         "distance.baselines",
     ),
-    *(
-        "distance.studies",
-        "planner.geometry.mesh_formats",
-        "planner.geometry",
-        "planner.robot",
-        "planner.motion",
-        "planner.certificate",
-    ),
+    *("distance.studies", "planner.geometry.mesh_formats"),
+    *("planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     "planner.solvers.methods",
     "planner.proof",
@@ -42,7 +36,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
 # What a proof may rest on; the compiler is a tool, and no distance is in its room.
 CERTIFICATE = {
-    *("scenes", "scenes.robot_files", "planner.geometry.mesh_formats", "planner.geometry", "planner.robot"),
+    *("scenes", "scenes.robot_files", "planner.geometry", "planner.geometry.mesh_formats", "planner.robot"),
     *("planner.motion", "distance.compiled"),
 }
 
