@@ -1,6 +1,6 @@
 """Besiege hdplan: seeded campaigns of hostile cases, each judged by code that shares nothing with it.
 
-    python benchmarks/siege.py [certificate|input|semantics|distance|control|threads ...]
+    python benchmarks/siege.py [certificate|input|semantics|meshes-files|distance|control|threads ...]
         [--count N] [--seed S] [--seconds T] [--jobs J] [--first K] [--output FOLDER]
 
 Case k of a campaign depends on seed and k alone. Prints a table, one row for each campaign; to the error stream, what
@@ -26,6 +26,7 @@ CAMPAIGNS = {  # what is tried, how many cases by default, and the processor tim
     "certificate": ("hostile meshes, random trees, curves right at limits, things that move", 4_500, 60.0),
     "input": ("mutated scenes, MoveIt pairs, motions, URDFs, SRDFs, meshes", 20_000, 20.0),
     "semantics": ("distances, text and back, in MoveIt's words", 5_000, 60.0),
+    "meshes-files": ("meshes of every format, legal or spoilt, against Assimp", 5_000, 20.0),
     "distance": ("poses: random, aligned, touching, overlapping", 250, 300.0),
     "control": ("steps of many robots, obstacles beside the arm, some that come", 4_000, 300.0),
     "threads": ("eight against one, bit for bit", 200, 300.0),
@@ -48,7 +49,7 @@ def main() -> int:
         parser.error(f"CAMPAIGN {', '.join(unknown)}, allowed are {', '.join(CAMPAIGNS)}")
     if given.worker is not None:
         (name,) = given.campaigns
-        attack = importlib.import_module(f"sieges.{name}").attack
+        attack = importlib.import_module(f"sieges.{name.replace('-', '_')}").attack
         campaign.serve(attack, name, given.seed, given.worker)
         return 0
     rows, findings = [], 0

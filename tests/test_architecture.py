@@ -23,7 +23,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
         "distance.batch",
         "distance.baselines",
     ),
-    *("distance.studies", "planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
+    *("distance.studies", "planner.geometry.mesh_formats", "planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     "planner.solvers.methods",
     "planner.proof",
@@ -33,7 +33,10 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
 
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
 # What a proof may rest on; the compiler is a tool, and no distance is in its room.
-CERTIFICATE = {"scenes", "planner.geometry", "planner.robot", "planner.motion", "distance.compiled"}
+CERTIFICATE = {
+    *("scenes", "planner.geometry", "planner.geometry.mesh_formats", "planner.robot", "planner.motion"),
+    "distance.compiled",
+}
 
 HOMES = {  # of each heavy library
     "casadi": {"distance.symbolic", "planner.kinematics", "planner.problem", "planner.solvers"},

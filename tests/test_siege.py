@@ -233,7 +233,7 @@ def test_a_worker_that_dies_or_hangs_is_a_finding_and_the_rest_goes_on(tmp_path)
     assert tally.kinds["fine"] == sum(draw > 2 for draw in draws)
 
 
-SIEGES = {"certificate": 10, "input": 30, "semantics": 10, "control": 3}
+SIEGES = {"certificate": 10, "input": 30, "semantics": 10, "meshes-files": 60, "control": 3}
 
 
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])
