@@ -10,7 +10,8 @@ from typing import Any
 import yaml
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.values import describe
+from hdplan.scenes.number_text import read_number
+from hdplan.scenes.values import describe, shorten
 
 DEEPEST = 64  # levels of lists and mappings in a document
 MOST_VALUES = 1_000_000  # in a document
@@ -119,15 +120,17 @@ def _built(content: str) -> object:
         if count > MOST_VALUES:
             fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
         if fault:
-            line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
-            raise InputError(f"{line}{fault}")
+            raise InputError(f"{_line(event)}{fault}")
     return made[0][0] if own and len(made[0]) == 1 else _MORE
 
 
 def _of_scalar(event: yaml.ScalarEvent) -> object:
     """Return a text, or what YAML 1.1 reads from one without quotes; _MORE for what else it knows, such as dates."""
     word: str = event.value
-    if event.anchor or event.tag:
+    if event.tag or (event.anchor and event.implicit[0]):
+        _check_number(word, event.tag or _resolved(word), event)
+        return _MORE
+    if event.anchor:
         return _MORE
     if not event.implicit[0]:
         return word
@@ -139,10 +142,35 @@ def _of_scalar(event: yaml.ScalarEvent) -> object:
         return float(word)
     if _INT.fullmatch(word):
         return int(word)
-    tag: str = _RULES.resolve(yaml.ScalarNode, word, (True, False))  # type: ignore[no-untyped-call]
+    tag = _resolved(word)
     if tag == f"{_TAG}str":
         return word
+    _check_number(word, tag, event)
     return _MAKERS[tag](yaml.ScalarNode(tag, word)) if tag in _MAKERS else _MORE
+
+
+def _line(event: yaml.Event) -> str:
+    return f"line {event.start_mark.line + 1}: " if event.start_mark else ""
+
+
+def _resolved(word: str) -> str:
+    """Return the tag that YAML 1.1 gives a word without quotes."""
+    return str(_RULES.resolve(yaml.ScalarNode, word, (True, False)))  # type: ignore[no-untyped-call]
+
+
+def _check_number(word: str, tag: str, event: yaml.ScalarEvent) -> None:
+    """Refuse what YAML 1.1 takes for another number than its digits say: 1_0 (10), 010 (8), 1:30 (90), 0x10 (16)."""
+    if tag not in (f"{_TAG}int", f"{_TAG}float") or word.lower().lstrip("+-") in (".inf", ".nan"):
+        return
+    try:
+        value = _MAKERS[tag](yaml.ScalarNode(tag, word))
+        same = value is not None and read_number(word) == float(value)
+    except (ValueError, LookupError, OverflowError):
+        same = False
+    if not same:
+        raise InputError(
+            f"{_line(event)}{shorten(word)} is not a number in decimal digits; a text or a name like that stands in quotes"
+        )
 
 
 def _mapping(parts: list[Any]) -> object:

@@ -28,7 +28,7 @@ from hdplan.planner.collision.reach import levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import check_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -282,7 +282,7 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
     instance(settings, BarrierSettings, "settings")
-    check_robot(scene, robot)
+    scene = Setup.of(scene, robot).scene
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)

@@ -14,6 +14,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Mask, Rows
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.number_text import read_number
 
 DEPTH = 16  # of the tree
 FREE, OCCUPIED, INNER = 1, 2, 3  # of a child's two bits in a .bt file; 0 is unknown
@@ -40,7 +41,7 @@ def read_octomap(content: bytes) -> Leaves:
     if said.get("id") != "OcTree":
         raise InputError(f"is a tree of kind '{said.get('id', '')}'; OcTree is read")
     try:
-        resolution = float(said["res"])
+        resolution = read_number(said["res"])
     except (KeyError, ValueError):
         resolution = 0.0
     if not 0.0 < resolution <= 1e6:

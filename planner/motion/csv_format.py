@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.number_text import read_number
 
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
@@ -76,7 +77,7 @@ def read_csv(data: bytes) -> dict[str, Any]:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        read_number(text.strip(" \t"))
     except ValueError:
-        return False
-    return text.isascii() and "_" not in text  # Python accepts more numbers than CSV has
+        return text.strip(" \t").lower().lstrip("+-") in ("nan", "inf", "infinity")  # refused by name, as a value
+    return True

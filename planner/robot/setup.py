@@ -81,7 +81,8 @@ class Setup:
     def changed(self, **fields: Any) -> Setup:
         """Return the same with other fields of its scene. Raises InputError for what no scene can have, and for files
         that cannot be used."""
-        return replace(self, scene=replace(self.scene, **fields), asked=replace(self.asked, **fields))
+        asked = replace(self.asked, **fields)
+        return replace(self, scene=asked if self.scene is self.asked else replace(self.scene, **fields), asked=asked)
 
     @cached_property
     def query(self) -> Query:

@@ -189,5 +189,5 @@ def verdict_color(certificate: Certificate) -> Color:
 
 def _again(motion: ShownMotion, certifier: Certifier, measured: bool = True) -> ShownMotion:
     """Return the same motion in another scene."""
-    certificate = motion.certificate if motion.scene is certifier.scene else None
+    certificate = motion.certificate if motion.scene is certifier.setup.asked else None
     return ShownMotion.of(motion.name, motion.trajectory, certifier, certificate, measured)

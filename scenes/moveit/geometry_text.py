@@ -18,6 +18,7 @@ from typing import Any
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fields import Document, Field
 from hdplan.scenes.files import read_file
+from hdplan.scenes.number_text import read_number, read_whole
 from hdplan.scenes.values import shorten
 from hdplan.scenes.yaml_values import MOST_VALUES
 
@@ -93,9 +94,9 @@ class _Words:
 
     def _count(self, of: str) -> int:
         word = self._word(f"the number of {of}")
-        if not (word.isascii() and word.isdigit() and len(word) < 8 and int(word) <= MOST_VALUES):
+        if not (word.isascii() and word.isdigit() and len(word) < 8 and read_whole(word) <= MOST_VALUES):
             raise self._error(f"found {shorten(repr(word))}, but the number of {of} is expected here")
-        return int(word)
+        return read_whole(word)
 
     def _numbers(self, count: int, of: str) -> list[float]:
         return [self._number(of) for _ in range(count)]
@@ -103,7 +104,7 @@ class _Words:
     def _number(self, of: str) -> float:
         word = self._word(of)
         try:
-            number = float(word)
+            number = read_number(word)
         except ValueError:
             number = math.nan
         if not math.isfinite(number):

@@ -138,3 +138,20 @@ def test_random_documents_whole_and_damaged(monkeypatch: pytest.MonkeyPatch) -> 
         ):
             assert outcome(damaged) == in_pyyamls_words(damaged, monkeypatch), damaged
     assert whole > 150  # most need nothing of PyYAML
+
+
+@pytest.mark.parametrize(
+    "word", ["1_000", "1_0.5", "0x1F", "0b11", "010", "1:30", "190:20:30.15", "!!int 0x10", "&a 1_0"]
+)
+def test_numbers_that_are_not_decimal_digits_are_refused_by_line(word: str) -> None:
+    """YAML 1.1 takes them for 1000, 31, 8, 90, ...: nobody who writes a scene means that."""
+    with pytest.raises(InputError, match=r"line 2: .* is not a number in decimal digits"):
+        read_mapping(f"a: 1\nk: [2.5, {word}]\n".encode())
+    quoted = word.rpartition(" ")[2]
+    assert read_mapping(f"k: '{quoted}'".encode()) == {"k": quoted}
+
+
+@pytest.mark.parametrize("word", ["7", "-1", "+1", "007", "1.", "-1.5", "1.0e-5", "1.0E+5", ".inf", "-.Inf", "2e3"])
+def test_numbers_in_decimal_digits_are_read(word: str) -> None:
+    value = read_mapping(f"k: {word}".encode())["k"]
+    assert value == (word if "e3" in word else float(word.replace(".inf", "inf").replace(".Inf", "inf")))
