@@ -211,13 +211,14 @@ def test_500_files_are_read_as_written_and_as_others_read_them(tmp_path: Path) -
         ours = vertices[corners]
         assert ours.shape == made.triangles.shape
         np.testing.assert_allclose(ours, made.triangles, rtol=0, atol=1e-12 * np.abs(ours).max(initial=0))
-        for reader, faults in FAULTS.items():
-            if not faults & {*made.odd, made.kind}:
-                theirs = reader(path)
-                assert theirs is not None
-                assert apart(ours, made.meter * theirs) <= SAME, (seed, reader.__name__)
-                confirmed[reader.__name__] += 1
-    assert min(confirmed.values()) > 100
+        reader = next((each for each, faults in FAULTS.items() if not faults & {*made.odd, made.kind}), None)
+        if reader is not None:
+            theirs = reader(path)
+            assert theirs is not None
+            assert apart(ours, made.meter * theirs) <= SAME, (seed, reader.__name__)
+            confirmed[reader.__name__] += 1
+    assert confirmed["by_assimp"] > 120
+    assert confirmed["by_trimesh"] > 20
 
 
 def spoilt(text: str, rng: np.random.Generator) -> str:
@@ -266,7 +267,7 @@ def spoilt(text: str, rng: np.random.Generator) -> str:
 def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) -> None:
     """Whatever is changed: refused in one line, or no change to the geometry, or the change that Assimp sees, too."""
     counts, path = Counter[str](), tmp_path / "a.dae"
-    for seed in range(600):
+    for seed in range(400):
         made = Writer(np.random.default_rng(seed % 100))
         if FAULTS[by_assimp] & {*made.odd, made.kind}:
             continue
@@ -275,8 +276,7 @@ def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) ->
         try:
             vertices, corners = read_mesh_file(path)
         except InputError as error:
-            assert str(error).isprintable()
-            counts["refused"] += 1
+            counts["refused" if str(error).isprintable() else "in several lines"] += 1
             continue
         ours = vertices[corners]
         if ours.shape == made.triangles.shape and np.abs(ours - made.triangles).max() < 1e-9:
@@ -289,5 +289,126 @@ def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) ->
         apart_by = min(apart(ours, theirs), apart(ours, theirs[:, ::-1]))  # Assimp does not turn mirrored parts
         assert apart_by <= SAME, seed
         counts["as Assimp has it"] += 1
-    assert counts["refused"] > 60
+    assert counts["refused"] > 40
+    assert counts["in several lines"] == 0
     assert counts["as Assimp has it"] > 2
+
+
+def points(name: str, numbers: str = "0 0 0 1 0 0 0 1 0 0 0 1") -> str:
+    """A source of four points."""
+    params = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    return (
+        f'<source id="{name}p"><float_array id="{name}a" count="12">{numbers}</float_array><technique_common><accessor '
+        f'source="#{name}a" count="4" stride="3">{params}</accessor></technique_common></source><vertices id="{name}v">'
+        f'<input semantic="POSITION" source="#{name}p"/></vertices>'
+    )
+
+
+FACES = (
+    '<triangles count="4"><input semantic="VERTEX" source="#gv" offset="0"/><p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>'
+)
+PLAIN = (
+    f'<COLLADA xmlns="{SPACE}" version="1.4.1"><asset><unit name="meter" meter="1"/><up_axis>Z_UP</up_axis></asset>'
+    f'<library_geometries><geometry id="g"><mesh>{points("g")}{FACES}</mesh></geometry></library_geometries>'
+    '<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node></visual_scene>'
+    '</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>'
+)
+
+
+def read(text: str) -> np.ndarray:
+    vertices, corners = read_collada(text.encode())
+    return vertices[corners]
+
+
+def test_units_are_kept_and_axes_stand_as_they_are_written() -> None:
+    """As RViz has it, on whose reading the placements in URDFs rely."""
+    plain = read(PLAIN)
+    assert np.array_equal(read(PLAIN.replace('meter="1"', 'meter="0.001"')), 0.001 * plain)
+    assert np.array_equal(read(PLAIN.replace('<unit name="meter" meter="1"/>', "")), plain)
+    for axis in ("X_UP", "Y_UP"):
+        assert np.array_equal(read(PLAIN.replace("Z_UP", axis)), plain)
+
+
+def test_coordinates_keep_double_precision() -> None:
+    text = PLAIN.replace("0 0 0 1 0 0 0 1 0 0 0 1", "5000.0001 0 0 1 0 0 0 1 0 0 0 1.00000000000000022")
+    assert read(text).max() == 5000.0001
+    assert 1.0000000000000002 in read(text)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (SPACE, "http://example.org", "not COLLADA in a namespace of COLLADA"),
+        ('version="1.4.1"', 'version="1.5.0"', r"version is '1.5.0' \(allowed in its namespace: 1.4.0, 1.4.1\)"),
+        ("<COLLADA", '<!DOCTYPE a [<!ENTITY b "1">]><COLLADA', "document types"),
+        ("<up_axis>Z_UP</up_axis>", "<up_axis>z</up_axis>", "up_axis is 'z'"),
+        ('meter="1"', 'meter="0"', "meter is 0; a length above 0"),
+        ('meter="1"', 'meter="1_0"', "meter: '1_0' is not a number"),
+        ('meter="1"', "", "meter: '' is not a number"),
+        ("</asset>", "</asset><library_x/>", "<COLLADA> holds <library_x>: it is not known here"),
+        ('<geometry id="g">', '<geometry id="g"><asset><unit meter="2"/></asset>', "says its own <unit>"),
+        ("<mesh>", "<mesh><spline/>", "<mesh> holds <spline>: curves are not read"),
+        ("mesh>", "convex_mesh>", "<geometry> 'g' holds <convex_mesh>: hulls are not read"),
+        ("mesh>", "brep>", "<brep>: curved surfaces are not read"),
+        ("<triangles", "<trianglez/><triangles", r"<trianglez>: it is not known here \(did you mean 'triangles'\?\)"),
+        ("<p>0", "<ph/><p>0", "<ph>: polygons with holes"),
+        ("0 3 2 1", "0 3 2 <!-- 9 -->1", "<p> holds other things than text"),
+        ("0 3 2 1", "0 3 2 4", "has vertex 4 .* there are 4 vertices"),
+        ("0 3 2 1", "0 3 -2 1", "has vertex -2"),
+        ("0 3 2 1", "0 3 2. 1", "'2.' is not a whole number"),
+        ("0 3 2 1", "0 3 2", "have not the corners"),
+        ('triangles count="4"', 'triangles count="3"', "have not the corners"),
+        ('offset="0"', 'offset="1"', "ends within a corner|have not the corners"),
+        ('offset="0"', 'offset="0" more="1"', "the attribute 'more', which is not known"),
+        ('semantic="VERTEX"', 'semantic="VERTICES"', "an <input> 'VERTICES', which is not known"),
+        ('count="12"', 'count="11"', "says 11 numbers and holds 12"),
+        ('count="4" stride', 'count="5" stride', "reaches beyond the 12 numbers"),
+        ('name="Y"', 'name="Z"', "its parameters are 'X Z Z'; X, Y and Z are needed"),
+        ('name="Y"', 'name="Y" semantic="Z"', "the attribute 'semantic'"),
+        ("0 1 0 0 0 1<", "0 1 0 0 0 inf<", "'inf' is not a number"),
+        ("0 1 0 0 0 1<", "0 1 0 0 0 ٣<", "characters that are in no number"),
+        ("<instance_geometry", '<instance_controller url="#c"/><instance_geometry', "skins and morphs are not read"),
+        ("<instance_geometry", "<skew>0 0 0 0 0 0 0</skew><instance_geometry", "<skew>: is not read"),
+        ("<instance_geometry", "<lookat/><instance_geometry", "<lookat>: is not read"),
+        ("<instance_geometry", "<scale>1 1</scale><instance_geometry", "<scale>: 3 numbers are needed"),
+        ("<instance_geometry", "<rotate>0 0 2 1</rotate><instance_geometry", "its axis has length 2"),
+        ("<instance_geometry", "<matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 2</matrix><instance_geometry", "its last row"),
+        ("<instance_geometry", '<instance_node url="#n"/><instance_geometry', "<node> 'n' instances itself"),
+        ('url="#g"', 'url="other.dae#g"', "url 'other.dae#g' is none of this file"),
+        ('url="#g"', 'url="#h"', "is that of no <geometry>"),
+        ("</library_geometries>", '<geometry id="g"/></library_geometries>', "is that of 2 <geometry>"),
+        ("</visual_scene>", '<x:node xmlns:x="u"/></visual_scene>', "<{u}node>: it is not known here"),
+        ("<scene>", "<scene><instance_physics_scene/>", "what physics moves is not read"),
+        ("<scene>", "<scene><instance_kinematics_scene/>", "what joints move is not read"),
+        ('<scene><instance_visual_scene url="#s"/></scene>', "", "<COLLADA> has no <scene>; one is needed"),
+        ("<library_visual", "<library_animations><animation/></library_animations><library_visual", "parts that move"),
+        ("</COLLADA>", "", "no well-formed XML, or cut short"),
+    ],
+)
+def test_what_is_not_read_is_refused_by_name(before: str, after: str, words: str) -> None:
+    assert before in PLAIN
+    with pytest.raises(InputError, match=words):
+        read(PLAIN.replace(before, after))
+
+
+def test_instances_cannot_cost_more_than_a_mesh_may_hold() -> None:
+    """Nodes that instance each other twice, thirty levels deep."""
+    nodes = "".join(
+        f'<node id="n{i}"><instance_node url="#n{i + 1}"/><instance_node url="#n{i + 1}"/></node>' for i in range(30)
+    )
+    library = f'<library_nodes>{nodes}<node id="n30"><instance_geometry url="#g"/></node></library_nodes>'
+    with pytest.raises(InputError, match="places more than 100000 geometries"):
+        read(
+            PLAIN.replace("<library_visual", f"{library}<library_visual").replace(
+                'url="#g"/></node></visual', 'url="#g"/><instance_node url="#n0"/></node></visual'
+            )
+        )
+
+
+def test_a_camera_that_looks_at_something_or_an_unused_curve_is_no_matter() -> None:
+    more = '<geometry id="h"><spline/></geometry></library_geometries>'
+    more += "<library_controllers><controller/></library_controllers>"
+    text = PLAIN.replace("</library_geometries>", more).replace(
+        "<node", "<node><lookat/><instance_camera/></node><node"
+    )
+    assert np.array_equal(read(text), read(PLAIN))
