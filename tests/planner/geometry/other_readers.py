@@ -52,11 +52,12 @@ def by_trimesh(path: Path) -> np.ndarray | None:
     """The triangles (F, 3, 3) that trimesh reads, those of mirrored parts turned; None where it refuses the file."""
     try:
         scene = trimesh.load_scene(path, process=False)
+        parts = [(place, scene.geometry[name]) for place, name in map(scene.graph.get, scene.graph.nodes_geometry)]
     except Exception:  # each reader behind it fails in its own way
         return None
     found = [np.empty((0, 3, 3))]
-    for place, name in map(scene.graph.get, scene.graph.nodes_geometry):
-        if isinstance(part := scene.geometry[name], trimesh.Trimesh):
+    for place, part in parts:
+        if isinstance(part, trimesh.Trimesh):
             placed = part.vertices[part.faces] @ place[:3, :3].T + place[:3, 3]
             found.append(placed[:, ::-1] if np.linalg.det(place[:3, :3]) < 0 else placed)
     return np.concatenate(found)
