@@ -266,6 +266,8 @@ def test_spoilt_files_are_refused_or_read_as_others_read_them(tmp_path: Path) ->
             path = made.saved(tmp_path)
         except (TypeError, IndexError, KeyError):  # no buffer that could be written
             continue
+        if "escaped" in made.odd:
+            continue
         try:
             ours = read(path)
         except InputError as error:
@@ -436,3 +438,17 @@ def test_a_buffer_beside_a_file_belongs_to_it(tmp_path: Path) -> None:
     assert mesh_stamps([path]) != before
     path.write_text("{")
     assert files_beside(path) == ()
+
+
+def test_quantized_points_are_what_their_type_says(tmp_path: Path) -> None:
+    """Of whole numbers as they are, and normalized: the least of a signed type stands for -1, too."""
+    for normalized, expected in ((False, [-32768, 32767, 100]), (True, [-1.0, 1.0, 100 / 32767])):
+        top, rows = plain(), np.array([[-32768, 32767, 100], [1, 0, 0], [0, 1, 0]], dtype="<i2")
+        top["extensionsRequired"] = [QUANTIZED]
+        top["buffers"] = [{"byteLength": 18, "uri": "data:;base64," + b64encode(rows.tobytes()).decode()}]
+        top["accessors"] = [{"bufferView": 0, "componentType": 5122, "count": 3, "type": "VEC3"}]
+        top["accessors"][0]["normalized"] = normalized
+        top["bufferViews"] = [{"buffer": 0, "byteLength": 18}]
+        del top["meshes"][0]["primitives"][0]["indices"]
+        (tmp_path / "a.gltf").write_text(json.dumps(top))
+        assert read(tmp_path / "a.gltf")[0, 0].tolist() == expected

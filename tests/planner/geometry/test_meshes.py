@@ -55,7 +55,7 @@ def test_bad_mesh_files_are_named(tmp_path: Path) -> None:
         ("none.stl", None, "no such file"),
         ("words.txt", "hello", "not known"),
         ("words.stl", "hello", "is no STL file"),
-        ("words.glb", "hello", "cannot be read"),
+        ("words.glb", "hello", "is no JSON in UTF-8, or cut short"),
         ("empty.obj", "", "is empty"),
         ("points.obj", triangle, "is empty"),
         ("flat.obj", triangle + "v 1 1 0\nf 1 2 3\nf 2 3 4\n", "flat"),
