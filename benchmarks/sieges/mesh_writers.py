@@ -26,7 +26,7 @@ def written(rng: np.random.Generator, ending: str) -> tuple[bytes, Array]:
 
 
 def part(rng: np.random.Generator) -> Part:
-    """Return a small solid of polygons, each flat and convex, somewhere at some scale."""
+    """Return a small solid of polygons, each flat and convex, somewhere."""
     match int(rng.integers(4)):
         case 0:
             points, faces = meshes.box(rng.uniform(0.3, 1.0, 3))
@@ -46,12 +46,14 @@ def part(rng: np.random.Generator) -> Part:
             polygons = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]]
     if rng.random() < 0.5:
         points = points @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    return (points + rng.normal(size=3)) * 10.0 ** float(rng.integers(-3, 4)), polygons
+    return points + rng.normal(size=3), polygons
 
 
 def parts(rng: np.random.Generator) -> list[Part]:
-    """Return one to three solids."""
-    return [part(rng) for _ in range(int(rng.choice([1, 1, 2, 3])))]
+    """Return one to three solids at some scale."""
+    scale = 10.0 ** float(rng.integers(-3, 4))
+    found = [part(rng) for _ in range(int(rng.choice([1, 1, 2, 3])))]
+    return [(scale * points, polygons) for points, polygons in found]
 
 
 def together(all_parts: list[Part]) -> Part:
@@ -177,7 +179,10 @@ def ply(rng: np.random.Generator) -> tuple[bytes, Array]:
     extras = [extras[k] for k in np.flatnonzero(rng.random(len(extras)) < 0.3)]
     properties = [*extras, (kind, "x"), (kind, "y"), (kind, "z")] if rng.random() < 0.3 else []
     properties = properties or [(kind, "x"), (kind, "y"), (kind, "z"), *extras]
-    count, index = str(rng.choice(["uchar", "uint8", "int", "char"])), str(rng.choice(["int", "uint", "ushort", "int32"]))
+    count, index = (
+        str(rng.choice(["uchar", "uint8", "int", "char"])),
+        str(rng.choice(["int", "uint", "ushort", "int32"])),
+    )
     tint = [("uchar", "red"), ("float", "quality")][: int(rng.integers(0, 3))]
     number = _number(rng)
     if order == "ascii":
@@ -208,7 +213,9 @@ def ply(rng: np.random.Generator) -> tuple[bytes, Array]:
         ),
     ]
     if rng.random() < 0.2:
-        elements.append((["element edge 1", "property int vertex1", "property int vertex2"], row([("int", 0), ("int", 1)])))
+        elements.append(
+            (["element edge 1", "property int vertex1", "property int vertex2"], row([("int", 0), ("int", 1)]))
+        )
     if rng.random() < 0.1:
         elements.reverse()
     head = ["ply", f"format {order} 1.0", *([f"comment {_name(rng)}"] * int(rng.integers(0, 2)))]

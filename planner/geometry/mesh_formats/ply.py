@@ -76,7 +76,9 @@ def read_ply(data: bytes) -> Triangles:
     counts, corners = next(iter(faces.values())) if faces else (np.empty(0), np.empty(0))
     if (short := counts < 3).any():
         raise InputError(f"{_face(int(short.argmax()))}: a face has 3 vertices at least")
-    return vertices.astype(np.float64), fans(vertices, counts.astype(np.int64), corners.astype(np.int64), _face)
+    with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
+        double = vertices.astype(np.float64)
+    return double, fans(double, counts.astype(np.int64), corners.astype(np.int64), _face)
 
 
 def _face(row: int) -> str:
@@ -108,8 +110,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                 elements.append(_Element(name, wholes([rows], line)[0]))
             case ["property", *kinds, name] if elements and len(kinds) == 1 + 2 * (kinds[0] == "list"):
                 _new(name, [known.name for known in elements[-1].properties], line)
-                *count, kind = (np.dtype(f"{order}{_type(kind, line)}") for kind in kinds if kind != "list")
-                elements[-1].properties.append(_Property(name, kind, *count))
+                *count, values = (np.dtype(f"{order}{_type(word, line)}") for word in kinds if word != "list")
+                elements[-1].properties.append(_Property(name, values, *count))
             case ["comment" | "obj_info", *_]:
                 pass
             case ["end_header"] if order is not None:
@@ -193,7 +195,10 @@ def _take(words: list[str], properties: Sequence[_Property], found: dict[str, tu
         if known.name in found:
             lengths, values = found[known.name]
             lengths.append(count)
-            values += (read_wholes if known.type.kind in "iu" else read_numbers)(words[begin:end])
+            told = words[begin:end]
+            if known.name in _CORNERS and not all(map(str.isdigit, told)):  # of signs, readers think differently
+                raise ValueError
+            values += (read_wholes if known.type.kind in "iu" else read_numbers)(told)
         begin = end
     if begin != len(words):
         raise ValueError

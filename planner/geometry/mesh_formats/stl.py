@@ -37,7 +37,8 @@ def read_stl(data: bytes) -> Triangles:
     """
     length = _HEAD + _ROW.itemsize * int.from_bytes(data[_HEAD - 4 : _HEAD], "little")
     if len(data) == length:
-        corners = np.frombuffer(data, dtype=_ROW, offset=_HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
+            corners = np.frombuffer(data, dtype=_ROW, offset=_HEAD)["corners"].reshape(-1, 3).astype(np.float64)
     elif data.lstrip()[:5].lower() == b"solid":
         corners = np.array(_solids(text_of(data).lower())).reshape(-1, 3)
     else:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import InputError
 
 Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
@@ -46,10 +46,10 @@ def fans(vertices: Array, counts: Rows, corners: Rows, place: Callable[[int], st
                 f"{place(at)}: a face of {counts[at]} corners is not flat and convex; readers disagree about its "
                 "surface: export it as triangles"
             )
-    return triangles
+    return np.asarray(triangles)
 
 
-def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Array:
+def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Mask:
     """Return which polygons are flat and lie whole in sight of their first corner, up to rounding: there no triangle of
     the fan runs backwards, and together they make less than a whole turn."""
     starts = np.cumsum(ears) - ears
@@ -69,7 +69,7 @@ def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) ->
         return np.asarray(flat & (np.add.reduceat(backwards, starts) <= tolerance) & (turn < WHOLE_TURN))
 
 
-def _bent(quads: Array) -> Array:
+def _bent(quads: Array) -> Mask:
     """Return which quadrilaterals (Q, 4, 3), flat or not, every reader cuts from the first corner to the third: the
     halves look to the same side, whichever way it is cut, and no other corner is as wide as a half turn."""
     a, b, c, d = np.moveaxis(quads, 1, 0)
