@@ -465,6 +465,7 @@ def collada(root: Any) -> Ball:
             source = there(there(ways["VERTEX"]).find("input[@semantic='POSITION']"))
             (array,), (way,) = source.findall("float_array"), source.findall("technique_common/accessor")
             plain = (way.get("stride"), way.get("offset", "0"), there(way)) == ("3", "0", array)
+            plain = plain and [x.get("name") for x in way.findall("param")] in ([], ["X", "Y", "Z"])
             need(plain, "COLLADA: its points are not three numbers each")
             points, stride = np.array(array.text.split(), dtype=np.float64).reshape(-1, 3), 1
             stride += max(int(x.get("offset")) for x in part.findall("input"))

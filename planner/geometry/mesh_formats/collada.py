@@ -164,7 +164,7 @@ class _Scene:
             source = self.referred(_input(vertices, "POSITION"), "source", "source")
             points = self.points(source)
             triangles = [np.empty((0, 3), dtype=np.int64)]
-            for element in (each for tag in PRIMITIVES for each in found[tag]):
+            for element in (each for each in mesh if each.tag in PRIMITIVES):
                 if element.get("count") == "0" and not parts_of(element)["input"] and not parts_of(element)["p"]:
                     continue
                 drawn = self.referred(_input(element, "VERTEX"), "source", "vertices")

@@ -44,23 +44,21 @@ def _parts(file: GltfFile) -> list[tuple[Array, Triangles]]:
         if count > 1:
             raise InputError(f"nodes[{index[:20]}] stands in {count} places; each stands in one")
     found, meshes = list[tuple[Array, Triangles]](), dict[int, list[Triangles]]()
-    level = [(np.eye(4), index) for index in roots]
-    for _ in range(DEEPEST):
-        deeper = []
-        for above, index in level:
-            node, place = file.item("nodes", index, "node", "a node or scene")
-            if "skin" in node or "weights" in node:
-                raise InputError(f"{place} has a skin or morph targets, which are not read: export it as it stands")
-            here = above @ _transform(node, place)
-            deeper += [(here, child) for child in _children(file, index)]
-            if "mesh" in node:
-                mesh, name = file.item("meshes", node["mesh"], "mesh", place)
-                if node["mesh"] not in meshes:
-                    meshes[node["mesh"]] = _mesh(file, mesh, name)
-                found += [(here, part) for part in meshes[node["mesh"]]]
-        level = deeper
-    if level:
-        raise InputError(f"its nodes are nested more than {DEEPEST} levels deep")
+    waiting = [(np.eye(4), index, 1) for index in reversed(roots)]
+    while waiting:
+        above, index, depth = waiting.pop()
+        node, place = file.item("nodes", index, "node", "a node or scene")
+        if depth > DEEPEST:
+            raise InputError(f"{place} is nested more than {DEEPEST} levels deep")
+        if "skin" in node or "weights" in node:
+            raise InputError(f"{place} has a skin or morph targets, which are not read: export it as it stands")
+        here = above @ _transform(node, place)
+        waiting += [(here, child, depth + 1) for child in reversed(_children(file, index))]
+        if "mesh" in node:
+            mesh, name = file.item("meshes", node["mesh"], "mesh", place)
+            if node["mesh"] not in meshes:
+                meshes[node["mesh"]] = _mesh(file, mesh, name)
+            found += [(here, part) for part in meshes[node["mesh"]]]
     return found
 
 

@@ -195,14 +195,14 @@ def test_a_gltf_file_costs_no_more_than_it_holds(tmp_path: Path, monkeypatch: py
     del header["accessors"][0]["bufferView"]
     header["accessors"][0]["count"] = 10**11
     path.write_text(json.dumps(header))
-    with pytest.raises(InputError, match="compressed or sparse"):
+    with pytest.raises(InputError, match="count is 100000000000; 1 to 3000000 are read"):
         mesh_files.read_mesh_file(path)
 
     header = json.loads(text)
     header["buffers"][0]["uri"] = "endless.bin"
     (tmp_path / "endless.bin").symlink_to("/dev/zero")
     path.write_text(json.dumps(header))
-    with pytest.raises(InputError, match=r"names the file 'endless.bin', which is missing, no regular file"):
+    with pytest.raises(InputError, match=r"names the file 'endless.bin', which cannot be used: is a device"):
         mesh_files.read_mesh_file(path)
 
     header = json.loads(text)
