@@ -14,6 +14,7 @@ from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -37,6 +38,7 @@ class Setup:
     scene: Scene
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
+    units: tuple[str, ...] = ()  # notes on meshes that were hardly meant in metres
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
     own_image: Array | None = None  # (m, 3) those points, in the world [m]
 
@@ -58,7 +60,9 @@ class Setup:
             instance(robot, Robot, "robot")
             check_robot(scene, robot)
         seen = without_own_image(scene, robot)
-        return cls(_with_links(seen.scene, robot), robot, ignored=seen.notes, own_image=seen.points)
+        with naming(scene.source):
+            units = tuple(unlikely_units(scene, robot))
+        return cls(_with_links(seen.scene, robot), robot, units=units, ignored=seen.notes, own_image=seen.points)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -94,7 +98,7 @@ class Setup:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes for the user on what was changed, assumed or left out."""
-        return (*self.scene.notes, *self.robot.notes, *self.ignored, *self.left_out, *self.turned)
+        return (*self.scene.notes, *self.robot.notes, *self.units, *self.ignored, *self.left_out, *self.turned)
 
     @property
     def turned(self) -> tuple[str, ...]:

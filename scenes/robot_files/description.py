@@ -16,6 +16,7 @@ from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose, compose
+from hdplan.scenes.robot_files.degrees import angles_in_degrees
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
 from hdplan.scenes.robot_files.urdf_text import read_description
@@ -168,6 +169,7 @@ def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:
     with naming(f"robot.urdf: {path}"):
         notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
+        notes = (*notes, *angles_in_degrees(root))
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
