@@ -53,5 +53,6 @@ def cause_of_refusal(error: HdplanError) -> str:
 
 
 def cause_of_verdict(certificate: Certificate, hurried: bool) -> str:
-    """Return the code of a motion that is not certified; of a `hurried` certificate the time limit ended the check."""
-    return "time" if hurried else _OF_STATUS[certificate.status]
+    """Return the code of a motion that is not certified; of a `hurried` certificate the time limit ended the check,
+    which counts where it found nothing wrong."""
+    return "time" if hurried and certificate.status is Status.NOT_PROVEN else _OF_STATUS[certificate.status]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.poses import Pose, Quaternion, Vector3, from_rpy, rotation
+from hdplan.scenes.poses import Pose, Quaternion, Vector3, from_rpy, in_degrees, rotation
 
 ROUNDING = 1e-6  # a quaternion this close to unit length differs from it by its decimals only
 
@@ -27,7 +27,12 @@ def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
     position = read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0)
     if "quaternion_xyzw" in keys:
         return Pose(position, read_quaternion(keys["quaternion_xyzw"]))
-    return Pose(position, from_rpy(*read_vector(keys["rpy"], unit="rad")) if "rpy" in keys else (0.0, 0.0, 0.0, 1.0))
+    if "rpy" not in keys:
+        return Pose(position)
+    angles = read_vector(keys["rpy"], unit="rad")
+    if words := in_degrees(angles):
+        keys["rpy"].note(words)
+    return Pose(position, from_rpy(*angles))
 
 
 def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vector3:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
@@ -18,6 +19,7 @@ Quaternion = tuple[float, float, float, float]
 Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
 
 EXACT = 1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+TURN = 6.3  # [rad] a little more than a whole turn
 CLOSE = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 
 
@@ -43,6 +45,12 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float
     )
 
 
+def in_degrees(rpy: Numbers) -> str:
+    """Ask whether angles are in degrees, of which one is beyond a whole turn; empty if none is."""
+    beyond = [angle for angle in rpy if abs(angle) > TURN]
+    return f"{beyond[0]:g} is beyond a whole turn: is it in degrees? hdplan takes radians" if beyond else ""
+
+
 @dataclass(frozen=True, repr=False)
 class Pose(Checked):
     """A pose: position [m] and unit quaternion (x, y, z, w); it maps the object's frame into its parent's.
@@ -63,8 +71,12 @@ class Pose(Checked):
     @classmethod
     def from_rpy(cls, position: Numbers, rpy: Numbers) -> Pose:
         """Return the pose at `position` [m], rotated by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), as
-        in URDF. Raises InputError for anything but three finite numbers each."""
-        return cls(position, from_rpy(*checked(Row(Number(unit="rad"), 3), rpy, "rpy")))
+        in URDF. Warns of an angle beyond a whole turn, which may be in degrees. Raises InputError for anything but
+        three finite numbers each."""
+        angles = checked(Row(Number(unit="rad"), 3), rpy, "rpy")
+        if words := in_degrees(angles):
+            warnings.warn(f"rpy: {words}", stacklevel=2)
+        return cls(position, from_rpy(*angles))
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:

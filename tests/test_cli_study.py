@@ -70,6 +70,8 @@ def test_study_distance(hdplan: Callable[..., Done]) -> None:
     done = hdplan("study", "distance", "--quick")
     assert (done.code, done.err) == (0, "")
     assert "  take " in done.out
+    assert "  quick " in done.out
+    assert "no Hessians, no unions" in " ".join(done.out.split())
     assert {path.name for path in Path("out").iterdir()} == {f"distance_study.{end}" for end in ("csv", "md", "png")}
     table = rows(Path("out/distance_study.csv"))
     assert {row["normals"] for row in table} == {"paper", "paper+centre"}

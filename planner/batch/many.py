@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from pathlib import Path
 
 from hdplan.planner.batch.crew import Workers, cores, crew, outcomes
@@ -12,6 +12,7 @@ from hdplan.planner.batch.job import Job, located, seed_of
 from hdplan.planner.batch.outcome import Options, Outcome
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.progress import tell
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, Number, Whole, checked, instance, text, wrong
 
@@ -35,7 +36,8 @@ def plan_many(
 
     Bad input, an internal error, a crash or a problem that hangs is an outcome like any other, with its cause; the
     others go on. A problem's motion is the same whatever the number of workers, unless its time limit ends it. The
-    workers end with the iterator, also if it is closed before its end.
+    workers end with the iterator, also if it is closed before its end. How far it has come is told to whoever listens
+    (`hdplan.scenes.progress.listening`).
 
     Args:
         problems: scenes, files of scenes, or shipped scenes' names; taken as workers get free, so it may be a generator
@@ -65,16 +67,20 @@ def plan_many(
     if isinstance(problems, str) or not isinstance(problems, Iterable):
         raise wrong("scenes, or files of scenes", problems).within("problems")
     numbered = ((i, _job(each, i, seed)) for i, each in enumerate(problems))
-    return _planned(numbered, scheduler or workers or cores(), options, in_order)
+    of = f" of {len(problems)}" if isinstance(problems, Sized) else ""
+    return _planned(numbered, scheduler or workers or cores(), options, in_order, of)
 
 
 def _planned(
-    numbered: Iterator[tuple[int, Job]], workers: Workers, options: Options, in_order: bool
+    numbered: Iterator[tuple[int, Job]], workers: Workers, options: Options, in_order: bool, of: str
 ) -> Iterator[Outcome]:
+    tell("starting the workers")
     with crew(workers) as client:
         waiting: dict[int, Outcome] = {}
-        following = 0
-        for number, outcome in outcomes(client, numbered, options):
+        following = certified = 0
+        for done, (number, outcome) in enumerate(outcomes(client, numbered, options), start=1):
+            certified += outcome.certified
+            tell(f"planned {done}{of} problems: {certified} certified, {done - certified} not")
             if not in_order:
                 yield outcome
                 continue

@@ -58,7 +58,8 @@ def write_tables(folder: Path, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         for file, whole in zip(half, files, strict=True):
             os.replace(file, whole)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
+        words = error.strerror or str(error).rpartition("] ")[2]  # Arrow's own, after its details
+        raise InputError(f"{folder}: cannot be written ({words})") from None
     finally:
         for file in half:
             file.unlink(missing_ok=True)

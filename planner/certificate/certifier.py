@@ -211,7 +211,7 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
-            notes=(*reductions, *self.holes, *self.setup.ignored),
+            notes=(*reductions, *self.holes, *self.setup.units, *self.setup.ignored),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:

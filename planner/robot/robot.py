@@ -34,7 +34,7 @@ from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import FEW, InputError, UnsolvableError, listed, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import TURN, Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
 from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
@@ -243,7 +243,9 @@ class Robot:
         for joint, value, low, high in zip(self.joint_names, q.tolist(), self.lower, self.upper, strict=True):
             if not low - slack <= value <= high + slack:
                 beyond = f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]"
-                raise UnsolvableError(beyond, "end_beyond_limits")
+                degrees = self.turning[self.joint_names.index(joint)] and abs(value) > TURN
+                asked = "; is it in degrees? hdplan takes radians" if degrees else ""
+                raise UnsolvableError(f"{beyond}{asked}", "end_beyond_limits")
         return q
 
 

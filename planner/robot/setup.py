@@ -16,6 +16,7 @@ from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene, derived
@@ -45,6 +46,7 @@ class Setup:
     scene: Scene  # its shapes read (`geometry.opened`)
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
+    units: tuple[str, ...] = ()  # notes on meshes that were hardly meant in metres
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
     own_image: Array | None = None  # (m, 3) those points, in the world [m]
     asked: Scene = None  # type: ignore[assignment]  # the scene with the names of its files, to be shown and saved
@@ -77,7 +79,8 @@ class Setup:
         left = {old.name: new for old, new in zip(read.obstacles, seen.scene.obstacles, strict=True) if new is not old}
         if left:
             asked = derived(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
-        return cls(seen.scene, robot, ignored=seen.notes, own_image=seen.points, asked=asked)
+        units = tuple(unlikely_units(seen.scene, robot))
+        return cls(seen.scene, robot, units=units, ignored=seen.notes, own_image=seen.points, asked=asked)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -126,7 +129,7 @@ class Setup:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes for the user on what was changed, assumed or left out."""
-        return (*self.scene.notes, *self.robot.notes, *self.ignored, *self.left_out, *self.turned)
+        return (*self.scene.notes, *self.robot.notes, *self.units, *self.ignored, *self.left_out, *self.turned)
 
     @property
     def turned(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.number_text import read_number
 from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose, compose
+from hdplan.scenes.robot_files.degrees import angles_in_degrees
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.srdf_words import check_srdf_words
@@ -167,6 +168,7 @@ def read_tree(source: Source) -> Tree:
         notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
         impossible = impossible_inertias(root)
+        notes = (*notes, *angles_in_degrees(root))
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
     mimics: dict[str, tuple[str, float, float]] = {}

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import itertools
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -21,12 +22,14 @@ import pytest
 
 import hdplan
 from hdplan.planner.batch import crew as crew_module
+from hdplan.planner.batch import many
 from hdplan.planner.batch import outcome as outcome_module
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.progress import listening
 from tests.planner.batch.conftest import dask as dask_command
 
 ARM = hdplan.load_scene("planar_arm")
@@ -73,6 +76,28 @@ def test_what_fails_costs_only_itself(two_workers: Any) -> None:
     assert "no/such.yaml: no such file" in found[7].text
     assert all(found[i].problem == job.name and "\n" not in found[i].text for i, job in enumerate(jobs))
     assert all(same(found[i], solve(jobs[i], Options())) for i in range(8) if i not in planted)
+
+
+def test_dask_says_nothing_of_its_own(two_workers: Any) -> None:
+    """Also its loggers with levels of their own, such as the one that tells of a scheduler that went away."""
+    loggers = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    assert "distributed.client" in loggers
+    assert {logging.getLogger(name).getEffectiveLevel() for name in loggers} == {logging.CRITICAL}
+
+
+def test_plan_many_tells_how_far_it_has_come(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(many, "crew", lambda *_: contextlib.nullcontext(two_workers))
+    told: list[str] = []
+    with listening(told.append):
+        found = list(hdplan.plan_many(arms(4), workers=2))
+    good = sum(outcome.certified for outcome in found)
+    assert told[0] == "starting the workers"
+    assert told[-1] == f"planned 4 of 4 problems: {good} certified, {4 - good} not"
+    assert len(told) == 5
+    told.clear()
+    with listening(told.append):
+        list(hdplan.plan_many(iter(arms(1)), workers=1))
+    assert told[-1].startswith("planned 1 problems: ")
 
 
 def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:

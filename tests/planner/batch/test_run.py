@@ -29,7 +29,8 @@ from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal, read_journal
 from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.sources import jobs_of
-from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows, row_of
+from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows, row_of, write_tables
+from hdplan.planner.commands import batch
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.writer import scene_text
@@ -137,15 +138,30 @@ def test_a_full_disk_stops_with_what_is_there(monkeypatch: pytest.MonkeyPatch) -
     assert len(read_journal(Path("j"))) == 1
 
 
+def test_a_disk_that_is_full_when_tables_are_written_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = "Error writing bytes to file. Detail: [errno 28] No space left on device"  # Arrow's
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(words)))
+    Path("r").mkdir()
+    with pytest.raises(InputError, match=r"^r: cannot be written \(No space left on device\)$"):
+        write_tables(Path("r"), [(0, outcome(0, MOTION))])
+    assert not list(Path("r").iterdir())
+
+
 # --- runs -------------------------------------------------------------------------------------------------------
 
 
-def test_a_run_that_stops_goes_on_where_it_was(run_here: Callable[..., bool]) -> None:
+def test_a_run_that_stops_goes_on_where_it_was(
+    run_here: Callable[..., bool], capsys: pytest.CaptureFixture[str]
+) -> None:
     jobs, options, seen = table(12), Options(), list[str]()
     assert run_here(Path("whole"), jobs, options)
     stop = lambda: len(seen) >= 5  # noqa: E731
     assert not run_here(Path("cut"), jobs, options, report=lambda done, of, each: seen.append(each.problem), stop=stop)
     assert len(read_rows(Path("cut/results.parquet"))) == 5
+    certified = sum(row["status"] == "certified" for row in read_rows(Path("cut/results.parquet")))
+    batch.show_report(Path("cut"), None)
+    counted = f"{certified} of 12 problems certified, {5 - certified} not, 7 not planned yet\n"
+    assert capsys.readouterr().out.startswith(counted)
     lines = Path("cut/journal").read_bytes()
     Path("cut/journal").write_bytes(lines[:-7])
     assert run_here(Path("cut"), jobs, options, report=lambda done, of, each: seen.append(each.problem))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -115,6 +116,28 @@ def test_a_measurement_says_at_most_every_tenth(errors: io.StringIO, of: int) ->
 
 
 @pytest.mark.usefixtures("long_at_once")
+def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a run goes on; how long the rest takes is said once it means something."""
+    monkeypatch.setattr(console, "EVERY", 0.0)
+    total, before, enough = 40, 7, 6
+    with console.counting("certified", enough) as (report, _):
+        for done in range(before + 1, total + 1):
+            report(done, total, done % 3 != 0, "")
+    lines = errors.getvalue().splitlines()
+    assert len(lines) == total - before
+    for line, done in zip(lines, range(before + 1, total + 1), strict=True):
+        counted = re.fullmatch(r"hdplan: (\d+) of 40: (\d+) certified, (\d+) not, (\d+) done before(.*)", line)
+        assert counted is not None, line
+        at, good, bad, earlier = map(int, counted.groups()[:4])
+        assert (at, good + bad + earlier, earlier) == (done, done, before)
+        assert ("a second" in counted[5]) == (done - before >= enough)
+        assert ("left" in counted[5]) == (enough <= done - before and done < total)
+    errors.truncate(errors.seek(0))
+    with console.counting("certified") as (report, _):
+        report(1, 3, False, "")
+    assert errors.getvalue() == "hdplan: 1 of 3: 0 certified, 1 not\n"
+
+
 def test_nobody_reading_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     class Gone(io.StringIO):
         def write(self, text: str) -> int:

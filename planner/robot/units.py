@@ -1,0 +1,52 @@
+"""Values that were hardly meant in the units that hdplan takes: angles beyond a turn, and meshes far larger than the
+robot. They stand as they are, and notes ask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hdplan.planner.geometry.meshes import ReadMesh
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.scene import Scene
+
+LARGE = 100.0  # times the robot's reach: a mesh so large was hardly meant in metres
+
+
+def unlikely_units(scene: Scene, robot: Robot) -> Iterator[str]:
+    """Yield notes on meshes, of a scene whose files were read, that are hundreds of times as large as the robot
+    reaches: they may be in millimetres."""
+    sizes = {link: _size_of(robot, link) for link in robot.link_geometry}
+    arm = _chain(robot)
+    for link, size in sizes.items():
+        if arm > 0.0 and size > LARGE * arm:
+            yield f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{ASKED}"
+    reach = arm + max(sizes.values(), default=0.0)
+    for obstacle in scene.obstacles:
+        if isinstance(obstacle.shape, ReadMesh) and reach > 0.0:
+            size = float(np.ptp(obstacle.shape.mesh.vertices, axis=0).max())
+            if size > LARGE * reach:
+                about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
+                yield f"{about} is {size:.3g} m large, {size / reach:.0f} times the robot's reach{ASKED}"
+
+
+ASKED = ": is it in millimetres? hdplan takes metres (a scale of 0.001 makes them)"
+
+
+def _chain(robot: Robot) -> float:
+    """How far the joints' origins are from the base at most, whatever the revolute joints do [m]."""
+    model, far = robot.model, [0.0]
+    for joint in range(1, model.njoints):
+        far.append(far[model.parents[joint]] + float(np.linalg.norm(model.jointPlacements[joint].translation)))
+    return max(far)
+
+
+def _size_of(robot: Robot, link: str) -> float:
+    """How large a link's collision geometry is along an axis [m]."""
+    found = 0.0
+    for i in robot.link_geometry[link]:
+        geometry = robot.collision.geometryObjects[i].geometry
+        geometry.computeLocalAABB()
+        found = max(found, float((geometry.aabb_local.max_ - geometry.aabb_local.min_).max()))
+    return found
