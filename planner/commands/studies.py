@@ -80,7 +80,8 @@ def problems_below(folder: Path, every: int) -> list[Scene]:
 
 
 def _shown(report: Report, less: str = "") -> int:
-    """Print what was measured, and how much `less` than in full. Return the exit code: 0, or 1 if interrupted."""
+    """Print what was measured, and what a quick run left out (`less`). Returns the exit code: 0, or 1 if it was
+    interrupted."""
     with printing() as show:
         for title, rows in report.tables.items():
             show(Text(title, style="bold"))
