@@ -50,7 +50,7 @@ def test_bad_mesh_files_are_named(tmp_path: Path) -> None:
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     ply = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(f"property double {axis}\n" for axis in "xyz")
     ply += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
-    ply += "0 0 0\n1 0 0\n0 1 0\n0 inf 1\n3 0 1 2\n3 0 1 3\n"
+    ply += "0 0 0\n1 0 0\n0 1 0\n0 1e999 1\n3 0 1 2\n3 0 1 3\n"
     for name, content, words in [
         ("none.stl", None, "no such file"),
         ("words.txt", "hello", "not known"),
