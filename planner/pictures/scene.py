@@ -123,7 +123,8 @@ class Picture:
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
             solids += [(body.placed(pose[joint]), paint) for joint, body in links if joint]
         solids += [(body, Paint(FIXED, 1.0)) for joint, body in links if not joint]
-        outermost = max(joint for joint, _ in links)
+        planned = {0, *(robot.coordinates + 1).tolist()}  # what follows may hang beside the arm
+        outermost = max((joint for joint, _ in links if joint in planned), default=0)
         last = next(body for joint, body in reversed(links) if joint == outermost)
         farthest = last.vertices[np.linalg.norm(last.vertices, axis=1).argmax()]
         along = _poses(robot, trajectory, np.linspace(0.0, 1.0, TIP_STEPS + 1))[:, outermost]

@@ -47,7 +47,8 @@ def planned_joints(
     not. `ranges` holds the limits of every joint of the whole `model`, in its order."""
     joints = list(ranges)
     rules = rules_of(tree, joints)
-    followers = {joint: [each for each, rule in rules.items() if rule.leader == joint] for joint in joints}
+    leader = {joint: rules[joint].leader if joint in rules else tree.mimics[joint][0] for joint in tree.mimics}
+    followers = {joint: [each for each in leader if leader[each] == joint] for joint in joints}  # fixed ones, too
     candidates = [joint for joint in with_range(ranges, tree) if joint not in semantics.passive]
     if isinstance(spec.group, tuple):
         _check_list(spec.group, joints, candidates, spec, tree, semantics)

@@ -154,8 +154,8 @@ def _holding(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them; a plan goes beyond
-    the robot's own (`Robot.inner`) at these ends alone."""
+    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them, but not those of a
+    joint that others follow; a plan goes beyond the robot's own (`Robot.inner`) at these ends alone."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
@@ -165,7 +165,7 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
         elif scene.from_request:
             given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
-            value = given.get(joint)
+            value = None if robot.followed[i] else given.get(joint)  # what follows may have limits of its own
             if value is not None and 0.0 < robot.lower[i] - value <= ROOM:
                 lower[i] = min(lower[i], value)
             if value is not None and 0.0 < value - robot.upper[i] <= ROOM:

@@ -94,7 +94,7 @@ class ShownMotion:
 
 @dataclass(frozen=True, eq=False)
 class Tip:
-    """The point by which a motion is drawn and the goal is dragged, carried by the last joint."""
+    """The point by which a motion is drawn and the goal is dragged, carried by the last planned joint."""
 
     robot: Robot
     joint: int
@@ -104,11 +104,12 @@ class Tip:
     def of(cls, robot: Robot) -> Tip:
         """Take the middle of the farthest part of what the last joint carries, along the axis of that joint's frame in
         which it reaches out."""
-        last = max(robot.link_joint.values(), default=robot.model.njoints - 1)
+        planned = {0, *(robot.coordinates + 1).tolist()}  # what follows may hang beside the arm
+        last = max((joint for joint in robot.link_joint.values() if joint in planned), default=max(planned))
         items = [item for item in robot.collision.geometryObjects if item.parentJoint == last]
         points = [_corners(item) for item in items]
         if not points or last == 0:
-            return cls(robot, robot.model.njoints - 1, np.zeros(3))
+            return cls(robot, max(planned), np.zeros(3))
         cloud = np.concatenate(points)
         middle = cloud.mean(axis=0)
         axis = int(np.abs(middle).argmax())
