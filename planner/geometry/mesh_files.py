@@ -43,8 +43,8 @@ MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
 _reading = ForkSafeLock()  # warnings and trimesh's log belong to the whole process
 
 
-def read_mesh_file(path: Path) -> Triangles:
-    """Read a mesh file by its ending.
+def read_mesh_file(path: Path, upright: bool = False) -> Triangles:
+    """Read a mesh file by its ending; `upright`: a file that says that another axis than z is up is refused.
 
     Raises InputError for a file that is missing, not a regular file, too large, of an unknown format, or damaged.
     """
@@ -58,7 +58,7 @@ def read_mesh_file(path: Path) -> Triangles:
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"has {path.stat().st_size / 1e6:.0f} MB; at most {MOST_BYTES / 1e6:.0f} MB are read")
     try:
-        vertices, triangles = FORMATS[ending](path.read_bytes(), path)
+        vertices, triangles = FORMATS[ending](path.read_bytes(), path, upright)
         points, corners = np.array(vertices, dtype=np.float64), np.array(triangles, dtype=np.int64)
     except InputError:
         raise
@@ -140,12 +140,12 @@ def read_scene(data: bytes, path: Path) -> trimesh.Scene:
             log.removeHandler(quiet)
 
 
-FORMATS: dict[str, Callable[[bytes, Path], Triangles]] = {
-    "stl": lambda data, _: read_stl(data),
-    "obj": lambda data, _: read_obj(data),
-    "off": lambda data, _: read_off(data),
-    "ply": lambda data, _: read_ply(data),
-    "dae": lambda data, _: read_collada(data),
-    "glb": lambda data, path: read_gltf(data, _beside(path)),
-    "gltf": lambda data, path: read_gltf(data, _beside(path)),
+FORMATS: dict[str, Callable[[bytes, Path, bool], Triangles]] = {
+    "stl": lambda data, *_: read_stl(data),
+    "obj": lambda data, *_: read_obj(data),
+    "off": lambda data, *_: read_off(data),
+    "ply": lambda data, *_: read_ply(data),
+    "dae": lambda data, _, upright: read_collada(data, upright),
+    "glb": lambda data, path, _: read_gltf(data, _beside(path)),
+    "gltf": lambda data, path, _: read_gltf(data, _beside(path)),
 }

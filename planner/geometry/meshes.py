@@ -138,14 +138,14 @@ class ReadMesh(Mesh):
         object.__setattr__(self, "content", self.mesh.content)
 
 
-def load_mesh(shape: Mesh, where: str) -> TriangleMesh:
+def load_mesh(shape: Mesh, where: str, upright: bool = False) -> TriangleMesh:
     """Read a mesh file (stl, obj, ply, off, dae, glb, gltf), scaled, its parts merged into one.
 
-    `where` is its field in the scene, for error messages. Raises InputError when the file is missing, damaged or of an
-    unknown format, holds no triangles or numbers that are not finite, or is flat.
+    `where` is its field in the scene, for error messages; `upright` as in `read_mesh_file`. Raises InputError when the
+    file is missing, damaged or of an unknown format, holds no triangles or numbers that are not finite, or is flat.
     """
     with naming(f"{where}: mesh {shape.file}"):
-        vertices, triangles = read_mesh_file(shape.file)
+        vertices, triangles = read_mesh_file(shape.file, upright)
         used = np.bincount(triangles.ravel(), minlength=len(vertices)) > 0
         with np.errstate(over="ignore"):
             vertices[used] *= np.array(shape.scale)

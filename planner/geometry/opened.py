@@ -63,4 +63,4 @@ def _read(shape: Any, where: str) -> Any:
 @made_once(KEPT)
 def _read_mesh(shape: Mesh, where: str, stamps: Stamps) -> ReadMesh:
     """Read a mesh; the stamps make a file that was written again another one."""
-    return ReadMesh(shape.file, shape.scale, mesh=load_mesh(shape, where))
+    return ReadMesh(shape.file, shape.scale, mesh=load_mesh(shape, where, upright=True))

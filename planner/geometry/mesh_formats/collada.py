@@ -1,7 +1,8 @@
 """COLLADA (dae, 1.4 and 1.5): what the file's scene shows, in metres.
 
-`unit` is kept, as by RViz and Gazebo. `up_axis` is not: coordinates are taken as they stand, whichever axis is up, as
-RViz, MoveIt, Gazebo and Pinocchio take them, on whose reading the placements in URDFs rely.
+`unit` is kept, as by RViz and Gazebo. `up_axis` turns nothing: of robots coordinates are taken as they stand, as RViz,
+MoveIt, Gazebo and Pinocchio take them, on whose reading the placements in URDFs rely. Of anything else readers
+disagree, so that a file in which another axis than z is up can be refused (`upright`).
 """
 
 from __future__ import annotations
@@ -35,14 +36,15 @@ Placed = list[tuple[Array, Element]]  # geometries and their placements (4, 4)
 UNIT_AXIS = 1e-4  # how far a rotation's axis may be from unit length: readers disagree about others
 
 
-def read_collada(data: bytes) -> Triangles:
-    """Read a COLLADA file: vertices (m, 3) [m] and triangles (F, 3) of all that its scene instances.
+def read_collada(data: bytes, upright: bool = False) -> Triangles:
+    """Read a COLLADA file: vertices (m, 3) [m] and triangles (F, 3) of all that its scene instances; `upright`: z must
+    be up in it.
 
     Raises InputError for what is no COLLADA file, and, by name, for all in its scene that is not known. Source:
     COLLADA 1.4.1 and 1.5.0 specifications, Khronos Group.
     """
     root = _parsed(data)
-    meter = _unit(root)
+    meter = _unit(root, upright)
     vertices, triangles = joined(_Scene(root).parts())
     with np.errstate(over="ignore"):  # values that are not finite are refused where they are used
         return vertices * meter, triangles
@@ -70,13 +72,17 @@ def _parsed(data: bytes) -> Element:
     return root
 
 
-def _unit(root: Element) -> float:
+def _unit(root: Element, upright: bool) -> float:
     """Return the length of the file's unit [m]; `up_axis` is checked alone."""
     asset = only(parts_of(root)["asset"], "<asset>", root)
     found = parts_of(asset)
     for axis in found["up_axis"]:
         if text_of(axis) not in ("X_UP", "Y_UP", "Z_UP") or len(found["up_axis"]) > 1:
             raise InputError(f"up_axis is '{text_of(axis)[:20]}' (allowed: one of X_UP, Y_UP, Z_UP)")
+        if upright and text_of(axis) != "Z_UP":
+            raise InputError(
+                f"up_axis is '{text_of(axis)}': readers disagree whether that turns the mesh; export it with z up"
+            )
     if not found["unit"]:
         return 1.0
     unit = only(found["unit"], "<unit>", asset)

@@ -21,6 +21,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.page import page_of
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.scenes.attached import Attached
@@ -110,9 +111,9 @@ def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
 def test_a_file_is_read_once_and_anew_when_it_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, asked = scene_of(folder), list[Path]()
 
-    def counted(shape: Mesh, where: str) -> TriangleMesh:
+    def counted(shape: Mesh, where: str, upright: bool) -> TriangleMesh:
         asked.append(shape.file)
-        return load_mesh(shape, where)
+        return load_mesh(shape, where, upright)
 
     monkeypatch.setattr("hdplan.planner.geometry.opened.load_mesh", counted)
     first = Setup.of(scene)
@@ -158,6 +159,34 @@ CALLS = {
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
     if isinstance(node, ast.Call)
 }
+TRIANGLES = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>{up}</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="f" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array>
+<technique_common><accessor source="#f" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/><p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node><instance_geometry url="#g"/></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+
+
+def test_a_scenes_mesh_in_which_z_is_not_up_is_refused_a_links_stands_as_it_is(tmp_path: Path) -> None:
+    for up in ("Z_UP", "Y_UP", "X_UP"):
+        file = tmp_path / f"{up}.dae"
+        file.write_text(TRIANGLES.format(up=up))
+        (tmp_path / "arm.urdf").write_text(ARM.replace("bar.stl", file.name))
+        robot = load_robot(RobotSpec(urdf=tmp_path / "arm.urdf"))
+        assert robot.collision.geometryObjects[0].geometry.num_vertices == 4
+        obstacle = Obstacle("part", Mesh(file))
+        if up == "Z_UP":
+            assert isinstance(with_content(obstacle, "obstacles").shape, ReadMesh)
+        else:
+            with pytest.raises(InputError, match=f"obstacles.part: mesh .*: up_axis is '{up}': readers disagree"):
+                with_content(obstacle, "obstacles")
+
+
 DOORS = {  # what opens files of geometry, and who may call it
     "read_mesh_file": {"planner.geometry.meshes", "planner.view.drawing.skins"},  # the latter: looks alone
     "load_mesh": {"planner.geometry.opened", "planner.robot.pin_model"},
