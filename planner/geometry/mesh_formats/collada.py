@@ -76,13 +76,14 @@ def _unit(root: Element, upright: bool) -> float:
     """Return the length of the file's unit [m]; `up_axis` is checked alone."""
     asset = only(parts_of(root)["asset"], "<asset>", root)
     found = parts_of(asset)
-    for axis in found["up_axis"]:
-        if text_of(axis) not in ("X_UP", "Y_UP", "Z_UP") or len(found["up_axis"]) > 1:
-            raise InputError(f"up_axis is '{text_of(axis)[:20]}' (allowed: one of X_UP, Y_UP, Z_UP)")
-        if upright and text_of(axis) != "Z_UP":
-            raise InputError(
-                f"up_axis is '{text_of(axis)}': readers disagree whether that turns the mesh; export it with z up"
-            )
+    axes = [text_of(axis) for axis in found["up_axis"]] or ["Y_UP"]  # what the format means where nothing is said
+    if axes[0] not in ("X_UP", "Y_UP", "Z_UP") or len(axes) > 1:
+        raise InputError(f"up_axis is '{axes[0][:20]}' (allowed: one of X_UP, Y_UP, Z_UP)")
+    if upright and axes[0] != "Z_UP":
+        raise InputError(
+            f"up_axis is '{axes[0]}', and readers disagree whether that turns the mesh: export it with z up, or write "
+            "Z_UP there if its coordinates are meant as they stand"
+        )
     if not found["unit"]:
         return 1.0
     unit = only(found["unit"], "<unit>", asset)

@@ -183,7 +183,7 @@ def test_a_scenes_mesh_in_which_z_is_not_up_is_refused_a_links_stands_as_it_is(t
         if up == "Z_UP":
             assert isinstance(with_content(obstacle, "obstacles").shape, ReadMesh)
         else:
-            with pytest.raises(InputError, match=f"obstacles.part: mesh .*: up_axis is '{up}': readers disagree"):
+            with pytest.raises(InputError, match=f"obstacles.part: mesh .*: up_axis is '{up}', and readers disagree"):
                 with_content(obstacle, "obstacles")
 
 
