@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import logging
-import re
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.planner.geometry.mesh_files import read_scene
+from hdplan.planner.geometry.mesh_formats.ply import read_ply_points
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.files import read_file
@@ -41,36 +40,7 @@ def read_points(path: Path) -> Array:
 
 
 def _ply(data: bytes, path: Path) -> Array:
-    """Trimesh overlooks what is missing at the end, so the size is held against the header."""
-    header, _, body = data.partition(b"end_header")
-    declared = re.search(rb"^\s*element\s+vertex\s+(\d+)\s*$((?:\s*property\s+[^\n]+\n)*)", header, flags=re.MULTILINE)
-    if declared is None:
-        raise InputError("holds no element vertex")
-    count = int(declared[1])
-    if b"format ascii" in header:
-        held = sum(bool(line.strip()) for line in body.splitlines())
-    else:
-        sizes = [_PLY_BYTES.get(word, 0) for word in re.findall(rb"property\s+(\w+)\s+\w+", declared[2])]
-        held = max(len(body) - 1, 0) // max(sum(sizes), 1)
-    if held < count:
-        raise InputError(f"is cut short: its header says {count} points, and it holds {held}")
-    if count == 0:
-        return np.empty((0, 3))
-    parts = list(read_scene(data, path).geometry.values())
-    points = np.concatenate([np.asarray(part.vertices) for part in parts] or [np.empty((0, 3))])
-    if len(points) != count:
-        raise InputError(f"its header says {count} points, and {len(points)} can be read")
-    return points
-
-
-_PLY_BYTES: Mapping[bytes, int] = MappingProxyType(
-    {
-        **dict.fromkeys((b"char", b"uchar", b"int8", b"uint8"), 1),
-        **dict.fromkeys((b"short", b"ushort", b"int16", b"uint16"), 2),
-        **dict.fromkeys((b"int", b"uint", b"float", b"int32", b"uint32", b"float32"), 4),
-        **dict.fromkeys((b"double", b"float64"), 8),
-    }
-)
+    return read_ply_points(data)
 
 
 def _xyz(data: bytes, path: Path) -> Array:

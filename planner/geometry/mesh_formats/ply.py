@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ from hdplan.planner.geometry.mesh_formats.text import shown, text_of, wholes
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fans
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed, nearest
-from hdplan.scenes.number_text import read_numbers, read_whole, read_wholes
+from hdplan.scenes.number_text import read_number, read_numbers, read_whole, read_wholes
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _TYPES = {  # how the format names them, and NumPy
@@ -59,9 +59,9 @@ class _Element:
     properties: list[_Property] = field(default_factory=list)
 
 
-_Columns = dict[
-    str, tuple[Array, Array]
-]  # of the properties that count: lengths (rows,) and all numbers, row after row
+# Of the properties that count: lengths (rows,) and all numbers, row after row.
+_Columns = dict[str, tuple[Array, Array]]
+Numbers = Callable[[Sequence[str]], Sequence[float]]  # what reads words
 
 
 def read_ply(data: bytes) -> Triangles:
@@ -79,6 +79,24 @@ def read_ply(data: bytes) -> Triangles:
     with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
         double = vertices.astype(np.float64)
     return double, fans(double, counts.astype(np.int64), corners.astype(np.int64), _face)
+
+
+def read_ply_points(data: bytes) -> Array:
+    """Read the points (m, 3) of a PLY file, some of which may not be finite: cameras mark so what they did not see.
+    Raises InputError for a damaged file, and for one without an element vertex that has x, y and z."""
+    order, elements, begin = _header(data)
+    vertex = next((element for element in elements if element.name == "vertex"), None)
+    if vertex is None:
+        raise InputError("holds no element vertex")
+    if not {*_AXES} <= {known.name for known in vertex.properties if known.count is None}:
+        raise InputError("element 'vertex': has not the properties x, y and z")
+    held = _of_bytes(data, begin, elements) if order else _of_text(data, begin, elements, _measured)
+    return np.column_stack([held["vertex"][axis][1] for axis in _AXES]).astype(np.float64)
+
+
+def _measured(words: Sequence[str]) -> tuple[float, ...]:
+    """Return numbers of which some may not be finite."""
+    return tuple(float(word) if word.lower().lstrip("+-") in ("nan", "inf") else read_number(word) for word in words)
 
 
 def _face(row: int) -> str:
@@ -158,7 +176,9 @@ def _check(element: _Element) -> None:
             raise InputError(f"{of}: the property '{known.name}' is not known{close}")
 
 
-def _of_text(data: bytes, begin: int, elements: Sequence[_Element]) -> dict[str, _Columns]:
+def _of_text(
+    data: bytes, begin: int, elements: Sequence[_Element], numbers: Numbers = read_numbers
+) -> dict[str, _Columns]:
     """Read rows that are text, each on a line of its own."""
     first = data.count(b"\n", 0, begin) + 1
     lines = enumerate(text_of(data).split("\n")[first - 1 :], start=first)
@@ -173,7 +193,7 @@ def _of_text(data: bytes, begin: int, elements: Sequence[_Element]) -> dict[str,
         }
         for line, words in rows[at : at + element.rows]:
             try:
-                _take(words, element.properties, found)
+                _take(words, element.properties, found, numbers)
             except (ValueError, IndexError):
                 names = listed([known.name for known in element.properties])
                 raise InputError(f"line {line}: {shown(words)}: '{element.name}' needs numbers: {names}") from None
@@ -182,7 +202,12 @@ def _of_text(data: bytes, begin: int, elements: Sequence[_Element]) -> dict[str,
     return held
 
 
-def _take(words: list[str], properties: Sequence[_Property], found: dict[str, tuple[list[int], list[float]]]) -> None:
+def _take(
+    words: list[str],
+    properties: Sequence[_Property],
+    found: dict[str, tuple[list[int], list[float]]],
+    numbers: Numbers,
+) -> None:
     """Add a row's numbers to `found`. Raises ValueError and IndexError for words that are not those of a row."""
     begin = 0
     for known in properties:
@@ -198,7 +223,7 @@ def _take(words: list[str], properties: Sequence[_Property], found: dict[str, tu
             told = words[begin:end]
             if known.name in _CORNERS and not all(map(str.isdigit, told)):  # of signs, readers think differently
                 raise ValueError
-            values += (read_wholes if known.type.kind in "iu" else read_numbers)(told)
+            values += (read_wholes if known.type.kind in "iu" else numbers)(words[begin:end])
         begin = end
     if begin != len(words):
         raise ValueError
