@@ -178,7 +178,7 @@ def test_bad_input_is_refused_by_name(carry: Scene, change: dict[str, object], s
     scene = replace(carry, attached=(held,))
     with pytest.raises(InputError, match=said) as caught:
         load_scene_robot(scene)
-    assert str(caught.value).startswith(f"{carry.source}: ")
+    assert str(caught.value).startswith("the scene made from panda_carry: ")
     assert "\n" not in str(caught.value)
 
 
