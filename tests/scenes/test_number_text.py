@@ -15,7 +15,9 @@ def test_what_is_printed_is_read_back_bit_for_bit() -> None:
     assert [read_whole(word) for word in ("0", "-3", "+12")] == [0, -3, 12]
 
 
-@pytest.mark.parametrize("word", ["1_0", "١٢", "１", "inf", "nan", "0x10", "1e", ".", "", " 1", "1 ", "1,5", "--1", "1f"])
+@pytest.mark.parametrize(
+    "word", ["1_0", "١٢", "１", "inf", "nan", "0x10", "1e", ".", "", " 1", "1 ", "1,5", "--1", "1f"]
+)
 def test_what_other_readers_do_not_read_is_refused(word: str) -> None:
     with pytest.raises(ValueError, match="is not a number"):
         read_number(word)

@@ -148,7 +148,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
         InputError,
-        match=r"the scene made from panda_grasp: goal\.pose: none of \d+ configurations found is valid; the nearest: in collision: ",
+        match=r"from panda_grasp: goal\.pose: none of \d+ configurations found is valid; the nearest: in collision: ",
     ):
         plan(fixed)
 
