@@ -128,7 +128,7 @@ def test_the_clearance_that_is_asked_for_is_proven() -> None:
 @pytest.mark.parametrize("field", ["start", "goal"])
 def test_an_end_in_collision_is_refused_by_link_obstacle_and_depth(field: str) -> None:
     scene = planar(ball_before_the_tip(-0.005, START if field == "start" else GOAL))
-    words = rf"planar_arm\.yaml: {field}: in collision: forearm and pea overlap by 5 mm$"
+    words = rf"the scene made from planar_arm: {field}: in collision: forearm and pea overlap by 5 mm$"
     with pytest.raises(InputError, match=words):
         plan(scene)
 
@@ -136,7 +136,8 @@ def test_an_end_in_collision_is_refused_by_link_obstacle_and_depth(field: str) -
 def test_an_end_that_collides_with_itself_is_refused() -> None:
     """The Panda's hand in its own upper arm."""
     folded = JointTarget("goal", (1.9, -0.3, 1.9, -3.0, -0.8, 0.3, 0.9))
-    with pytest.raises(InputError, match=r"empty\.yaml: goal: in collision: panda_hand and panda_link2 overlap by \d"):
+    words = r"the scene made from empty: goal: in collision: panda_hand and panda_link2 overlap by \d"
+    with pytest.raises(InputError, match=words):
         plan(dataclasses.replace(load_scene("empty"), goal=folded))
 
 

@@ -168,7 +168,7 @@ def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, said
     asked = Upright(link) if field == "upright" else Within(link, (0.1, 0.1, 0.1))
     scene = held("panda_carry", **{field: asked})
     for refuses in (build, plan):
-        with pytest.raises(InputError, match=rf"panda_carry\.yaml: path\.{field}\.link: .*{said}"):
+        with pytest.raises(InputError, match=rf"the scene made from panda_carry: path\.{field}\.link: .*{said}"):
             refuses(scene)
 
 
