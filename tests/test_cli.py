@@ -403,11 +403,11 @@ def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> Non
     ("content", "words"),
     [
         ("", "is empty"),
-        ("hello", "is empty"),
+        ("hello", "'hello' is not known"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat"),
-        ("v 0 0 0\nv nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "not finite"),
+        ("v 0 0 0\nv nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "numbers are expected"),
         ("v 0 0 0\nv 1e9 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "farther than 1e+06 m"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a triangle has vertex"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face has vertex 8"),
         (b"\xff\xfe\x00v 1 2 3", "mesh.obj: "),  # unreadable, or empty where a library guesses its encoding
     ],
     ids=["empty", "text", "flat", "nan", "huge", "index", "binary"],

@@ -26,6 +26,7 @@ Rng = np.random.Generator
 
 CLOSE = 1e-7  # [m, rad] by which two readers of one text may differ; OBJ files are read in single precision by Assimp
 SINGLE = 1e-5
+UNLIMITED = 1e6  # [rad] or [m] a limit that stands for none
 TRIED = 3  # configurations
 HEAD = "import sys; from xacro import main; sys.path.insert(0, {!r}); sys.argv = ['xacro', *{!r}]; main()"
 FIND = "def get_package_share_directory(name):\n    return {{{!r}: {!r}}}[name]\n"
@@ -261,6 +262,7 @@ def _difference(rng: Rng, robot: Robot, model: Any, geometry: Any) -> str:
             ends = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         else:
             ends = -np.inf, np.inf
+        ends = tuple(np.copysign(np.inf, end) if abs(end) >= UNLIMITED else end for end in ends)
         if not np.allclose((robot.lower[i], robot.upper[i]), ends, rtol=0, atol=CLOSE):
             return f"limits of {name}: {robot.lower[i]}, {robot.upper[i]} and {ends}"
     pairs = _pairs(robot, model, geometry)

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.once import read_only
 
 if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
@@ -34,7 +35,7 @@ class AsLoaded:
     @classmethod
     def of(cls, robot: Robot, before: AsLoaded | None) -> AsLoaded:
         """Copy a robot. What it has from another one keeps the copies that were made `before`: it may have changed."""
-        others = {name: (value := getattr(robot, name), value.copy()) for name in OTHERS}
+        others = {name: (value := getattr(robot, name), _copy(value)) for name in OTHERS}
         if before is not None:
             others |= {name: pair for name, pair in before.others.items() if pair[0] is others[name][0]}
         if before is not None and before.model[0] is robot.model:
@@ -64,6 +65,10 @@ def check_as_loaded(robot: Robot) -> None:
             f"robot: {robot.name}.{name} was changed after the robot was loaded; robots are shared: change the URDF, "
             "or a copy (robot.model.copy())"
         )
+
+
+def _copy(value: Any) -> Any:
+    return read_only(value.copy()) if isinstance(value, np.ndarray) else value.copy()
 
 
 def _carriers(model: pin.Model) -> tuple[int, ...]:

@@ -23,7 +23,8 @@ import hdplan
 import hdplan.verify as verify
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.proof.proof import world_of
+from hdplan.planner.proof.proof import _refuse_unproven_pairs, world_of
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
@@ -109,14 +110,21 @@ def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Pro
         hdplan.prove("panda_cage", tmp_path / "m.json")
 
 
-def test_links_that_only_touched_wherever_tried_are_refused_by_name(tmp_path: Path) -> None:
+def test_links_that_only_touched_wherever_tried_are_refused_by_name_and_so_are_those_that_always_touch(
+    tmp_path: Path,
+) -> None:
     text = find_scene("tiago_shelf").read_text()
     (tmp_path / "s.yaml").write_text("\n".join(x for x in text.splitlines() if "ignore_pairs" not in x))
-    hdplan.plan(hdplan.load_scene(tmp_path / "s.yaml"), time_limit=60).save(tmp_path / "m.json")
+    scene = hdplan.load_scene(tmp_path / "s.yaml")
     with pytest.raises(
-        hdplan.InputError, match=r"arm_6_link and wrist_ft_link touch at every|torso_lift_link touch at every"
+        hdplan.UnsolvableError, match=r"touch at each of 1000 sampled configurations, which is no proof"
     ):
-        hdplan.prove(tmp_path / "s.yaml", tmp_path / "m.json")
+        hdplan.plan(scene)
+    setup = Setup.of(hdplan.load_scene("empty"))
+    (pair,) = setup.robot.self_pairs[:1]
+    robot = dataclasses.replace(setup.robot, unchecked={pair: ALWAYS_TOUCHING})
+    with pytest.raises(hdplan.InputError, match=f"links {pair[0]} and {pair[1]} "):
+        _refuse_unproven_pairs(dataclasses.replace(setup, robot=robot))
 
 
 def test_meshes_of_other_kinds_are_refused_by_name(tmp_path: Path) -> None:

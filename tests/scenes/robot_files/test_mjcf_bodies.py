@@ -13,6 +13,7 @@ import pytest
 
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.mjcf import UNLIMITED
+from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.urdf_text import read_description
 from tests.scenes.robot_files.mjcf_models import Model, Writer, rotation, transform
 
@@ -87,7 +88,7 @@ def test_bodies_geoms_and_limits_are_what_the_text_means(tmp_path: Path) -> None
     rng, bodies, files = np.random.default_rng(1), 0, 0
     for seed in range(MODELS):
         model = Writer(seed).model()
-        description = read_description(written(model, tmp_path))
+        description = read_description(Source(written(model, tmp_path)))
         assert {file.name for file in description.files} == {"robot.xml", *model.files}
         bodies += check(model, description.root, rng)
         files += len(model.files)
@@ -135,5 +136,5 @@ def test_what_is_damaged_is_refused(tmp_path: Path) -> None:
         for wrong in (text[: rng.integers(len(text))], damaged(text, rng)):
             (tmp_path / name).write_text(wrong)
             with pytest.raises(InputError) as error:
-                print(wrong, "\n", read_description(path))
+                print(wrong, "\n", read_description(Source(path)))
             assert str(error.value).startswith(f"robot.urdf: {path}: ")
