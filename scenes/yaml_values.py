@@ -172,8 +172,8 @@ def _check_number(word: str, tag: str, event: yaml.ScalarEvent) -> None:
         same = False
     if not same:
         raise InputError(
-            f"{_line(event)}{shorten(repr(word))} is not a number in decimal digits; a text or a name like that stands in "
-            "quotes"
+            f"{_line(event)}{shorten(repr(word))} is not a number in decimal digits; a text or a name like that stands "
+            "in quotes"
         )
 
 

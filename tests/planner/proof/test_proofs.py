@@ -110,15 +110,13 @@ def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Pro
         hdplan.prove("panda_cage", tmp_path / "m.json")
 
 
-def test_links_that_only_touched_wherever_tried_are_refused_by_name_and_so_are_those_that_always_touch(
+def test_links_that_touch_wherever_tried_or_always_are_refused_by_name(
     tmp_path: Path,
 ) -> None:
     text = find_scene("tiago_shelf").read_text()
     (tmp_path / "s.yaml").write_text("\n".join(x for x in text.splitlines() if "ignore_pairs" not in x))
     scene = hdplan.load_scene(tmp_path / "s.yaml")
-    with pytest.raises(
-        hdplan.UnsolvableError, match=r"touch at each of 1000 sampled configurations, which is no proof"
-    ):
+    with pytest.raises(hdplan.UnsolvableError, match="touch at each of 1000 sampled configurations"):
         hdplan.plan(scene)
     setup = Setup.of(hdplan.load_scene("empty"))
     (pair,) = setup.robot.self_pairs[:1]
