@@ -25,7 +25,7 @@ from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-KEPT = 64  # meshes that stay in memory while their files do not change
+KEPT = 16  # meshes that stay in memory while their files do not change: large ones take 50 MB each
 
 Holder = TypeVar("Holder", Obstacle, Attached)
 
