@@ -30,7 +30,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.lazy_imports import LazyModule
-from hdplan.scenes.once import ForkSafeLock
+from hdplan.scenes.once import ForkSafeLock, made_once
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,8 +96,12 @@ def mesh_stamps(files: Iterable[Path]) -> Stamps:
 
 def files_beside(path: Path) -> tuple[Path, ...]:
     """Return the files that hold the buffers of a glTF file; none for other files, and for one that cannot be read."""
-    if path.suffix.lower() not in (".gltf", ".glb"):
-        return ()
+    return _buffers(path, stamps_of([path])) if path.suffix.lower() in (".gltf", ".glb") else ()
+
+
+@made_once(64)
+def _buffers(path: Path, stamps: Stamps) -> tuple[Path, ...]:
+    """Read which buffers a glTF file names, once while it stays as it is: stamps are taken at every use."""
     with contextlib.suppress(InputError):
         return tuple(path.parent / name for name in buffer_names(read_file(path)))
     return ()

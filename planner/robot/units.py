@@ -9,6 +9,7 @@ import numpy as np
 
 from hdplan.planner.geometry.meshes import ReadMesh
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.once import made_once
 from hdplan.scenes.scene import Scene
 
 LARGE = 100.0  # times the robot's reach: a mesh so large was hardly meant in metres
@@ -17,18 +18,27 @@ LARGE = 100.0  # times the robot's reach: a mesh so large was hardly meant in me
 def unlikely_units(scene: Scene, robot: Robot) -> Iterator[str]:
     """Yield notes on meshes, of a scene whose files were read, that are hundreds of times as large as the robot
     reaches: they may be in millimetres."""
-    sizes = {link: _size_of(robot, link) for link in robot.link_geometry}
-    arm = _chain(robot)
-    for link, size in sizes.items():
-        if arm > 0.0 and size > LARGE * arm:
-            yield f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{ASKED}"
-    reach = arm + max(sizes.values(), default=0.0)
+    notes, reach = _of_links(robot)
+    yield from notes
     for obstacle in scene.obstacles:
         if isinstance(obstacle.shape, ReadMesh) and reach > 0.0:
             size = float(np.ptp(obstacle.shape.mesh.vertices, axis=0).max())
             if size > LARGE * reach:
                 about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
                 yield f"{about} is {size:.3g} m large, {size / reach:.0f} times the robot's reach{ASKED}"
+
+
+@made_once(8)
+def _of_links(robot: Robot) -> tuple[tuple[str, ...], float]:
+    """Return the notes on a robot's links, and how far it reaches [m]: once for each robot, as all vertices count."""
+    sizes = {link: _size_of(robot, link) for link in robot.link_geometry}
+    arm = _chain(robot)
+    notes = tuple(
+        f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{ASKED}"
+        for link, size in sizes.items()
+        if arm > 0.0 and size > LARGE * arm
+    )
+    return notes, arm + max(sizes.values(), default=0.0)
 
 
 ASKED = ": is it in millimetres? hdplan takes metres (a scale of 0.001 makes them)"

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-import coal
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+
+from sieges.meshes_files import by_assimp as by_assimp
+
 SAME = 5e-5  # of the largest coordinate: Assimp calculates in single precision, and turns by angles in degrees
-
-
-def by_assimp(path: Path) -> np.ndarray | None:
-    """The triangles (F, 3, 3) that Assimp reads, through coal's loader; None where it refuses the file."""
-    try:
-        tree = coal.MeshLoader(coal.BV_AABB).load(str(path))
-    except (RuntimeError, ValueError, IndexError):
-        return None
-    rows = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))], dtype=np.int64)
-    return np.asarray(tree.vertices())[rows.reshape(-1, 3)]
 
 
 def apart(ours: np.ndarray, theirs: np.ndarray) -> float:
