@@ -90,7 +90,10 @@ FAULTS: dict[tuple[str, str], dict[str, str]] = {  # what these readers make of 
         r"(?s)element face.*element vertex": "faces before vertices end the process",
         r"[ \t\n]\+[0-9]+[ \t\r\n]": "rows with a plus sign before a whole number are read one word late",
         r"(?m)^comment [0-9]": "of a comment that begins with a number, rows are lost",
+        r"element face (?s:.*)element tristrips|element tristrips (?s:.*)element face": "faces beside strips are lost",
+        r"element tristrips (?!1\s)": "of several lists of strips only the first is read",
     },
+    ("trimesh", ".ply"): {r"element tristrips": "strips are passed over"},
     ("trimesh", ".obj"): {r"(?m)^\s*[vf]\t": "lines with a tab after their keyword are passed over"},
     ("Assimp", ".off"): {r"#": "reading does not end after a comment"},
 }

@@ -25,8 +25,8 @@ from hdplan.planner.geometry.mesh_formats.collada_elements import (
     shown,
     text_of,
 )
-from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, MOST_PARTS, fan, joined, rotation, strip
-from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fans
+from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, MOST_PARTS, joined, rotation
+from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fan, fans, strip
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.number_text import read_number, read_numbers, read_whole, read_wholes

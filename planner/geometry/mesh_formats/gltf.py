@@ -13,8 +13,8 @@ import numpy as np
 from hdplan.planner.geometry.mesh_formats.gltf_container import listed, numbers, whole
 from hdplan.planner.geometry.mesh_formats.gltf_keys import ATTRIBUTES, Object, checked
 from hdplan.planner.geometry.mesh_formats.gltf_numbers import Beside, GltfFile
-from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, fan, joined, strip
-from hdplan.planner.geometry.mesh_formats.triangles import Triangles
+from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, joined
+from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fan, strip
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 

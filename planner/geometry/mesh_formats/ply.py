@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.geometry.mesh_formats.text import shown, text_of, wholes
-from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fans
-from hdplan.scenes.array_types import Array
+from hdplan.planner.geometry.mesh_formats.triangles import RESTART, Triangles, fans, strips
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, listed, nearest
 from hdplan.scenes.number_text import read_number, read_numbers, read_whole, read_wholes
 
@@ -24,8 +24,9 @@ _TYPES = {  # how the format names them, and NumPy
 _AXES = ("x", "y", "z")
 _CORNERS = ("vertex_indices", "vertex_index")
 _USED = {*_AXES, *_CORNERS}
+_SURFACES = ("face", "tristrips")
 
-HARMLESS = {  # properties of vertices and faces that have no say in the surface
+HARMLESS = {  # properties of vertices, faces and strips that have no say in the surface
     *("nx", "ny", "nz"),  # normals: the corners run around them
     *("red", "green", "blue", "alpha"),  # colours
     *(f"{kind}_{color}" for kind in ("ambient", "diffuse", "specular") for color in ("red", "green", "blue")),
@@ -65,20 +66,27 @@ Numbers = Callable[[Sequence[str]], Sequence[float]]  # what reads words
 
 
 def read_ply(data: bytes) -> Triangles:
-    """Read a PLY file. Raises InputError for whatever is not known in it: elements with rows, such as strips,
-    properties, and lines or bytes that are left over."""
+    """Read a PLY file. Raises InputError for whatever is not known in it: elements with rows, properties,
+    lists, and lines or bytes that are left over."""
     order, elements, begin = _header(data)
     for element in elements:
         _check(element)
     held: dict[str, _Columns] = _of_bytes(data, begin, elements) if order else _of_text(data, begin, elements)
-    points, faces = held.get("vertex"), held.get("face")
+    points = held.get("vertex")
     vertices = np.column_stack([points[axis][1] for axis in _AXES]) if points else np.empty((0, 3))
-    counts, corners = next(iter(faces.values())) if faces else (np.empty(0), np.empty(0))
-    if (short := counts < 3).any():
-        raise InputError(f"{_face(int(short.argmax()))}: a face has 3 vertices at least")
     with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
         double = vertices.astype(np.float64)
-    return double, fans(double, counts.astype(np.int64), corners.astype(np.int64), _face)
+    faces, runs = (_lists(held.get(surface)) for surface in _SURFACES)
+    if (short := faces[0] < 3).any():
+        raise InputError(f"{_face(int(short.argmax()))}: a face has 3 vertices at least")
+    of_strips = strips(double, *runs, lambda row: f"tristrips {row} (counted from 0)")
+    return double, np.concatenate([fans(double, *faces, _face), of_strips])
+
+
+def _lists(columns: _Columns | None) -> tuple[Rows, Rows]:
+    """Return the lengths and the numbers of an element's lists of corners."""
+    lengths, numbers = next(iter(columns.values())) if columns else (np.empty(0), np.empty(0))
+    return lengths.astype(np.int64), numbers.astype(np.int64)
 
 
 def read_ply_points(data: bytes) -> Array:
@@ -157,10 +165,10 @@ def _check(element: _Element) -> None:
         raise InputError(f"{of} has {element.rows} rows of {len(element.properties)} properties")
     if element.rows == 0:
         return
-    if element.name not in ("vertex", "face", *PASSED):
-        raise InputError(f"{of} is not read{nearest(element.name, ('vertex', 'face', *PASSED))}")
+    if element.name not in (known := ("vertex", *_SURFACES, *PASSED)):
+        raise InputError(f"{of} is not read{nearest(element.name, known)}")
     for known in element.properties:
-        if known.count is not None and (element.name != "face" or known.count.kind == "f"):
+        if known.count is not None and (element.name not in _SURFACES or known.count.kind == "f"):
             raise InputError(f"{of}: a list '{known.name}' of {known.type}, counted in {known.count}, is not read")
     if element.name in PASSED:
         return
@@ -168,7 +176,7 @@ def _check(element: _Element) -> None:
     there = [known for known in element.properties if known.name in allowed]
     if element.name == "vertex" and len(there) < len(_AXES):
         raise InputError(f"{of}: has no property '{min({*_AXES} - {known.name for known in there})}'")
-    if element.name == "face" and (len(there) != 1 or there[0].count is None or there[0].type.kind == "f"):
+    if element.name in _SURFACES and (len(there) != 1 or there[0].count is None or there[0].type.kind == "f"):
         raise InputError(f"{of}: has not one list of whole numbers {' or '.join(_CORNERS)}")
     for known in element.properties:
         if known.name not in (*allowed, *HARMLESS) and not known.name.startswith(MEASURED):
@@ -220,7 +228,7 @@ def _take(
         if known.name in found:
             lengths, values = found[known.name]
             lengths.append(count)
-            told = words[begin:end]
+            told = [word for word in words[begin:end] if word != str(RESTART) or known.type.kind != "i"]
             if known.name in _CORNERS and not all(map(str.isdigit, told)):  # of signs, readers think differently
                 raise ValueError
             values += (read_wholes if known.type.kind in "iu" else numbers)(words[begin:end])

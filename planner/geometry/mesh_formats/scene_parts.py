@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
@@ -29,18 +29,6 @@ def joined(parts: Sequence[tuple[Array, Triangles]]) -> Triangles:
         triangles.append(first + (corners[:, ::-1] if mirrored else corners))
         first += len(points)
     return np.concatenate(vertices), np.concatenate(triangles)
-
-
-def strip(corners: Rows) -> Rows:
-    """Return the triangles (n - 2, 3) of a strip: each shares an edge with the one before, every second is turned."""
-    triangles = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-    triangles[1::2, 1:] = triangles[1::2, :0:-1]
-    return triangles
-
-
-def fan(corners: Rows) -> Rows:
-    """Return the triangles (n - 2, 3) of a fan around its first corner."""
-    return np.stack([np.broadcast_to(corners[:1], len(corners) - 2), corners[1:-1], corners[2:]], axis=1)
 
 
 def rotation(axis: Array, angle: float) -> Array:

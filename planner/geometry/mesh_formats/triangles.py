@@ -1,4 +1,4 @@
-"""What every reader of a mesh format returns, and polygons cut into it."""
+"""What every reader of a mesh format returns, and polygons, strips and fans cut into it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F
 ROUNDING = 1e-5  # of the largest coordinate: about what six written digits leave open
 NEAR = 10.0  # times a polygon's own largest coordinate, beyond which the rest of the file does not count
 WHOLE_TURN = 2.0 * np.pi - 1e-6  # [rad]
+RESTART = -1  # in a list of strips, where others hold vertices
 HALF_TURN = np.pi - 1e-3  # [rad] as readers find it that calculate in single precision
 
 
@@ -47,6 +48,38 @@ def fans(vertices: Array, counts: Rows, corners: Rows, place: Callable[[int], st
                 "surface: export it as triangles"
             )
     return np.asarray(triangles)
+
+
+def strips(vertices: Array, counts: Rows, corners: Rows, place: Callable[[int], str]) -> Rows:
+    """Return the triangles (F, 3) of strips, in which RESTART ends one and begins another.
+
+    `counts` (S,): corners of each list of strips, RESTART among them; `corners`, `vertices` and `place` as in `fans`.
+    Strips of one or two corners, and vertices that are not there, are refused: InputError.
+    """
+    listed = np.repeat(np.arange(len(counts)), counts)
+    kept = corners != RESTART
+    strip_of = (np.cumsum(~kept) + listed)[kept]  # a number that grows from strip to strip
+    starts = np.flatnonzero(np.diff(strip_of, prepend=-1))
+    lengths = np.diff(starts, append=len(strip_of))
+    if (short := lengths < 3).any():
+        at = int(short.argmax())
+        raise InputError(f"{place(int(listed[kept][starts[at]]))}: a strip has 3 corners at least, not {lengths[at]}")
+    found = [strip(each) for each in np.split(corners[kept], starts[1:])] if len(starts) else []
+    of_lists = np.repeat(listed[kept][starts], lengths - 2)
+    triangles = np.concatenate([np.empty((0, 3), dtype=np.int64), *found])
+    return fans(vertices, np.full(len(triangles), 3), triangles.ravel(), lambda k: place(int(of_lists[k])))
+
+
+def strip(corners: Rows) -> Rows:
+    """Return the triangles (n - 2, 3) of a strip: each shares an edge with the one before, every second is turned."""
+    triangles = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+    triangles[1::2, 1:] = triangles[1::2, :0:-1]
+    return triangles
+
+
+def fan(corners: Rows) -> Rows:
+    """Return the triangles (n - 2, 3) of a fan around its first corner."""
+    return np.stack([np.broadcast_to(corners[:1], len(corners) - 2), corners[1:-1], corners[2:]], axis=1)
 
 
 def _seen_whole(vertices: Array, triangles: Rows, ears: Rows, largest: float) -> Mask:

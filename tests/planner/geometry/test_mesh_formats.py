@@ -113,10 +113,8 @@ def ply(*lines: str, head: str = "ascii", vertex: str = "", rows: str = "0 0 0\n
         ("off", OFF.replace("3 0 1 3", "2 0 1"), "line 8: '2 0 1': a face has 3 vertices at least"),
         (
             "ply",
-            ply(
-                "element tristrips 1", "property list int int vertex_indices", rows="0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" * 2
-            ),
-            "element 'tristrips' is not read",
+            ply("element trifans 1", "property list int int vertex_indices", rows=""),
+            "element 'trifans' is not read",
         ),
         ("ply", ply(vertex="property float w", rows=""), "element 'vertex': the property 'w' is not known"),
         ("ply", ply("property list uchar int more", rows=""), "element 'face': the property 'more' is not known"),
@@ -148,6 +146,54 @@ def test_bytes_of_a_ply_are_all_read(tmp_path: Path) -> None:
         path.write_bytes(head + data)
         with pytest.raises(InputError, match=words):
             read_mesh_file(path)
+
+
+@pytest.mark.parametrize("head", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_strips_of_a_ply_turn_every_second_triangle_and_begin_anew_after_minus_one(head: str, tmp_path: Path) -> None:
+    """Against the rule, corner by corner, and against Assimp, which reads one list of strips and no faces beside it."""
+    path = tmp_path / "a.ply"
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points, beside = rng.normal(size=(9, 3)), rng.integers(9, size=(seed % 3, 3)).tolist()
+        lists = [np.concatenate([[*rng.permutation(9)[: rng.integers(3, 9)], -1] for _ in range(3)]) for _ in "ab"]
+        lists = [each[: len(each) - int(rng.integers(2))].tolist() for each in lists[: 1 + seed % 2]]
+        truth = [*beside]
+        for each in lists:
+            strip: list[int] = []
+            for corner in each:
+                strip = [*strip, corner] if corner >= 0 else []
+                if len(strip) > 2:
+                    truth.append(strip[-3:] if len(strip) % 2 else [strip[-2], strip[-3], strip[-1]])
+        path.write_bytes(strips_of(points, beside, lists, head))
+        vertices, triangles = read_mesh_file(path)
+        assert meshes_files.different(vertices[triangles], points[np.array(truth)]) == ""
+        if not beside and len(lists) == 1:
+            theirs = meshes_files.by_assimp(path)
+            assert theirs is not None
+            assert meshes_files.different(vertices[triangles], theirs) == ""
+    for wrong, words in (
+        ([0, 1, -1, 2, 3, 4], "tristrips 0 .*: a strip has 3 corners at least, not 2"),
+        ([0, 1, 2, 9], "tristrips 0 .*: a face has vertex 9"),
+        ([0, 1, 2, -2], "'tristrips' needs numbers|a face has vertex -2"),
+    ):
+        path.write_bytes(strips_of(points, [], [wrong], head))
+        with pytest.raises(InputError, match=words):
+            read_mesh_file(path)
+
+
+def strips_of(points: np.ndarray, faces: list[list[int]], lists: list[list[int]], head: str) -> bytes:
+    """A PLY file of triangles and lists of strips."""
+    of_vertex = [f"element vertex {len(points)}", *(f"property double {axis}" for axis in "xyz")]
+    of_faces = [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    of_strips = [f"element tristrips {len(lists)}", "property list int int vertex_indices", "end_header\n"]
+    header = "\n".join(["ply", f"format {head} 1.0", *of_vertex, *(of_faces if faces else []), *of_strips])
+    if head == "ascii":
+        rows = [*points.tolist(), *([len(each), *each] for each in (*faces, *lists))]
+        return (header + "".join(" ".join(map(repr, row)) + "\n" for row in rows)).encode()
+    sign = "<" if "little" in head else ">"
+    rows = [np.asarray(points, dtype=f"{sign}f8").tobytes(), *(struct.pack(f"{sign}B3i", 3, *each) for each in faces)]
+    rows += [struct.pack(f"{sign}{1 + len(each)}i", len(each), *each) for each in lists]
+    return header.encode() + b"".join(rows)
 
 
 def test_polygons_are_cut_where_all_readers_see_the_same(tmp_path: Path) -> None:
