@@ -164,7 +164,7 @@ def without_joints(
         coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
         reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
     # Pinocchio finds a joint's frame by name only, and fails if a link has the joint's name.
-    mark = " (link)"
+    mark = "\x1f"  # which no name in XML has
     for frame in full.frames:
         if frame.type == pin.FrameType.BODY and frame.name in full.names:
             frame.name += mark

@@ -16,6 +16,7 @@ import numpy as np
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, from_rpy
+from hdplan.scenes.robot_files.xml_text import DEEPEST
 
 SIZES = {  # attributes of each shape with their number of values, all of which must be positive
     "box": {"size": 3},
@@ -29,6 +30,8 @@ BOUNDED = ("revolute", "prismatic")
 KINDS = (*BOUNDED, "continuous", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 ROUNDING = 1e-2, 1e-9  # of moments of inertia, relative and [kg m²]: descriptions give two to nine digits
+SHORTEST = 1e-9  # length of an axis: squares of shorter ones are lost, and the joint would stand still, or shear
+WORLD = "universe"  # Pinocchio's name for the world: of a joint of this name it would find another one's limits
 LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
 
 
@@ -69,6 +72,8 @@ def _names(root: ElementTree.Element, tag: str) -> list[str]:
     for name, count in Counter(names).items():
         if not name:
             raise InputError(f"<{tag}> has no name")
+        if name == WORLD:
+            raise InputError(f"{tag} '{name}': the name stands for the world; another one is needed")
         if count > 1:
             raise InputError(f"{tag} '{name}' is there {count} times; names must differ")
     return names
@@ -130,8 +135,9 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
         raise InputError(f"{where}: a {joint.get('type')} joint needs a <limit>")
     for attribute in ("effort", "velocity") if limit is not None else ():
         _numbers(limit, attribute, 1, f"{where}: limit", largest=math.inf)
-    if axis is not None and joint.get("type") != "fixed" and not any(_numbers(axis, "xyz", 3, f"{where}: axis")):
-        raise InputError(f"{where}: axis: xyz must not be 0, found '{axis.get('xyz')}'")
+    moved = axis if joint.get("type") != "fixed" else None
+    if moved is not None and math.hypot(*_numbers(moved, "xyz", 3, f"{where}: axis")) < SHORTEST:
+        raise InputError(f"{where}: axis: xyz must not be 0, found '{moved.get('xyz')}'")
     if limit is not None and joint.get("type") in BOUNDED:
         ends = [limit.get(key) for key in ("lower", "upper")]
         lower, upper = (_numbers(limit, key, 1, f"{where}: limit", "0", math.inf)[0] for key in ("lower", "upper"))
@@ -144,6 +150,8 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
         followed = mimic.get("joint", "")
         if followed in seen or joints.get(followed) is joint:
             raise InputError(f"{where}: mimic: follows itself")
+        if len(seen) == DEEPEST:
+            raise InputError(f"{where}: mimic: follows through more than {DEEPEST} joints")
         for key in ("multiplier", "offset"):
             _numbers(mimic, key, 1, f"{where}: mimic", default="0")
         seen.append(followed)
@@ -153,16 +161,18 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
 def _check_connected(links: list[str], joints: Mapping[str, ElementTree.Element]) -> None:
     """Check that joints connect links that exist, and that every link is connected to one root."""
     below: dict[str, list[str]] = {}
-    children = set()
+    above: dict[str, str] = {}  # child link -> joint
     for name, joint in joints.items():
         ends = [joint.find(end) for end in ("parent", "child")]
         parent, child = ("" if end is None else end.get("link", "") for end in ends)
         for end, link in (("parent", parent), ("child", child)):
             if link not in links:
                 raise InputError(f"joint '{name}': {end}: unknown link '{link}'{nearest(link, links)}")
+        if other := above.get(child):
+            raise InputError(f"link '{child}' is the child of two joints, '{other}' and '{name}'; one is allowed")
         below.setdefault(parent, []).append(child)
-        children.add(child)
-    root = next((link for link in links if link not in children), "")
+        above[child] = name
+    root = next((link for link in links if link not in above), "")
     reached, waiting = set(), [root]
     while waiting:
         link = waiting.pop()

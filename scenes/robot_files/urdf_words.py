@@ -93,6 +93,7 @@ HARMLESS_ATTRIBUTES: dict[str, dict[str, str]] = {
     },
 }
 ZERO = (("link", "origin"), ("axis", "rpy"))  # harmless only where all of its numbers are 0
+ROBOTS = ("robot", "link", "joint", "include")  # words that hold parts of robots, in whatever namespace
 UNNOTED = ("robot",)  # where vendors add elements of their own as a matter of course
 NEARLY, NEARLY_SHORT = 0.7, 0.6  # similarity from which a word is a misspelling; of at most four letters
 MOST = 4  # names in a note; further ones are counted
@@ -120,6 +121,22 @@ def check_shapes(root: Element) -> tuple[str, ...]:
     return (f"links without collision geometry, never checked: {listed(seen, MOST)}",)
 
 
+def check_soft_limits(root: Element) -> tuple[str, ...]:
+    """Return a note on joints of which a safety controller keeps a margin to the limits: MoveIt keeps it, too, and URDF
+    does not ask for it."""
+    found = []
+    for joint in root.findall("joint"):
+        soft, limit = joint.find("safety_controller"), joint.find("limit")
+        if soft is None or limit is None or joint.get("type") not in ("revolute", "prismatic"):
+            continue
+        with contextlib.suppress(ValueError):  # what is no number is refused elsewhere
+            low, high = (read_numbers([soft.get(f"soft_{end}_limit", "0")])[0] for end in ("lower", "upper"))
+            least, most = (read_numbers([limit.get(end, "0")])[0] for end in ("lower", "upper"))
+            if low < high and (low > least or high < most):
+                found.append(f"{joint.get('name')} [{low:g}, {high:g}]")
+    return (f"soft limits of safety controllers, not kept: {listed(found, MOST)}",) if found else ()
+
+
 def _walk(element: Element, tag: str, where: str, ignored: dict[str, None]) -> None:
     """Check an element and its children; collect what is not URDF's and harmless."""
     for attribute in element.attrib:
@@ -137,7 +154,7 @@ def _walk(element: Element, tag: str, where: str, ignored: dict[str, None]) -> N
         name = child.tag
         if name not in ELEMENTS.get(tag, ()):
             namespace, local = split(name)
-            if tag == "robot" and namespace and local not in ELEMENTS["robot"][:2] and not is_xacro(namespace):
+            if tag == "robot" and namespace and local not in ROBOTS and not is_xacro(namespace):
                 continue  # vendors' own
             _foreign(name, f"{where}element", ELEMENTS.get(tag, ()), HARMLESS.get(tag, {}))
             if (tag, name) in ZERO:

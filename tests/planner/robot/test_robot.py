@@ -275,6 +275,21 @@ def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
     assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
 
 
+def test_links_are_told_apart_whatever_they_are_called(tmp_path: Path) -> None:
+    """A held joint is taken out of Pinocchio's model, in which a link may have the joint's name."""
+    file, names = tmp_path / "arm.urdf", ("base", "a (link)", "a")
+    body = "<collision><geometry><sphere radius='0.1'/></geometry></collision>"
+    links = "".join(f"<link name='{name}'>{body}</link>" for name in names)
+    joints = "".join(
+        f"<joint name='{joint}' type='continuous'><origin xyz='1 0 0'/><parent link='{one}'/><child link='{other}'/>"
+        "</joint>"
+        for joint, one, other in (("b", "base", "a (link)"), ("a", "a (link)", "a"))
+    )
+    file.write_text(f"<robot name='arm'>{links}{joints}</robot>")
+    assert load_robot(RobotSpec(urdf=file)).links == names
+    assert load_robot(RobotSpec(urdf=file, locked={"b": 0.3})).links == names
+
+
 def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     text = (
