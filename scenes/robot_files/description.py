@@ -23,7 +23,7 @@ from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_files.srdf_words import check_srdf_words
 from hdplan.scenes.robot_files.urdf_check import check_urdf, impossible_inertias, read_origin
 from hdplan.scenes.robot_files.urdf_text import read_description
-from hdplan.scenes.robot_files.urdf_words import check_shapes, check_urdf_words
+from hdplan.scenes.robot_files.urdf_words import check_shapes, check_soft_limits, check_urdf_words
 from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
 
 KEPT = 8  # descriptions kept in memory
@@ -168,7 +168,7 @@ def read_tree(source: Source) -> Tree:
         notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
         impossible = impossible_inertias(root)
-        notes = (*notes, *angles_in_degrees(root))
+        notes = (*notes, *check_soft_limits(root), *angles_in_degrees(root))
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
@@ -202,13 +202,13 @@ def read_tree(source: Source) -> Tree:
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
-    """Read an SRDF file. Raises InputError for a file that is missing or not XML, a group that contains itself, or a
-    state that is not a number."""
+    """Read an SRDF file. Raises InputError for a file that is missing or not XML, a group that contains itself or is
+    there twice, or a state that is not a number."""
     with naming(f"robot.srdf: {path}"):
         root = parse(read_file(path), ("robot",))
         notes = check_srdf_words(root, tree.links, tree.joints)
         groups = _groups(root, tree)
-        states = _states(root)
+        states = _states(root, tree)
     hands = tuple(
         EndEffector(*(hand.get(key, "") for key in ("name", "parent_link", "group", "parent_group")))
         for hand in root.findall("end_effector")
@@ -259,14 +259,18 @@ def _groups(root: ElementTree.Element, tree: Tree) -> dict[str, tuple[str, ...]]
     return {name: tuple(joints(name)) for name in elements}
 
 
-def _states(root: ElementTree.Element) -> dict[str, dict[str, dict[str, float]]]:
+def _states(root: ElementTree.Element, tree: Tree) -> dict[str, dict[str, dict[str, float]]]:
+    moving = {joint for child, (_, joint) in tree.parent.items() if child not in tree.fixed}
     states: dict[str, dict[str, dict[str, float]]] = {}
     for state in root.findall("group_state"):
         name = state.get("name", "")
         for joint in state.findall("joint"):
             value = (joint.get("value") or "").split()
+            if len(value) != 1 and joint.get("name") in moving:
+                said = f"{len(value)} values" if value else "no value"
+                raise InputError(f"state '{name}', joint '{joint.get('name')}': one number is needed, found {said}")
             if len(value) != 1:
-                continue  # a joint of several coordinates (a floating base) is not planned here
+                continue  # a joint of the SRDF alone, of several coordinates (a floating base), is not planned here
             try:
                 number = read_number(value[0])
             except ValueError:

@@ -5,6 +5,7 @@ An SRDF says which pairs of links are not checked: `<enable_colisions>` must not
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 
 from hdplan.scenes.errors import InputError, listed, nearest
@@ -33,6 +34,13 @@ WORDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "joint": ((), ("name", "value")),
     "chain": ((), ("base_link", "tip_link")),
 }
+# Attributes that must be there: without them an element says nothing.
+NEEDED: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("group", "group_state", "link", "joint", "passive_joint"), ("name",)),
+    **dict.fromkeys(("disable_collisions", "enable_collisions"), PAIR[:2]),
+    "disable_default_collisions": ("link",),
+    "chain": ("base_link", "tip_link"),
+}
 # Elements that are not MoveIt's and say nothing of motions and pairs, and why; what they contain is not read.
 HARMLESS = {
     "robot": {
@@ -54,6 +62,10 @@ def check_srdf_words(root: Element, links: Collection[str], joints: Collection[s
     Raises InputError for an element or attribute that is not known, or of a namespace, and for texts within elements.
     """
     _walk(root, "robot", "")
+    _check_unique(root, "group", ("name",))
+    _check_unique(root, "group_state", ("name", "group"))
+    for state in root.findall("group_state"):
+        _check_unique(state, "joint", ("name",))
     named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
     for element in root:
         tag = element.tag
@@ -83,17 +95,31 @@ def check_srdf_words(root: Element, links: Collection[str], joints: Collection[s
     return tuple(notes)
 
 
+def _check_unique(owner: Element, tag: str, keys: tuple[str, ...]) -> None:
+    """Raise InputError for two elements of the same names: readers differ about which one counts."""
+    names = Counter(tuple(each.get(key, "") for key in keys) for each in owner.findall(tag))
+    for (name, *of), count in names.items():
+        if count > 1:
+            where = f"{owner.tag} '{owner.get('name')}': " if owner.tag != "robot" else ""
+            group = f" of group '{of[0]}'" if of else ""
+            raise InputError(f"{where}{tag} '{name}'{group} is there {count} times; names must differ")
+
+
 def _walk(element: Element, tag: str, where: str) -> None:
     children, attributes = WORDS[tag]
     for attribute in element.attrib:
         if attribute not in attributes and not (tag == "robot" and split(attribute)[0]):
             raise InputError(f"{where}{tag}: attribute {_unknown(attribute, attributes)}")
+    for attribute in NEEDED.get(tag, ()):
+        if not element.get(attribute):
+            raise InputError(f"{where}{tag}: must have the attribute '{attribute}'")
     if (text := stray_text(element)) and tag != "robot":
         raise InputError(f"{where}{tag}: holds the text '{text}', where none belongs")
     harmless = HARMLESS.get(tag, {})
     for child in element:
         if child.tag in children:
-            _walk(child, child.tag, f"{child.tag} '{child.get('name')}': " if tag == "robot" else where)
+            named = f"{child.tag} '{child.get('name')}': " if child.get("name") else ""
+            _walk(child, child.tag, named if tag == "robot" else where)
         elif child.tag not in harmless:
             raise InputError(f"{where}element {_unknown(child.tag, (*children, *harmless))}")
 

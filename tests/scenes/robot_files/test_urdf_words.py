@@ -95,6 +95,18 @@ def test_no_slip_of_the_pen_is_passed_over(tmp_path: Path, text: str) -> None:
         ('<origin xyz="0 0 1"/>', '<origin xmlns="u" xyz="0 0 1"/>', "element 'origin' is of the namespace 'u'"),
         ('<origin xyz="0 0 1"/>', '<origin xmlns:u="u" u:xyz="0 0 1"/>', "attribute 'xyz' is of the namespace 'u'"),
         ("</robot>", '<u:link xmlns:u="u"/></robot>', "element 'link' is of the namespace 'u'"),
+        (
+            "</robot>",
+            '<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="a"/></robot>',
+            "element 'include' is of",
+        ),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="1e-160 0 1e-160"/>', "joint 'turn': axis: xyz must not be 0"),
+        ('name="turn"', 'name="universe"', "joint 'universe': the name stands for the world"),
+        (
+            "</robot>",
+            '<joint name="b" type="fixed"><parent link="base"/><child link="tip"/></joint></robot>',
+            "link 'tip' is the child of two joints, 'turn' and 'b'",
+        ),
         ("</robot>", "<loop_joint/></robot>", "element 'loop_joint' is not known"),
         (
             "</robot>",
@@ -180,6 +192,20 @@ def test_links_that_are_seen_and_have_no_shape_are_named(tmp_path: Path) -> None
     assert tree(tmp_path, re.sub(r"<collision>.*?</collision>", "", text)) == ()
 
 
+def test_a_margin_of_a_safety_controller_is_named_and_a_chain_of_followers_has_an_end(tmp_path: Path) -> None:
+    soft = '<safety_controller k_velocity="1" soft_lower_limit="{}" soft_upper_limit="1"/></joint>'
+    assert tree(tmp_path, ARM.replace("</joint>", soft.format(-1))) == ()
+    (note,) = tree(tmp_path, ARM.replace("</joint>", soft.format(-0.5)))
+    assert note == "soft limits of safety controllers, not kept: turn [-0.5, 1]"
+    chain = "".join(
+        f'<link name="l{i}"/><joint name="j{i}" type="continuous"><parent link="tip"/><child link="l{i}"/>'
+        f'<mimic joint="{f"j{i - 1}" if i else "turn"}"/></joint>'
+        for i in range(1500)
+    )
+    with pytest.raises(InputError, match="mimic: follows through more than 64 joints"):
+        tree(tmp_path, ARM.replace("</robot>", f"{chain}</robot>"))
+
+
 def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     robot = read_tree(Source(tmp_path / "arm.urdf"))
@@ -209,6 +235,17 @@ def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
         ('<pairs link1="base" link2="tip"/>', r"'pairs' is not known \(not part of SRDF\)"),
         ('<disable_collisions xmlns="u" link1="base" link2="tip"/>', "is of the namespace 'u'"),
         ('<group_state name="s" group="a"><joint name="turn" value="1_0"/></group_state>', "'1_0' is not a number"),
+        ('<group_state name="s" group="a"><joint name="turn"/></group_state>', "one number is needed, found no value"),
+        ('<group_state name="s"><joint name="turn" value="1 0"/></group_state>', "'turn': one number is .*2 values"),
+        (
+            '<group_state name="s"><joint name="turn"/><joint name="turn"/></group_state>',
+            "'s': joint 'turn' is there 2",
+        ),
+        ('<group_state name="s" group="a"/>' * 2, "group_state 's' of group 'a' is there 2 times"),
+        ('<group name="a"><joint name="turn"/></group><group name="a"/>', "group 'a' is there 2 times; names must"),
+        ("<group><joint name='turn'/></group>", "group: must have the attribute 'name'"),
+        ('<group name="a"><chain base_link="base"/></group>', "'a': chain: must have the attribute 'tip_link'"),
+        ('<disable_collisions link1="base"/>', "disable_collisions: must have the attribute 'link2'"),
     ):
         with pytest.raises(InputError, match=words):
             notes(slip)
