@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError
 
-Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
+Stamps = tuple[tuple[str, int, int, int, int], ...]  # file, inode, times of change [ns], size [bytes]
 
 MOST_BYTES = 100_000_000
 _KINDS = {
@@ -57,8 +57,10 @@ def leads_nowhere(path: str | os.PathLike[str]) -> bool:
 
 
 def stamps_of(files: Iterable[str | Path]) -> Stamps:
-    """Return time of change and size of files; a missing file has no stamp.
+    """Return what tells files, and their content, from others; a missing file has no stamp.
 
+    The inode is another one where a link leads elsewhere; the time when the inode changed (ctime) can be set by nobody,
+    as that of the content (mtime) is by whatever copies or unpacks files.
     Caches of files use stamps taken *before* the files are read: one that changes meanwhile is read again.
     """
     found = []
@@ -67,5 +69,5 @@ def stamps_of(files: Iterable[str | Path]) -> Stamps:
             about = os.stat(file)
         except (OSError, ValueError):
             continue
-        found.append((str(file), about.st_mtime_ns, about.st_size))
+        found.append((str(file), about.st_ino, about.st_ctime_ns, about.st_mtime_ns, about.st_size))
     return tuple(found)

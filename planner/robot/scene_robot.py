@@ -210,7 +210,7 @@ def _load_once(spec: RobotSpec) -> Robot:
     )
     with _loading:
         kept = _kept.get(key)
-        if kept and stamps_of(file for file, _, _ in kept.files) == kept.files and not kept.as_loaded.changed(kept):
+        if kept and stamps_of(file for file, *_ in kept.files) == kept.files and not kept.as_loaded.changed(kept):
             _kept.move_to_end(key)
             return kept
         robot = load_robot(spec)

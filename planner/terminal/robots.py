@@ -49,7 +49,7 @@ def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
         "pairs": len(robot.self_pairs),
         "named_states": ", ".join(robot.named_states),
     }
-    read = [file for file, _, _ in robot.files]
+    read = [file for file, *_ in robot.files]
     if stamps_of(read) == robot.files:
         store("robots", key, {"files": read, "content": _content(read), "counts": counts})
     return counts

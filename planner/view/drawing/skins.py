@@ -90,7 +90,7 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
     for visual in visuals:
         with contextlib.suppress(InputError):  # said when it is to be drawn
             files += [visual.mesh.found(packages)[0]] if visual.mesh else []
-    read = [file for file, _, _ in robot.files]
+    read = [file for file, *_ in robot.files]
     own, failed = _visual_skins(robot, source, stamps_of(read) + mesh_stamps(dict.fromkeys(files)))
     bare = {link for link, _ in failed} - {skin.link for skin in own}
     held = {attached.name for attached in robot.attached}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import obstacle_pieces
 from hdplan.planner.certificate.solids import obstacle_bodies
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
+from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, load_mesh
 from hdplan.planner.geometry.opened import opened, with_content
 from hdplan.planner.motion.trajectory import Trajectory
@@ -125,6 +127,32 @@ def test_a_file_is_read_once_and_anew_when_it_changes(folder: Path, monkeypatch:
     assert len(asked) > count
     assert changed.scene.obstacles[0] != first.scene.obstacles[0]
     assert changed.robot is not first.robot
+
+
+def test_a_file_of_the_same_size_and_time_is_another_one(folder: Path) -> None:
+    """Archives, copies and links may differ in nothing but their content: of a link's mesh, and of an obstacle's."""
+
+    def box(file: Path, length: float) -> None:
+        trimesh.creation.box((length, 0.1, 0.1)).export(file)
+        os.utime(file, ns=(1, 1))
+
+    def lengths() -> list[float]:
+        setup = Setup.of(scene)
+        (bar,) = setup.robot.link_geometry["bar"]
+        solid, shape = setup.robot.collision.geometryObjects[bar].geometry, setup.scene.obstacles[0].shape
+        assert isinstance(shape, ReadMesh)
+        return [round(float(np.ptp(each.vertices[:, 0])), 6) for each in (shape.mesh, mesh_of(solid))]
+
+    thing = Obstacle("thing", Mesh(folder / "bar.stl"), Pose((0.0, 2.0, 0.0)))
+    scene = replace(scene_of(folder), obstacles=(thing,), attached=())
+    for length in (1.0, 0.9):
+        box(folder / "bar.stl", length)
+        assert lengths() == [length, length]
+    for length in (0.8, 0.7):
+        box(folder / f"{length}.stl", length)
+        (folder / "bar.stl").unlink()
+        (folder / "bar.stl").symlink_to(folder / f"{length}.stl")
+        assert lengths() == [length, length]
 
 
 def test_what_was_not_read_is_refused(folder: Path) -> None:

@@ -63,7 +63,7 @@ def test_macros_properties_and_includes_are_read(arm: RobotSpec) -> None:
     assert robot.name == "arm"
     assert robot.joint_names == ("j1", "j2")
     assert robot.links == ("l1", "l2")
-    assert [Path(file).name for file, _, _ in robot.files] == ["arm.urdf.xacro", "sizes.xacro"]
+    assert [Path(file).name for file, *_ in robot.files] == ["arm.urdf.xacro", "sizes.xacro"]
 
 
 def test_what_goes_wrong_in_it_is_said_in_one_line(arm: RobotSpec, capfd: pytest.CaptureFixture[str]) -> None:
