@@ -165,8 +165,8 @@ def _check(element: _Element) -> None:
         raise InputError(f"{of} has {element.rows} rows of {len(element.properties)} properties")
     if element.rows == 0:
         return
-    if element.name not in (known := ("vertex", *_SURFACES, *PASSED)):
-        raise InputError(f"{of} is not read{nearest(element.name, known)}")
+    if element.name not in (names := ("vertex", *_SURFACES, *PASSED)):
+        raise InputError(f"{of} is not read{nearest(element.name, names)}")
     for known in element.properties:
         if known.count is not None and (element.name not in _SURFACES or known.count.kind == "f"):
             raise InputError(f"{of}: a list '{known.name}' of {known.type}, counted in {known.count}, is not read")
