@@ -784,6 +784,21 @@ def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     assert json.loads(best.read_text(encoding="utf-8"))["verdict"]["status"] == "in_contact"
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are listed elsewhere")
+def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path) -> None:
+    """A terminal sends it to both processes."""
+    (tmp_path / "any.json").write_text("{}", encoding="utf-8")
+    command = [*COMMAND, "verify", "planar_arm", str(tmp_path / "any.json"), str(tmp_path / "any.json")]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
+    while child.poll() is None and not children.read_text():
+        time.sleep(0.005)
+    time.sleep(0.1)  # it imports its libraries
+    os.killpg(child.pid, signal.SIGINT)
+    _, said = child.communicate(timeout=20)
+    assert said == "hdplan: interrupted before anything was found\n"
+
+
 @pytest.mark.parametrize("command", ["plan", "check", "follow", "simulate", "plot", "explain", "view", "robots"])
 def test_ctrl_c_that_python_drops_ends_every_command(
     hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch, command: str
