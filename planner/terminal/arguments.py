@@ -20,7 +20,7 @@ OUT = Path("out")  # where the files of a study go, if no folder is given
 
 def _whole_number(text: str, least: int = 0) -> int:
     with contextlib.suppress(ValueError):
-        if (number := read_whole(text)) >= least:
+        if text.isascii() and text.isdigit() and (number := int(text)) >= least:
             return number
     raise typer.BadParameter(f"must be a whole number of at least {least}, found '{text}'")
 
