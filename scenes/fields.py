@@ -194,7 +194,7 @@ def read_document(file: Path) -> Field:
 
 def _as_yaml_number(text: str) -> str | None:
     """Return how to write a number that YAML 1.1 took for a text, or None if the text is not a number."""
-    match = re.fullmatch(r"\s*([-+]?\d+)(?:\.(\d*))?(?:[eE]([-+]?\d+))?\s*", text)
+    match = re.fullmatch(r"\s*([-+]?[0-9]+)(?:\.([0-9]*))?(?:[eE]([-+]?[0-9]+))?\s*", text)
     if match is None:
         return None
     whole, fraction, exponent = match.groups()

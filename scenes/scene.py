@@ -114,6 +114,8 @@ class Scene(Checked):
                     others = [other.name for other in self.obstacles if other is not obstacle]
                     problem = f"unknown obstacle {each.obstacle!r}{nearest(each.obstacle, others)}"
                     raise FieldError(problem, f"obstacles[{i}].cloud.ignore")
+        if self.robot.check_pairs and not self.self_collision.checked:
+            raise FieldError("asks to check pairs, but self_collision: false checks none", "robot.check_pairs")
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
         """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises

@@ -461,6 +461,9 @@ BAD_ARGUMENTS = {
     "no time": (["plan", "planar_arm", "--time-limit", "0"], ["--time-limit", "greater than 0", "'0'"]),
     "time nan": (["plan", "planar_arm", "--time-limit", "nan"], ["--time-limit", "finite", "'nan'"]),
     "time text": (["plan", "planar_arm", "--time-limit", "soon"], ["--time-limit", "'soon'"]),
+    "time underscore": (["plan", "planar_arm", "--time-limit", "1_0"], ["--time-limit", "'1_0'"]),
+    "seed of other digits": (["plan", "planar_arm", "--seed", "٣"], ["--seed", "'٣'"]),
+    "jitter underscore": (["sample", "planar_arm", "-o", "t.csv", "--jitter", "1_0"], ["--jitter", "'1_0'"]),
     "output ending": (["plan", "planar_arm", "-o", "x.txt"], ["x.txt", "'.txt'", ".json, .csv, .npz"]),
     "output a folder": (["plan", "planar_arm", "-o", "folder.json"], ["folder.json: is a folder"]),
     "output nowhere": (["plan", "planar_arm", "-o", "no/x.json"], ["the folder no does not exist"]),
@@ -779,6 +782,21 @@ def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     assert child.returncode == 1
     assert out.startswith("in contact: ")
     assert json.loads(best.read_text(encoding="utf-8"))["verdict"]["status"] == "in_contact"
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are listed elsewhere")
+def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path) -> None:
+    """A terminal sends it to both processes."""
+    (tmp_path / "any.json").write_text("{}", encoding="utf-8")
+    command = [*COMMAND, "verify", "planar_arm", str(tmp_path / "any.json"), str(tmp_path / "any.json")]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
+    while child.poll() is None and not children.read_text():
+        time.sleep(0.005)
+    time.sleep(0.1)  # it imports its libraries
+    os.killpg(child.pid, signal.SIGINT)
+    _, said = child.communicate(timeout=20)
+    assert said == "hdplan: interrupted before anything was found\n"
 
 
 @pytest.mark.parametrize("command", ["plan", "check", "follow", "simulate", "plot", "explain", "view", "robots"])

@@ -353,6 +353,7 @@ def test_a_guess_that_does_not_fit_is_refused() -> None:
         (np.zeros((32, 3)), "guess: must be a Trajectory, .*, found an array of shape \\(32, 3\\)"),
         (np.zeros((1, 2)), "guess: must be a Trajectory, .*two or more, 2"),
         ([[0.0, 0.0], [0.0, float("nan")]], "guess: .*finite"),
+        (np.ones((32, 2)) * 1j, "guess: must be a Trajectory, .*found an array of shape \\(32, 2\\)"),
         (np.full((32, 2), 9.0), "guess: trajectory: .*limit"),
         (hdplan.Trajectory(("a", "b"), np.zeros((4, 2))), "guess: trajectory: joint '.*' of .* is missing"),
         (hdplan.Trajectory((*names, "c"), np.zeros((4, 3))), "guess: trajectory: joint 'c' is not one of"),

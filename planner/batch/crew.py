@@ -52,6 +52,8 @@ def crew(workers: Workers) -> Iterator[Client]:
         else:
             address = stack.enter_context(_local(workers)) if isinstance(workers, int) else workers
         try:
+            if isinstance(workers, str):
+                _check_address(workers)
             client = Client(address, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
             words = str(error).splitlines()[0] or type(error).__name__
@@ -63,6 +65,17 @@ def crew(workers: Workers) -> Iterator[Client]:
             with contextlib.suppress(OSError):  # a worker that ends meanwhile: its problems will say so
                 client.register_plugin(Caches(packed()))
         yield client
+
+
+def _check_address(address: str) -> None:
+    """Raise ValueError for an address where no client can begin. A client that cannot would wait for 40 s when it is
+    dropped, and then print a traceback of its own."""
+    from distributed.comm.addressing import get_address_host_port
+    from distributed.security import Security
+
+    get_address_host_port(address)
+    if address.startswith("tls:") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise ValueError("TLS needs certificates, which dask's configuration names: distributed.comm.tls")
 
 
 def _silence() -> None:

@@ -13,8 +13,10 @@ from pathlib import Path
 
 from hdplan.planner.batch.job import Job, located, seed_of
 from hdplan.planner.batch.tables import read_rows
+from hdplan.planner.motion.csv_format import check_commas
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import leads_nowhere, read_file
+from hdplan.scenes.number_text import read_number
 from hdplan.scenes.values import FilePath
 from hdplan.scenes.yaml_format.reader import SECTIONS, find_scene, shipped_scenes
 
@@ -126,6 +128,8 @@ def _table(path: Path) -> list[dict[str, object]]:
     head, *body = [line for line in lines if line] or [[]]
     if not head or len({*head}) < len(head) or not all(head):
         raise InputError(f"{path}: its first line must name every column, each by a name of its own")
+    with naming(path):
+        check_commas(1, head)
     for i, line in enumerate(body):
         if len(line) != len(head):
             raise InputError(f"{path}: row {i}: has {len(line)} values, the first line names {len(head)}")
@@ -134,10 +138,11 @@ def _table(path: Path) -> list[dict[str, object]]:
 
 def _value(text: str) -> object:
     """Return the number that a cell holds, else its text."""
-    for kind in (int, float):
-        try:
-            value = kind(text)
-        except ValueError:
-            continue
-        return value if math.isfinite(value) else text
-    return text.strip()
+    word = text.strip()
+    try:
+        number = read_number(word)
+    except ValueError:
+        return word
+    if not math.isfinite(number):
+        return word
+    return int(word) if word.lstrip("+-").isdigit() else number

@@ -22,7 +22,8 @@ def run_verify(scene: str, trajectory: Path, proof: Path) -> int:
         with naming(path):
             check_file(path)
     command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *files]
-    done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False)
+    # In a process group of its own: Ctrl-C is for this process, which ends the checker without a traceback.
+    done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False, process_group=0)
     ended = done.returncode in (0, 1) and done.stdout
     said = (
         done.stdout.rstrip() if ended else "rejected: the checker was ended, it needs more memory or time than it may"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,11 +50,7 @@ def read_csv(data: bytes) -> dict[str, Any]:
         raise InputError("empty; a header with the joint names and one row per waypoint are expected")
     (line, header), *rows = rows
     names = tuple(name.strip() for name in header)
-    if len(header) == 1 and (mark := next((each for each in ";\t" if each in header[0]), None)):
-        kind = "semicolons" if mark == ";" else "tabs"
-        raise InputError(
-            f"line {line}: has {kind} between its values; commas are expected there, and points in decimals"
-        )
+    check_commas(line, header)
     if any(_is_number(name) for name in names):
         raise InputError(f"line {line}: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
     for line, row in rows:
@@ -78,6 +74,15 @@ def read_csv(data: bytes) -> dict[str, Any]:
         rates[key] = np.column_stack([columns[name + ending] for name in joints]) if given else None
     positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
     return {"joint_names": joints, "positions": positions, "times": times, **rates}
+
+
+def check_commas(line: int, header: Sequence[str]) -> None:
+    """Raise InputError for a header that other marks than commas divide."""
+    if len(header) == 1 and (mark := next((each for each in ";\t" if each in header[0]), None)):
+        kind = "semicolons" if mark == ";" else "tabs"
+        raise InputError(
+            f"line {line}: has {kind} between its values; commas are expected there, and points in decimals"
+        )
 
 
 def _is_number(text: str) -> bool:

@@ -26,6 +26,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
 from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -116,8 +117,10 @@ class Program:
         solver begins with."""
         if isinstance(positions, Trajectory):
             positions = waypoints_of(self.problem, positions)
-        given = np.asarray(positions, dtype=np.float64)
+        given = as_numbers(positions)
         shape = self.problem.waypoints, len(self.problem.start)
+        if given is None:
+            raise InputError(f"guess: numbers of shape {shape} are expected")
         if given.shape != shape:
             raise InputError(f"guess: shape {given.shape}, expected {shape}: waypoints by joints")
         q = given.copy()

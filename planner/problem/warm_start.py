@@ -11,6 +11,7 @@ from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.values import describe
 
@@ -33,11 +34,8 @@ def rows_of(guess: Trajectory | ArrayLike, robot: Robot) -> Array:
 
 
 def _motion_of(guess: ArrayLike, robot: Robot) -> Trajectory:
-    try:
-        rows = np.array(guess, dtype=np.float64)
-    except (TypeError, ValueError):
-        rows = np.empty(0)
-    if rows.ndim != 2 or rows.shape[1] != robot.n or len(rows) < 2:
+    rows = as_numbers(guess)
+    if rows is None or rows.ndim != 2 or rows.shape[1] != robot.n or len(rows) < 2:
         wanted = f"a Trajectory, or waypoints by joints of {robot.name} (two or more, {robot.n})"
         raise FieldError(f"must be {wanted}, found {describe(guess)}", "guess")
     with naming("guess"):

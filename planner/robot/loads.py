@@ -66,13 +66,18 @@ def loads_in(model: pin.Model, scene: Scene, robot: Robot) -> tuple[str, ...]:
     masses = {f"attached.{each.name}.mass": each.mass for each in scene.attached if each.mass is not None}
     if scene.payload is not None:
         masses["payload"] = scene.payload.mass
-    more = pin.computeTotalMass(model) - pin.computeTotalMass(robot.model)
+    more = _whole_mass(model) - _whole_mass(robot.model)
     return tuple(masses) if math.isclose(more, math.fsum(masses.values()), rel_tol=MASS, abs_tol=MASS) else ()
 
 
 def moved_mass(model: pin.Model) -> float:
     """Return the mass that the joints carry [kg]."""
     return float(sum(body.mass for body in itertools.islice(model.inertias, 1, None)))
+
+
+def _whole_mass(model: pin.Model) -> float:
+    """Return the mass of a model [kg], with what stands still."""
+    return math.fsum(body.mass for body in model.inertias)
 
 
 def _add(model: pin.Model, field: str, link: str, inertia: pin.Inertia, name: str) -> None:

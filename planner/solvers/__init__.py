@@ -15,6 +15,7 @@ from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.planner.solvers import methods
 from hdplan.planner.solvers.solution import Budget, Solution, Solver
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
@@ -68,10 +69,9 @@ def _checked(problem: Problem, guess: Trajectory | ArrayLike) -> Array:
     if isinstance(guess, Trajectory):
         return waypoints_of(problem, guess)
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
-    try:
-        positions = np.array(guess, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"guess: numbers of shape {shape} are expected") from None
+    positions = as_numbers(guess)
+    if positions is None:
+        raise InputError(f"guess: numbers of shape {shape} are expected")
     if positions.shape != shape:
         raise InputError(f"guess: shape {positions.shape}, expected {shape}: waypoints by joints of {robot.name}")
     beyond = ~(np.abs(positions) <= LARGEST)  # NaN too
@@ -81,4 +81,4 @@ def _checked(problem: Problem, guess: Trajectory | ArrayLike) -> Array:
             f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g}, allowed are finite "
             f"values up to {LARGEST:g}"
         )
-    return positions
+    return positions.copy()

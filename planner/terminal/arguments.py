@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdplan.scenes.number_text import read_number, read_whole
+
 if TYPE_CHECKING:
     from hdplan.scenes.robot_spec import RobotSpec
 
@@ -18,7 +20,7 @@ OUT = Path("out")  # where the files of a study go, if no folder is given
 
 def _whole_number(text: str, least: int = 0) -> int:
     with contextlib.suppress(ValueError):
-        if (number := int(text)) >= least:
+        if text.isascii() and text.isdigit() and (number := int(text)) >= least:
             return number
     raise typer.BadParameter(f"must be a whole number of at least {least}, found '{text}'")
 
@@ -29,16 +31,22 @@ def _above_zero(text: str) -> int:
 
 def _port(text: str) -> int:
     with contextlib.suppress(ValueError):
-        if 1 <= (number := int(text)) <= 65535:
+        if 1 <= (number := read_whole(text)) <= 65535:
             return number
     raise typer.BadParameter(f"must be a port from 1 to 65535, found '{text}'")
 
 
 def _seconds(text: str) -> float:
     with contextlib.suppress(ValueError):
-        if 0.0 < (number := float(text)) < math.inf:
+        if 0.0 < (number := read_number(text)) < math.inf:
             return number
     raise typer.BadParameter(f"must be a finite number of seconds greater than 0, found '{text}'")
+
+
+def _number(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        return read_number(text)
+    raise typer.BadParameter(f"must be a number, found '{text}'")
 
 
 # of nearly all commands
@@ -274,8 +282,12 @@ Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help="How many
 GoalKind = Annotated[
     str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: of the end effector.")
 ]
-Jitter = Annotated[float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.")]
-Resize = Annotated[float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by at most this share.")]
+Jitter = Annotated[
+    float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.", parser=_number)
+]
+Resize = Annotated[
+    float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by at most this share.", parser=_number)
+]
 
 # study, reproduce
 Folder = Annotated[

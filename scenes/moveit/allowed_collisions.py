@@ -87,7 +87,10 @@ def _defaults(section: Field, keys: Mapping[str, Field]) -> dict[str, bool]:
         raise section.error(
             f"must have as many default_entry_values as default_entry_names, found {len(values)} and {len(names)}"
         )
-    return dict(zip(names, values, strict=True))
+    defaults: dict[str, bool] = {}
+    for name, free in zip(names, values, strict=True):  # of two of one name, the one that checks counts
+        defaults[name] = free and defaults.get(name, True)
+    return defaults
 
 
 def _says(a: str, b: str, allowed: Mapping[LinkPair, bool], defaults: Mapping[str, bool]) -> bool | None:

@@ -31,8 +31,11 @@ def read_octomap(section: Field, frames: Frames) -> Obstacle | None:
     resolution = said["resolution"].number(above=0.0, unit="m")
     binary = said["binary"].boolean() if "binary" in said else False
     content = HEADS[binary] + f"\nid OcTree\nsize 0\nres {resolution!r}\ndata\n".encode() + data
-    pose = compose(frames.of_header(placed.get("header")), read_message_pose(placed.get("origin")))
-    return Obstacle(NAME, OctoMap(content), pose)
+    frame = frames.of_header(placed.get("header"))
+    own = said["header"].mapping(MESSAGES["Header"]).get("frame_id") if "header" in said else None
+    if own is not None and own.value and frames.of_header(said["header"]) != frame:
+        raise own.error("is another frame than that of world.octomap.header, in which MoveIt places the map")
+    return Obstacle(NAME, OctoMap(content), compose(frame, read_message_pose(placed.get("origin"))))
 
 
 def _bytes(field: Field) -> bytes:

@@ -10,6 +10,7 @@ import logging
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -164,8 +165,11 @@ def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
 
 
 def test_bad_arguments_are_refused_before_anything_starts() -> None:
-    with pytest.raises(InputError, match="scheduler nonsense: does not answer"):
-        next(hdplan.plan_many([ARM], scheduler="nonsense"))
+    for address in ("nonsense", "zz://a:1", "tcp://127.0.0.1:x", "tls://127.0.0.1:1"):
+        threads = threading.active_count()
+        with pytest.raises(InputError, match=f"scheduler {address}: does not answer"):
+            next(hdplan.plan_many([ARM], scheduler=address))
+        assert threading.active_count() <= threads, "a client is left, which would complain at the end"
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

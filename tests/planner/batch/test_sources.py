@@ -119,6 +119,8 @@ def test_what_is_no_source_is_refused_at_once() -> None:
         (f"{HEAD}\n1,2\n", ["row 0", "2 values", "names 7"]),
         ("seed\n1.5\n", ["row 0: seed", "'1.5'"]),
         ("seed\n-1\n", ["row 0: seed", "'-1'"]),
+        ("seed\n1_0\n", ["row 0: seed", "'1_0'"]),
+        ("seed;name\n1;a\n", ["line 1: has semicolons"]),
         ("strat.joints.joint1\n1\n", ["'strat.joints.joint1'", "'start'"]),
         ('seed\n"1\n', ["is no CSV table"]),
         ("seed\n\x00\n", ["t.csv"]),

@@ -133,6 +133,13 @@ def test_parts_of_it_in_any_combination_lack_nothing(whole: tuple[Scene, Traject
     assert certify(part, moved, with_more).certified  # a robot that is checked for more
 
 
+def test_masses_on_links_that_stand_still_are_looked_at(whole: tuple[Scene, Trajectory]) -> None:
+    """They load no joint, and count as checked all the same."""
+    stone = Attached("stone", "panda_link0", Sphere(0.02), Pose((-1.0, 0.0, 0.0)), mass=0.2)
+    still = scene(limits=Limits(torque=200.0), payload=Payload("panda_link0", 0.3), attached=[stone])
+    assert certify(still, whole[1]).certified
+
+
 @pytest.mark.parametrize(
     "name",
     ["planar_arm", "panda_cage", "panda_gate", "panda_cup", "panda_camera", "panda_heavy", "ur5_payload", "ur5_scan"],

@@ -208,6 +208,8 @@ def test_what_cannot_be_added_is_refused() -> None:
             program.with_constraint(each, *bounds)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"guess: shape \(3, 2\), expected \(7, 2\)"):
         program.guess(np.zeros((3, 2)))
+    with pytest.raises(InputError, match=r"guess: numbers of shape \(7, 2\)"):
+        program.guess(np.ones((7, 2)) * 1j)
 
 
 def test_what_outlives_its_program_says_so() -> None:

@@ -216,10 +216,13 @@ def test_an_octomap_is_an_obstacle(files: Files, form: str) -> None:
         ("data", [300], "octomap.data: must be a list of bytes"),
         ("data", "%%%", "octomap.data: must be a list of bytes"),
         ("data", 7, "octomap.data: must be a list of bytes"),
+        ("header", {"frame_id": "nowhere"}, "octomap.header.frame_id: unknown frame 'nowhere'"),
+        ("header", {"frame_id": "shelf"}, "octomap.header.frame_id: is another frame"),
     ],
 )
 def test_bad_octomaps_are_refused(files: Files, key: str, value: Any, words: str) -> None:
     octomap = {"binary": True, "id": "OcTree", "resolution": 0.1, "data": [1, 2], key: value}
+    files.edit("scene", "fixed_frame_transforms", [{"child_frame_id": "shelf", "transform": MOVED}])
     with pytest.raises(InputError, match=words):
         files.edit("scene", "world.octomap", {"octomap": octomap}).load()
 
@@ -298,6 +301,8 @@ def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_checked(files:
     assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, uneven).load().robot.check_pairs
     defaults = {"default_entry_names": names[:2], "default_entry_values": [False, True]}
     assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, defaults).load().robot.check_pairs
+    twice = {"default_entry_names": [names[0]] * 2, "default_entry_values": [False, True]}
+    assert ("panda_link0", "panda_link1") in files.edit("scene", MATRIX, twice).load().robot.check_pairs
     defaults["default_entry_values"] = [True, True]
     assert files.edit("scene", MATRIX, defaults).load().robot.check_pairs == ()
 

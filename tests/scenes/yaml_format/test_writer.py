@@ -290,7 +290,6 @@ class Maker:
         spec = replace(spec, package_dirs=folders, xacro_args=arguments)
         spec = replace(spec, base=self.pose(), group=group, base_joints=mobile)
         spec = replace(spec, locked={self.name(): -1e-7}, ignore_pairs=((self.name(), self.name()),))
-        spec = replace(spec, check_pairs=((self.name(), self.name()),))
         axis = self.rng.normal(size=3)
         x, y, z = (axis / np.linalg.norm(axis)).tolist()
         torque = self.maybe("urdf", self.values())
@@ -306,7 +305,9 @@ class Maker:
         settings = PlannerSettings(
             17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7, "energy"
         )
-        own = [SelfCollision(), SelfCollision(False), SelfCollision(clearance=self.number(high=1.0))]
+        kinds = [SelfCollision(), SelfCollision(False), SelfCollision(clearance=self.number(high=1.0))]
+        own = kinds[int(self.rng.integers(3))]
+        spec = replace(spec, check_pairs=((self.name(), self.name()),) * own.checked)
         held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
         return Scene(
             name="random",
@@ -318,7 +319,7 @@ class Maker:
             planner=self.maybe(settings, PlannerSettings()),
             from_request=self.rng.random() < 0.5,
             attached=self.maybe((held,), ()),
-            self_collision=own[int(self.rng.integers(3))],
+            self_collision=own,
             limits=limits,
             payload=self.maybe(payload, None),
             path=PathConstraints(self.maybe(upright, None), self.maybe(within, None), self.maybe(relative, None)),
