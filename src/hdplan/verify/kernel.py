@@ -47,7 +47,9 @@ MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's c
 DEEPEST = 50  # of a proof's trees
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
-CLAIMS = frozenset(["clearance", "limits", "start", "goal", "path", "duration", "velocity", "acceleration", "jerk", "torque"])
+CLAIMS = frozenset(
+    ["clearance", "limits", "start", "goal", "path", "duration", "velocity", "acceleration", "jerk", "torque"]
+)
 
 ASSUMES = """the world is the robot and its surroundings: links are rigid, and their bodies; joints have no play
 the robot follows the curve of the motion, without rounding its corners

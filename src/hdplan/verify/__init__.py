@@ -1,0 +1,13 @@
+"""Check a proof that a robot's motion is free: NumPy, PyYAML, and nothing of the planner that wrote the proof.
+
+    hdplan verify SCENE MOTION PROOF     or, with this folder alone,     python -m verify SCENE MOTION PROOF
+
+Scene, URDF, SRDF, meshes and motion are read into a *world* (`reading`, docs/world.md), by readers that share nothing
+with hdplan's. The proof holds the world in which hdplan planned: the two must be equal (`compare`). Then the kernel
+(`kernel`, `balls`, `world`, `effects`) checks the proof in that world, and reads no file.
+"""
+
+from .balls import RejectedError
+from .checking import Verdict, verify
+
+__all__ = ["RejectedError", "Verdict", "verify"]
