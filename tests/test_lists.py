@@ -27,7 +27,7 @@ from hdplan.planner.collision import halfspace_bodies
 from hdplan.planner.geometry import seen, shapes, voxel_grids
 from hdplan.planner.pictures import scene as picture
 from hdplan.planner.problem import path_terms
-from hdplan.planner.proof import proof
+from hdplan.planner.proof import world
 from hdplan.planner.robot import own_image
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
@@ -147,7 +147,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_LIDAR),
     ),
     ("planner/problem/lay_out.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
-    ("planner/proof/proof.py", "refuse_clouds", "seen"): (lambda: proof.refuse_clouds(of(OF_LIDAR)),),
+    ("planner/proof/world.py", "refuse_clouds", "seen"): (lambda: world.refuse_clouds(of(OF_LIDAR)),),
     ("planner/robot/own_image.py", "_solids", "seen"): (
         lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
         lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]

@@ -72,7 +72,7 @@ def run_plan(
         with limited(time_limit):
             problem = load_scene(scene, request=request, robot=robot)
             if proof is not None:
-                from hdplan.planner.proof.proof import refuse_clouds
+                from hdplan.planner.proof.world import refuse_clouds
 
                 refuse_clouds(problem)
             if distance is not None:

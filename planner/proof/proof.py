@@ -22,16 +22,14 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull
 from hdplan.planner.proof.planes import Obstruction, Planes
+from hdplan.planner.proof.world import refuse_clouds
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import HdplanError, InputError, naming
-from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.output import write_output
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.robot_files.library import description_of
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import CLAIMS as CHECKED
@@ -85,17 +83,6 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         return _Writer(scene_file, motion_file, setup).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
-
-
-def refuse_clouds(scene: Scene) -> None:
-    """Raise InputError for a scene with clouds or maps: the checker reads solids only."""
-    for obstacle in scene.obstacles:
-        if isinstance(obstacle.shape, Seen):
-            kind = "cloud" if isinstance(obstacle.shape, Cloud) else "map"
-            raise InputError(
-                f"{scene.source}: obstacles.{obstacle.name}: is a {kind}, of which no proof can be written; motions "
-                "can be certified: hdplan check"
-            )
 
 
 def _refuse_unproven_pairs(setup: Setup) -> None:
