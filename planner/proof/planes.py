@@ -1,6 +1,6 @@
 """Separating planes along a motion: for every pair of pieces, a tree of intervals with a direction at each leaf.
 
-The checker's own bound (`hdplan.verify.Motion`) says whether a direction suffices on an interval, so that what is
+The checker's own bound (`hdplan.verify.kernel.Motion`) says whether a direction suffices on an interval, so that what is
 written is accepted; here directions are only proposed. An interval without one is halved, as the checker halves it.
 """
 
@@ -17,7 +17,8 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.verify import Motion, Piece, World, half
+from hdplan.verify.kernel import Motion, half
+from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven

@@ -6,12 +6,11 @@ checker's own bound. A mesh whose hull is too close is divided into groups of tr
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,22 +21,22 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull
 from hdplan.planner.proof.planes import Obstruction, Planes
-from hdplan.planner.proof.world import refuse_clouds
-from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
+from hdplan.planner.proof.world import refuse_clouds, world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
-from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
-from hdplan.verify import CLAIMS as CHECKED
-from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
+from hdplan.verify import RejectedError
+from hdplan.verify.compare import check_equal
+from hdplan.verify.effects import statement, wanted
+from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
+from hdplan.verify.reading import read_world
+from hdplan.verify.world import Piece, World
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
-CLAIMS = ("limits", "start", "goal")  # and what else the scene asks, each where it can be shown
 
 
 class NotProvenError(HdplanError):
@@ -68,9 +67,9 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         NotProvenError: the motion is not certified, or no planes were found.
     """
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    wanted = load_scene(scene_file)
-    refuse_clouds(wanted)
-    setup = Setup.of(wanted)
+    scene_read = load_scene(scene_file)
+    refuse_clouds(scene_read)
+    setup = Setup.of(scene_read)
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
         certifier = Certifier(setup)
@@ -78,28 +77,20 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         asked, _ = certifier.asked(curve_of(setup.robot, motion))
     if not certificate.certified:
         raise NotProvenError(certificate.text)
-    _refuse_unproven_pairs(setup)
+    planned = world_of(setup, motion)
     try:
-        return _Writer(scene_file, motion_file, setup).write(certificate, asked)
+        read, files = read_world(scene_file, motion_file)
+        check_equal(read, planned)
+        return _Writer(setup, planned, read, files).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
-
-
-def _refuse_unproven_pairs(setup: Setup) -> None:
-    """Refuse pairs of links that are left out because they always touch: the checker has no proof of that."""
-    for pair, reason in setup.robot.unchecked.items():
-        if reason == ALWAYS_TOUCHING and setup.scene.self_collision.checked:
-            raise InputError(
-                f"{setup.scene.source}: links {pair[0]} and {pair[1]} always touch, which the checker of proofs "
-                "does not show: name them in robot.ignore_pairs"
-            )
 
 
 class _Writer:
     """The proof of one motion in the making."""
 
-    def __init__(self, scene: Path, motion: Path, setup: Setup) -> None:
-        self.scene, self.motion, self.setup = scene, motion, setup
+    def __init__(self, setup: Setup, planned: dict[str, Any], read: dict[str, Any], files: dict[str, str]) -> None:
+        self.setup, self.planned, self.read, self.files = setup, planned, read, files
         self.cuts: dict[str, Any] = {}
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
         self.shapes: dict[bytes, tuple[Any, float]] = {}
@@ -107,26 +98,25 @@ class _Writer:
     def write(self, certificate: Certificate, asked: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
         lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
-        self.claims = ["clearance"] * lower
-        clearance = _less(bound, 0.0 if lower else asked)
-        own = _less(certificate.self_clearance, least)
+        clearance, own = _less(bound, 0.0 if lower else asked), _less(certificate.self_clearance, least)
         for _ in range(MOST_ROUNDS):
-            world = world_of(self.setup, self.scene, self.motion, self.cuts, self.claims)
-            lost = self._separate(world, clearance, own)
+            world = World(self.read, self.cuts)
+            claimed = {
+                "clearance": None if world.within.all() else clearance,
+                "self_clearance": own if world.within.any() else None,
+                "claims": ["clearance"] * lower,
+            }
+            lost = self._separate(world, least_distances(world, claimed))
             if not lost:
-                return self._pack(world, clearance, own, certificate)
+                return self._pack(world, claimed, certificate)
             self._divide(world, lost)
         raise NotProvenError(f"no planes were found within {MOST_ROUNDS} divisions of meshes")
 
-    def _separate(self, world: World, clearance: float, own: float) -> list[Obstruction]:
+    def _separate(self, world: World, floor: Array) -> list[Obstruction]:
         """Find planes for the pairs of pieces that are new, and return those for which there are none."""
         keys = [_identity(piece) for piece in world.pieces]
         pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
         planes = self.planes = Planes(world, self.shapes)
-        between_links = world.pairs[:, 1] < world.own
-        floor = np.where(between_links, own, clearance)
-        for p, (_, b) in enumerate(world.pairs.tolist()):
-            floor[p] = max(floor[p], 0.0 if between_links[p] else world.clearances.get(world.pieces[b].name, 0.0))
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
@@ -161,7 +151,7 @@ class _Writer:
         self.cuts.update({} if finer is None else {key: finer})
         return finer is not None
 
-    def _pack(self, world: World, clearance: float, own: float, certificate: Certificate) -> Proof:
+    def _pack(self, world: World, claimed: dict[str, Any], certificate: Certificate) -> Proof:
         """Return the file, once the checker accepts it."""
         once = [self.planes.once((a, b)) for a, b in world.once.tolist()]
         for (a, b), found in zip(world.once.tolist(), once, strict=True):
@@ -172,28 +162,19 @@ class _Writer:
                 )
         depths = [each[0] for each in self.found if each is not None]
         normals = [each[1] for each in self.found if each is not None]
-        between_links = world.pairs[:, 1] < world.own
         head: dict[str, Any] = {
             "version": VERSION,
-            "files": world.files,
-            "clearance": None if between_links.all() else clearance,
-            "self_clearance": own if between_links.any() else None,
-            "held": world.held,
+            "files": self.files,
+            **claimed,
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
             "once": len(once),
-            "claims": self.claims[:],
         }
-        path = ["path"] if self.setup.scene.path != PathConstraints() else []
-        for claim in (*CLAIMS, *path, *self.setup.limits):
-            if claim not in CHECKED:
-                raise RejectedError(f"limits.{claim} is asked for, which the checker does not know")
-            try:
+        for claim in wanted(world):
+            with contextlib.suppress(RejectedError):
                 statement(world, {**head, "claims": [claim]})
-            except RejectedError:
-                continue
-            head["claims"].append(claim)
+                head["claims"] = [*head["claims"], claim]
         parts = (
             *((groups, "<u2") for groups in self.cuts.values()),
             (np.array([len(each) for each in depths]), "<u4"),
@@ -202,24 +183,12 @@ class _Writer:
             (np.array([each[0] for each in once if each]), "<u4"),
             (np.array([each[1] for each in once if each]), "<i4"),
         )
-        content = (
-            json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)
-        )
-        data = MAGIC + zlib.compress(content, 9)
-        read, _, trees = unpack(data)
+        lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
+        content = "".join(f"{line}\n" for line in lines).encode()
+        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), 9)
+        read, _, _, trees = unpack(data)
         check_apart(world, read, trees)  # what was written, in the world that was read already
-        return Proof(data, statement(world, read), certificate, head["leaves"])
-
-
-def world_of(
-    setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None, claims: Sequence[str] = ()
-) -> World:
-    """Return scene, robot and motion as the checker reads them, the robot from the files that hdplan reads. Raises
-    RejectedError."""
-    _, urdf, srdf, _ = description_of(setup.scene.robot)
-    files = {key: _hash(file) for key, file in (("urdf", urdf), ("srdf", srdf)) if file is not None}
-    said = {"files": files, "held": dict(setup.robot.locked), "claims": [*claims]}
-    return World(scene, motion, said, cuts or {})
+        return Proof(data, statement(world, read)[0], certificate, head["leaves"])
 
 
 def _less(clearance: float | None, asked: float) -> float:
@@ -227,10 +196,6 @@ def _less(clearance: float | None, asked: float) -> float:
     if clearance is None:
         return SHORT
     return max(asked, clearance - min(max(SHORT, SHARE * clearance) * 0.9, 0.5 * clearance))
-
-
-def _hash(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _identity(piece: Piece) -> bytes:

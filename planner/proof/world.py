@@ -119,7 +119,7 @@ def _links(robot: Robot) -> Plain:
 
 def _links_bodies(robot: Robot) -> list[Plain]:
     held = {each.name for each in robot.attached}
-    links = [(link, rows) for link, rows in robot.link_geometry.items() if link not in held]
+    links = sorted((link, rows) for link, rows in robot.link_geometry.items() if link not in held)
     items = [(link, robot.collision.geometryObjects[row]) for link, rows in links for row in rows]
     return [_body(robot, link, "link", item, plain_geometry(item.geometry)) for link, item in items]
 

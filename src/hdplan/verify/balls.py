@@ -129,7 +129,7 @@ def inverse(x: Ball) -> Ball:
 
 def unit(v: Any) -> Ball:
     """v / |v|."""
-    return Ball(v) * inverse(length(v))
+    return (v if isinstance(v, Ball) else Ball(v)) * inverse(length(v))
 
 
 HALF_PI = Ball(1.5707963267948966, 6.2e-17)  # pi/2 = 1.5707963267948965579989... + 6.123...e-17

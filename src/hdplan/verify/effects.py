@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, Ball, RejectedError, above, cos_sin, dot, inverse, need, shown, up
-from .kernel import ASSUMES, AT_ONCE, INSTANT, Motion, compose
+from .balls import CROSS, EPS, Ball, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
+from .kernel import ASSUMES, AT_ONCE, INSTANT, Motion
 from .world import Bond, Joint, Pose, World, blossom, frame, keys_of, numbers, off_of
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
@@ -363,11 +363,18 @@ def millimetres(metres: float) -> str:
     return f"{(Decimal(metres) * 1000).quantize(Decimal('1e-6'), ROUND_DOWN).normalize():f} mm"
 
 
+def wanted(world: World) -> list[str]:
+    """What a world wants beside clearances, by what a proof may claim."""
+    limits, path, _, _, duration, _ = world.rest
+    need(type(limits) is dict and {*limits} <= {"position", "torque", *RATE_NAMES}, "limits: of what is not known")
+    found = ["limits", "start", "goal", *(x for x in limits if x != "position")]
+    return found + ["path"] * bool(path) + ["duration"] * (duration is not None)
+
+
 def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     """Check what a proof claims beside clearances; say what is proven and what is not, and whether that is all."""
-    limits, loads, path, start, goal, duration, also = world.rest
+    limits, path, start, goal, duration, also = world.rest
     claims = [str(x) for x in head["claims"]]
-    need(type(limits) is dict and {*limits} <= {"position", "torque", *RATE_NAMES}, "limits: of what is not known")
     targets = {"start": start, "goal": goal}
 
     def begins() -> bool:
@@ -377,7 +384,7 @@ def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
         if name in claims:
             check_rates(world, limits, name)
     if "torque" in claims:
-        check_torques(world, limits, loads)
+        check_torques(world, limits, world.loads)
     if "path" in claims:
         check_path(world, path, begins)
     if "limits" in claims:
@@ -388,9 +395,7 @@ def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     if "duration" in claims:
         took = world.clock[-1] - world.clock[0] if world.clock is not None else np.nan
         need(abs(took - number(duration, "duration")) <= SAME, f"duration: the motion takes {took:g} s")
-    wanted = ["limits", "start", "goal", *(x for x in limits if x != "position")]
-    wanted += ["path"] * bool(path) + ["duration"] * (duration is not None)
-    missing = [x for x in wanted if x not in claims] + [str(x) for x in also]
+    missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in also]
     for key, clearance, where in (("clearance", world.usual, "obstacles"), ("self_clearance", world.among, "links")):
         if (head[key] or clearance) < clearance and key not in claims:
             missing.append(f"a clearance of {1e3 * clearance:g} mm ({where})")

@@ -241,23 +241,26 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     return head, loads(world), dict(zip(head["cuts"], groups, strict=True)), trees
 
 
+def least_distances(world: World, head: dict[str, Any]) -> Any:
+    """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
+    kinds = ("clearance", "self_clearance")
+    claimed = {key: float(numbers(head[key], (), key)) for key in kinds if head[key] is not None}
+    kind = [kinds[int(x)] for x in world.within]
+    need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
+    usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
+    others = [world.pieces[b].name for b in world.pairs[:, 1]]
+    own = [0.0 if x else world.clearances.get(name, usual) for x, name in zip(world.within, others, strict=True)]
+    return np.maximum([claimed[k] for k in kind], own)
+
+
 def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     """Check that the leaves cover the motion and keep the pairs apart."""
     counts, depths, normals, rows, ways = trees
-    kinds = ("clearance", "self_clearance")
-    claimed = {key: float(numbers(head[key], (), key)) for key in kinds if head[key] is not None}
-    kind, pieces = [kinds[int(x)] for x in world.within], world.pieces
+    pieces, least = world.pieces, least_distances(world, head)
     need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
-    need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
     need(len(rows) == len(world.once) and rows.max(initial=0) < len(world.control.mid), "rows where hulls are apart")
     need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
     need(normals.any(axis=1).all() and ways.any(axis=1).all(), "a direction is 0")
-    usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
-    own = [
-        0.0 if x else world.clearances.get(pieces[b].name, usual)
-        for x, b in zip(world.within, world.pairs[:, 1], strict=True)
-    ]
-    least: Any = np.maximum([claimed[k] for k in kind], own)
     spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
     bodies = np.concatenate([world.pairs[pair], world.once])
     for p, end in enumerate(ends.tolist()):

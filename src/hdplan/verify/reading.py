@@ -115,7 +115,7 @@ class Reader:
 
     def link_bodies(self) -> list[Any]:
         bodies = []
-        for link in self.tree.elements:
+        for link in sorted(self.tree.elements):
             joint, pose = self.at[link]
             for own, kind, said in self.tree.shapes(link):
                 place = scenes.frame(compose(pose, own))
@@ -188,7 +188,7 @@ class Reader:
             "clearances": clearances,
             "motion": self.rows.of(joints, self.held),
             "limits": limits,
-            "loads": self.loads() if "torque" in limits else None,
+            **({"loads": self.loads()} if "torque" in limits else {}),
             "path": scenes.path_of(top),
             "start": [self.target(top["start"], "start")],
             "goal": self.goals(),

@@ -155,11 +155,10 @@ class World:
 
     def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
-        keys = (
-            "joints held links bodies motions not_compared clearances motion limits loads path start goal duration also"
-        )
-        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *self.rest = keys_of(
-            said, "the world", f"hdplan_world {keys}"
+        keys = "joints held links bodies motions not_compared clearances motion limits path start goal duration also"
+        need(type(said) is dict, "the world: a mapping is expected")
+        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *self.rest, self.loads = keys_of(
+            {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
         need(version == 1, "the world is not of version 1")
         self.joints, self.cuts = list[Joint](), cuts
