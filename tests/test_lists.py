@@ -284,7 +284,7 @@ def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also for a kind of sensor that the union has already."""
-    for module in (explain, own_image, picture, proof, writer):
+    for module in (explain, own_image, picture, world, writer):
         monkeypatch.setattr(module, "Seen", Seen | Lidar)
     named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
     with pytest.raises(Exception, match=named):
@@ -391,6 +391,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/pictures/rates.py": "the first panel has the legend",
     "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",
+    "planner/proof/world.py": "torques alone need masses",
     "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",
     "planner/robot/loads.py": "words of an error",
     "planner/search/goals.py": "an order of goals",

@@ -42,6 +42,7 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     scene, robot = setup.scene, setup.robot
     refuse_clouds(scene)
     check_as_loaded(robot)
+    _refuse_taken_names(setup)
     asked = scene.planner.objective is not None
     return {
         "hdplan_world": WORLD,
@@ -78,6 +79,17 @@ def refuse_clouds(scene: Scene) -> None:
             raise InputError(
                 f"{scene.source}: obstacles.{obstacle.name}: is a {kind}, of which no proof can be written; motions "
                 "can be certified: hdplan check"
+            )
+
+
+def _refuse_taken_names(setup: Setup) -> None:
+    """Refuse obstacles named as a link is: pairs that are not compared are pairs of names."""
+    links = {str(frame.name) for frame in setup.robot.model.frames if frame.type == pin.FrameType.BODY}
+    for obstacle in setup.scene.obstacles:
+        if obstacle.name in links:
+            raise InputError(
+                f"{setup.scene.source}: obstacles.{obstacle.name}: the name '{obstacle.name}' is taken by a link of "
+                f"{setup.robot.name}, which no proof can tell from the obstacle; names must differ"
             )
 
 

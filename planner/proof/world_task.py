@@ -49,37 +49,40 @@ def plain_start(setup: Setup) -> list[Plain]:
     """Return the start. Raises InputError for one that does not fit the robot."""
     scene = setup.scene
     with naming(scene.source):
-        return [_values(setup.robot, scene.start, scene.from_request)]
+        return [_values(setup, scene.start, scene.from_request)]
 
 
 def plain_goal(setup: Setup) -> list[Plain]:
     """Return the targets of the goal, one of which is to be reached. Raises InputError for one that does not fit the
     robot."""
-    scene, robot = setup.scene, setup.robot
+    scene = setup.scene
     with naming(scene.source):
         match goal := scene.goal:
             case JointTarget():
-                return [_values(robot, goal, scene.from_request)]
+                return [_values(setup, goal, scene.from_request)]
             case Goals():
-                return [_target(robot, each) for each in goal.targets]
+                return [_target(setup, each) for each in goal.targets]
             case _:
                 assert_never(goal)
 
 
-def _target(robot: Robot, target: JointTarget | PoseTarget | AllOf) -> Plain:
+def _target(setup: Setup, target: JointTarget | PoseTarget | AllOf) -> Plain:
     match target:
         case JointTarget():
-            return _values(robot, target)
+            return _values(setup, target)
         case PoseTarget() | AllOf():
-            return {"poses": [_pose(robot, each) for each in target.poses]}
+            return {"poses": [_pose(setup.robot, each) for each in target.poses]}
         case _:
             assert_never(target)
 
 
-def _values(robot: Robot, target: JointTarget, from_request: bool = False) -> Plain:
-    """Return joint values, and those that the target has for joints that are held or follow."""
+def _values(setup: Setup, target: JointTarget, from_request: bool = False) -> Plain:
+    """Return joint values, and those that the target has for joints that are held or follow; where `robot.locked` says
+    where a joint stands, a named state does not."""
+    robot = setup.robot
     named = target.by_name or robot.named_states.get(target.state or "", {})
-    others = {joint: value for joint, value in named.items() if joint in (*robot.locked, *robot.followers)}
+    said = setup.scene.robot.locked if target.state is not None else {}
+    others = {x: at for x, at in named.items() if x in (*robot.locked, *robot.followers) and x not in said}
     return {"joints": numbers(robot.configuration(target, from_request)), "others": others}
 
 

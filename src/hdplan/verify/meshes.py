@@ -142,6 +142,8 @@ def collada(root: Any, upright: bool) -> Ball:
                 v = Ball(v, EPS * np.abs(v))
                 turn, at = (turn, v) if step.tag == "translate" else (Ball(np.diag(v.mid), np.diag(v.rad)), at)
             found = [dot("ij,fkj->fki", turn, x) + at for x in found]
+            if np.linalg.det(turn.mid) < 0:  # what mirrors is named backwards
+                found = [x[:, ::-1] for x in found]
         return found
 
     scene = root.find("scene")

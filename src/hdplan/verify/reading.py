@@ -19,8 +19,8 @@ from .semantics import Semantics, held_at, moving
 from .text import Files, listing, mapping, row, values
 
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
+ROOM = 0.1  # [rad or m] by which a named state or a request may lie beyond limits: descriptions of a robot differ
 RATES = ("velocity", "acceleration", "jerk", "torque")
-OWN_WORDS = {"urdf": ("velocity", "torque")}  # of limits that a URDF has
 
 
 def read_world(scene: Path, motion: Path) -> tuple[dict[str, Any], dict[str, str]]:
@@ -249,19 +249,38 @@ class Reader:
         said = mapping(self.top.get("limits") or {}, "limits", f"position {' '.join(RATES)}")
         ranges = said.pop("position", {})
         need(isinstance(ranges, dict) and {*ranges} <= {*self.lead}, "limits.position: of a joint that does not lead")
-        spans = []
+        spans, ends = [], self.beyond()
         for name in self.moving:
             joint = self.tree.joints[name]
             low, high = joint.low, joint.high
             if name in ranges:
                 least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
                 low, high = max(low, least), min(high, most)
+            for x in ends.get(name, []):
+                low, high = (x if 0 < low - x <= ROOM else low), (x if 0 < x - high <= ROOM else high)
             spans.append([None if abs(x) == np.inf else float(x) for x in (low, high)])
         timed = bool(said) or "timing" in self.top
         found: dict[str, Any] = {"position": spans}
         for name in RATES:
             if (asked := said.get(name, "urdf" if name == "velocity" and timed else None)) is not None:
                 found[name] = [self.limit(name, asked, x) for x in self.moving]
+        return found
+
+    def beyond(self) -> dict[str, list[float]]:
+        """Values of a named state, or of a request, which may lie a little beyond the limits of joints that nothing
+        follows."""
+        ends = [self.top[x] for x in ("start", "goal")]
+        ends = [x for x in ends if "state" in x or self.top.get("from_request")]
+        found = dict[str, list[float]]()
+        for each in ends:
+            said = {x: each[x] for x in ("joints", "state") if x in each}
+            if not said or any(
+                isinstance(x, (list, dict)) for x in said.get("joints", []) if isinstance(said.get("joints"), list)
+            ):
+                continue
+            for name, x in zip(self.lead, self.target(said, "an end")["joints"], strict=True):
+                if name not in [rule[0] for rule in self.rules.values()]:
+                    found.setdefault(name, []).append(x)
         return found
 
     def limit(self, name: str, asked: Any, joint: str) -> float | None:
@@ -338,7 +357,8 @@ class Reader:
         given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
         need({*given} <= {*self.tree.movable} or self.top.get("from_request"), f"{end}: names a joint that is none")
         need({*self.lead} <= {*given}, f"{end}: names not every joint that moves")
-        others = {x: y for x, y in given.items() if x in self.held or x in self.rules}
+        told = self.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
+        others = {x: y for x, y in given.items() if (x in self.held or x in self.rules) and x not in told}
         return {"joints": [given[x] for x in self.lead], "others": dict(sorted(others.items()))}
 
     def goals(self) -> list[Any]:
