@@ -7,7 +7,21 @@ with hdplan's. The proof holds the world in which hdplan planned: the two must b
 (`kernel`, `balls`, `world`, `effects`) checks the proof in that world, and reads no file.
 """
 
-from .balls import RejectedError
-from .checking import Verdict, verify
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .balls import RejectedError
+    from .checking import Verdict, verify
 
 __all__ = ["RejectedError", "Verdict", "verify"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is public when it is asked for, so that the kernel can run alone."""
+    from . import balls, checking
+
+    if name in __all__:
+        return getattr(balls if name == "RejectedError" else checking, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

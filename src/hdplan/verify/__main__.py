@@ -32,7 +32,9 @@ def main(words: list[str]) -> int:
         print(json.dumps([str(error), None]) if as_json else f"rejected: {error}")
         return 1
     if world is not None:
-        world.write_text(json.dumps(read, allow_nan=False))
+        begun = world.with_name(f".{world.name}.part")  # whole or not at all
+        begun.write_text(json.dumps(read, allow_nan=False), encoding="utf-8")
+        begun.replace(world)
     print(json.dumps([verdict.text, verdict.whole]) if as_json else verdict.text)
     return 0 if verdict.whole else IN_PART
 
