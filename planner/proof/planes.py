@@ -1,7 +1,7 @@
 """Separating planes along a motion: for every pair of pieces, a tree of intervals with a direction at each leaf.
 
-The checker's own bound (`hdplan.verify.kernel.Motion`) says whether a direction suffices on an interval, so that what is
-written is accepted; here directions are only proposed. An interval without one is halved, as the checker halves it.
+The kernel's own bound (`hdplan.verify.kernel.Motion`) says whether a direction suffices on an interval, so that what
+is written is accepted; here directions are only proposed. An interval without one is halved, as the kernel halves it.
 """
 
 from __future__ import annotations

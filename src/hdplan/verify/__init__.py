@@ -9,6 +9,7 @@ with hdplan's. The proof holds the world in which hdplan planned: the two must b
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -20,8 +21,7 @@ __all__ = ["RejectedError", "Verdict", "verify"]
 
 def __getattr__(name: str) -> Any:
     """Import what is public when it is asked for, so that the kernel can run alone."""
-    from . import balls, checking
-
-    if name in __all__:
-        return getattr(balls if name == "RejectedError" else checking, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = ".balls" if name == "RejectedError" else ".checking"
+    return getattr(importlib.import_module(home, __name__), name)

@@ -24,10 +24,7 @@ def triangles(path: Path, data: bytes, upright: bool) -> Ball:
         found = Ball(rows["v"])
     else:
         need(b"\0" not in data, f"{path}: is no text")
-        if kind == ".dae":
-            found = collada(strict_xml(data), upright)
-        else:
-            found = Ball((stl if kind == ".stl" else obj)(data))
+        found = collada(strict_xml(data), upright) if kind == ".dae" else Ball((stl if kind == ".stl" else obj)(data))
     good = len(found.mid) and (np.abs(found.mid) < 1e9).all() and (found.rad < 1e-6).all()
     need(good, f"{path}: has no triangles, or numbers that are not finite")
     return found

@@ -50,6 +50,7 @@ class Reader:
     # --- the robot ---
 
     def base_joints(self) -> dict[str, Any] | None:
+        """The joints of a mobile base, if there are any."""
         said = self.spec.get("base_joints")
         return None if said is None else mapping(said, "robot.base_joints", "kind x y yaw")
 
@@ -97,6 +98,7 @@ class Reader:
         self.held = {x: held_at(x, spec, tree, self.semantics) for x in resting}
 
     def joints(self) -> list[Any]:
+        """The joints that move, as a world has them."""
         found = []
         for name in self.moving:
             joint, (parent, pose) = self.tree.joints[name], self.frames[name]
@@ -110,10 +112,12 @@ class Reader:
         return found
 
     def place(self, link: str) -> dict[str, Any]:
+        """The joint that carries a link, and its frame there."""
         joint, pose = self.at[link]
         return {"joint": joint, **scenes.frame(pose)}
 
     def link_bodies(self) -> list[Any]:
+        """The collision geometry of all links."""
         bodies = []
         for link in sorted(self.tree.elements):
             joint, pose = self.at[link]
@@ -124,6 +128,7 @@ class Reader:
         return bodies
 
     def link_shape(self, link: str, kind: str, said: dict[str, str]) -> dict[str, Any]:
+        """A shape of a link as a world has it."""
         where = f"link '{link}'"
         if kind == "mesh":
             scale = row(said.get("scale", "1 1 1"), 3, where)
@@ -214,6 +219,7 @@ class Reader:
         return found
 
     def named_pairs(self, key: str) -> set[frozenset[str]]:
+        """The pairs of links that the robot section names."""
         pairs = [[scenes.word(y, key) for y in listing(x, key)] for x in listing(self.spec.get(key), key)]
         need(
             all(len({*x}) == 2 == len(x) and {*x} <= {*self.tree.links} for x in pairs), f"robot.{key}: pairs of links"
@@ -384,6 +390,7 @@ class Reader:
         return [self.target(said, "goal")]
 
     def pose(self, value: Any) -> dict[str, Any]:
+        """A goal pose."""
         said = scenes.pose_goal(value, "goal", self.end_effector)
         need(said["link"] in self.at, f"goal: no link '{said['link']}'")
         return said

@@ -67,12 +67,8 @@ class Semantics:
 
     def states(self, group: str | None) -> dict[str, dict[str, float]]:
         """The values of each named state; of a joint that it has in several groups, this one's, or else the last."""
-        return {
-            name: {
-                joint: x for _, own in sorted(by.items(), key=lambda each: each[0] == group) for joint, x in own.items()
-            }
-            for name, by in self._states.items()
-        }
+        ordered = {name: sorted(by.items(), key=lambda each: each[0] == group) for name, by in self._states.items()}
+        return {name: {joint: x for _, own in by for joint, x in own.items()} for name, by in ordered.items()}
 
     def _joints(self, name: str, within: tuple[str, ...]) -> list[str]:
         need(name not in within and len(within) < 50, f"SRDF: group '{name}' contains itself")
