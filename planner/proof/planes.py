@@ -6,7 +6,7 @@ is written is accepted; here directions are only proposed. An interval without o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import coal
@@ -183,6 +183,9 @@ def whole(directions: Array, full: float) -> Array:
 def _coal_shape(piece: Piece) -> tuple[Any, float]:
     """Return a shape of coal that is about a piece, as it only proposes directions, and how much larger it is [m]."""
     corners, sweep = piece.corners, piece.sweep
+    if sweep.any() and (corners[:, :2].any() or corners[:, 2].sum()):  # balls of a cloud: coal gets their centres
+        shape, larger = _coal_shape(replace(piece, sweep=np.zeros(3)))
+        return shape, larger - float(sweep.max())
     if sweep.any():
         length = float(np.ptp(corners[:, 2]))
         if length == 0.0:

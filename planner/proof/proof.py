@@ -19,9 +19,9 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.proof.meshes import divided, fills_its_hull
+from hdplan.planner.proof.meshes import divided, fills_its_hull, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
-from hdplan.planner.proof.world import refuse_clouds, world_of
+from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -32,7 +32,7 @@ from hdplan.verify import RejectedError
 from hdplan.verify.compare import check_equal
 from hdplan.verify.effects import statement, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
-from hdplan.verify.reading import read_world
+from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
@@ -67,9 +67,7 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         NotProvenError: the motion is not certified, or no planes were found.
     """
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    scene_read = load_scene(scene_file)
-    refuse_clouds(scene_read)
-    setup = Setup.of(scene_read)
+    setup = Setup.of(load_scene(scene_file))
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
         certifier = Certifier(setup)
@@ -79,9 +77,9 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         raise NotProvenError(certificate.text)
     planned = world_of(setup, motion)
     try:
-        read, files = read_world(scene_file, motion_file)
-        check_equal(read, planned)
-        return _Writer(setup, planned, read, files).write(certificate, asked)
+        reading = read_world(scene_file, motion_file, planned)
+        check_equal(reading.world, planned)
+        return _Writer(setup, planned, reading).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
 
@@ -89,9 +87,11 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
 class _Writer:
     """The proof of one motion in the making."""
 
-    def __init__(self, setup: Setup, planned: dict[str, Any], read: dict[str, Any], files: dict[str, str]) -> None:
-        self.setup, self.planned, self.read, self.files = setup, planned, read, files
-        self.cuts: dict[str, Any] = {}
+    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
+        self.setup, self.planned, self.read, self.files = setup, planned, reading.world, reading.hashes
+        self.cuts: dict[str, Any] = {
+            body["name"]: cells for body in self.read["bodies"] if (cells := groups_of(body["shape"])) is not None
+        }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
         self.shapes: dict[bytes, tuple[Any, float]] = {}
 
@@ -142,9 +142,9 @@ class _Writer:
     def _finer(self, world: World, piece: int) -> bool:
         """Divide the triangles of a piece, if it has several."""
         key = world.pieces[piece].key
-        if key not in world.meshes or (key not in self.cuts and fills_its_hull(world.meshes[key])):
+        if key not in world.parts or (key not in self.cuts and fills_its_hull(world.parts[key])):
             return False
-        triangles = world.meshes[key]
+        triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
         which = [i for i, each in enumerate(world.pieces) if each.key == key].index(piece)  # in the order of the groups
         finer = divided(groups, which, triangles)

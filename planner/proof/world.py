@@ -24,12 +24,10 @@ from hdplan.planner.robot.planned_joints import range_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.robot_files.link_pairs import link_pair
-from hdplan.scenes.scene import Scene
 
 WORLD = 1  # the version of the form
 
@@ -40,7 +38,6 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     Raises InputError for what no world can hold yet, by name, and for a motion that is none of this robot.
     """
     scene, robot = setup.scene, setup.robot
-    refuse_clouds(scene)
     check_as_loaded(robot)
     _refuse_taken_names(setup)
     asked = scene.planner.objective is not None
@@ -69,17 +66,6 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
         "duration": None if scene.timing is None else scene.timing.duration,
         "also": ["planner.objective"] * asked,
     }
-
-
-def refuse_clouds(scene: Scene) -> None:
-    """Raise InputError for a scene with clouds or maps: the checker reads solids only."""
-    for obstacle in scene.obstacles:
-        if isinstance(obstacle.shape, Seen):
-            kind = "cloud" if isinstance(obstacle.shape, Cloud) else "map"
-            raise InputError(
-                f"{scene.source}: obstacles.{obstacle.name}: is a {kind}, of which no proof can be written; motions "
-                "can be certified: hdplan check"
-            )
 
 
 def _refuse_taken_names(setup: Setup) -> None:

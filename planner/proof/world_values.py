@@ -15,12 +15,17 @@ from typing import Any
 import coal
 import numpy as np
 
+from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
 from hdplan.planner.geometry.shapes import operations, shape_of
+from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.poses import IDENTITY, Pose
 from hdplan.scenes.shapes import Shape, own_fields
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 Plain = dict[str, Any]
 
@@ -58,8 +63,14 @@ def frame_of(pose: Pose) -> Plain:
     return found if turned else {**found, "off": 0.0}
 
 
-def plain_shape(shape: Shape) -> Plain:
+def plain_shape(shape: Shape | Seen) -> Plain:
     """Return the shape of an obstacle or a held object whose file was read."""
+    if isinstance(shape, Cloud):
+        balls = balls_in(shape).array
+        return {"type": "balls", "points": numbers(balls[:, :3]), "radii": numbers(balls[:, 3])}
+    if isinstance(shape, Voxels | OctoMap):
+        boxes = boxes_in(shape).array
+        return {"type": "boxes", "low": numbers(boxes[:, :3]), "high": numbers(boxes[:, 3:])}
     operations(shape)  # refuses what it does not know
     if isinstance(shape, ReadMesh):
         return plain_mesh(shape.mesh)

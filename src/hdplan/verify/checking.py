@@ -42,7 +42,8 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
     try:
         with np.errstate(all="ignore"):
             head, told, cuts, trees = unpack(proof)
-            read, hashes = read_world(scene, motion)
+            reading = read_world(scene, motion, told)
+            read, hashes = reading.world, reading.hashes
             for key in sorted({*hashes} | {*head["files"]}):
                 need(key in head["files"], f"{key}: is read, and not among the files of the proof")
                 need(
@@ -51,7 +52,7 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
                 )
             check_equal(read, told)
             world = World(read, cuts)
-            need({*cuts} <= {*world.meshes}, "the proof divides meshes that there are not")
+            need({*cuts} <= {*world.parts}, "the proof divides what there is not")
             check_apart(world, head, trees)
             text, whole = statement(world, head)
     except RejectedError:
@@ -63,7 +64,11 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
     files = "".join(f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in hashes.items() if key != "motion")
     assumed = "".join(f"\n    {line}" for line in READ.splitlines())
     head_, _, rest = text.partition("\n  if:")
-    return Verdict(f"{head_}{files}\n  if:{assumed}{rest}", whole), read
+    if reading.taken:  # the proof's word is no proof
+        first, _, more = head_.partition("\n")
+        lacking = f"NOT read by the checker, but taken from the proof: {', '.join(map(shown, reading.taken))}"
+        head_ = f"accepted in part; {lacking}; {first.removeprefix('accepted in part; ')}\n{more}"
+    return Verdict(f"{head_}{files}\n  if:{assumed}{rest}", whole and not reading.taken), read
 
 
 def verify(scene: Path, motion: Path, proof: Path) -> Verdict:

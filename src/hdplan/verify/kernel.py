@@ -296,7 +296,7 @@ def accept(said: Any, proof: bytes) -> tuple[str, bool]:
         with np.errstate(all="ignore"):
             head, _, cuts, trees = unpack(proof)
             world = World(said, cuts)
-            need({*cuts} <= {*world.meshes}, "the proof divides meshes that there are not")
+            need({*cuts} <= {*world.parts}, "the proof divides what there is not")
             check_apart(world, head, trees)
             return statement(world, head)
     except RejectedError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 
 from . import scene as scenes
 from .balls import HERE, Ball, Pose, compose, dot, need, up
+from .meshes import KINDS
 from .motion import Rows
 from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
@@ -23,25 +25,41 @@ ROOM = 0.1  # [rad or m] by which a named state or a request may lie beyond limi
 RATES = ("velocity", "acceleration", "jerk", "torque")
 
 
-def read_world(scene: Path, motion: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """The world of a motion, and the hashes of the files that were read. Raises RejectedError."""
-    reader = Reader(scene, motion)
-    return reader.world(), reader.files.hashes
+@dataclass(frozen=True)
+class Reading:
+    """What was read."""
+
+    world: dict[str, Any]
+    hashes: dict[str, str]  # of the files
+    taken: tuple[str, ...]  # what the checker does not read, and took from the proof's own world
+
+
+def read_world(scene: Path, motion: Path, told: Any = None) -> Reading:
+    """The world of a motion; what the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes) is
+    taken from the world that a proof `told`, and named. Raises RejectedError."""
+    reader = Reader(scene, motion, told)
+    world = reader.world() if reader.tree is not None else reader.world_of_other_robot(told)
+    return Reading(world, reader.files.hashes, tuple(reader.told.taken))
 
 
 class Reader:
     """One scene and one motion."""
 
-    def __init__(self, scene: Path, motion: Path) -> None:
-        self.files = Files()
+    def __init__(self, scene: Path, motion: Path, told: Any) -> None:
+        self.files, self.told = Files(), scenes.Told(told)
         self.folder = scene.absolute().parent
         self.top = scenes.read_scene(scene, self.files)
         self.spec = mapping(self.top["robot"], "robot", ROBOT)
         self.rows = Rows(motion, self.files.read("motion", motion))
         urdf, srdf = self.find_robot()
-        self.urdf = urdf
-        self.tree = Tree(urdf, self.files.read("urdf", urdf), self.base_joints())
+        self.urdf, data = urdf, self.files.read("urdf", urdf)
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
+        self.tree: Any = None
+        if urdf.suffix.lower() in (".xacro", ".xml"):
+            self.told.taken[f"the robot ({urdf.name})"] = None
+            return
+        need(not self.spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
+        self.tree = Tree(urdf, data, self.base_joints())
         self.semantics = Semantics(words, self.tree.above, self.tree.links)
         self.choose_joints()
         base = scenes.pose_of(self.spec.get("base"), "robot.base")
@@ -74,7 +92,6 @@ class Reader:
             self.folders = [*named, *urdf.parents, *told]
         if "srdf" in spec:
             srdf = self.folder / scenes.word(spec["srdf"], "robot.srdf")
-        need(not spec.get("xacro_args"), "robot.xacro_args: xacro cannot be checked")
         return urdf, srdf
 
     def choose_joints(self) -> None:
@@ -121,19 +138,23 @@ class Reader:
         bodies = []
         for link in sorted(self.tree.elements):
             joint, pose = self.at[link]
-            for own, kind, said in self.tree.shapes(link):
+            for i, (own, kind, said) in enumerate(self.tree.shapes(link)):
                 place = scenes.frame(compose(pose, own))
-                shape = self.link_shape(link, kind, said)
+                shape = self.link_shape(link, i, kind, said)
                 bodies.append({"name": link, "kind": "link", "joint": joint, **place, "shape": shape})
         return bodies
 
-    def link_shape(self, link: str, kind: str, said: dict[str, str]) -> dict[str, Any]:
+    def link_shape(self, link: str, number: int, kind: str, said: dict[str, str]) -> dict[str, Any]:
         """A shape of a link as a world has it."""
         where = f"link '{link}'"
         if kind == "mesh":
             scale = row(said.get("scale", "1 1 1"), 3, where)
             need(scale.all(), f"{where}: a mesh of scale 0")
-            return scenes.mesh(self.mesh_file(said.get("filename", ""), where), scale, self.files, upright=False)
+            path = self.mesh_file(said.get("filename", ""), where)
+            if path.suffix.lower() not in KINDS:
+                self.files.read(f"mesh {path.parent.name}/{path.name}", path)
+                return self.told.shape(link, number, f"{path.name} ({where})")
+            return scenes.mesh(path, scale, self.files, upright=False)
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
@@ -168,20 +189,14 @@ class Reader:
             need(link in self.at and name not in self.at, f"{what}: its link is not known, or its name is taken")
             joint, pose = self.at[link]
             pose = compose(pose, scenes.pose_of(said.get("pose"), what))
-            shape = scenes.shape_of(said.get("shape"), what, folder, files)
+            shape = scenes.shape_of(said.get("shape"), name, folder, files, self.told)
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
             self.touching |= {frozenset((name, str(x))): None for x in listing(said.get("touch_links"), what)}
-        around, motions, own = scenes.obstacles(top, folder, files)
+        around, motions, own = scenes.obstacles(top, folder, files, self.told)
         bodies += [*held, *around]
         for each in [*held, *around]:
             need(names.setdefault(each["name"], each["kind"]) == each["kind"], f"'{each['name']}': the name is taken")
-        limits = self.limits()
-        timing, planner = top.get("timing", {}), top.get("planner", {})
-        usual = scenes.one(planner.get("clearance", 0.0), "planner.clearance")
-        self_collision = top.get("self_collision", True)
-        among = mapping(self_collision, "self_collision", "clearance") if type(self_collision) is not bool else {}
-        clearances = {"obstacles": usual, "own": own, "self": scenes.one(among.get("clearance", 0.0), "self_collision")}
-        duration = scenes.one(timing["duration"], "timing.duration") if "duration" in timing else None
+        limits, off = self.limits(), top.get("self_collision", True) is False
         return {
             "hdplan_world": 1,
             "joints": joints,
@@ -189,16 +204,44 @@ class Reader:
             "links": {link: self.place(link) for link in self.tree.links},
             "bodies": bodies,
             "motions": motions,
-            "not_compared": self.not_compared(bodies, motions, self_collision is False),
-            "clearances": clearances,
+            "not_compared": self.not_compared(bodies, motions, off),
             "motion": self.rows.of(joints, self.held),
             "limits": limits,
             **({"loads": self.loads()} if "torque" in limits else {}),
             "path": scenes.path_of(top),
             "start": [self.target(top["start"], "start")],
             "goal": self.goals(),
-            "duration": duration,
-            "also": ["planner.objective"] * ("objective" in planner),
+            **self.wanted(own),
+        }
+
+    def wanted(self, own: dict[str, Any]) -> dict[str, Any]:
+        """What the scene wants that needs no robot."""
+        timing, planner = self.top.get("timing", {}), self.top.get("planner", {})
+        usual = scenes.one(planner.get("clearance", 0.0), "planner.clearance")
+        self_collision = self.top.get("self_collision", True)
+        among = mapping(self_collision, "self_collision", "clearance") if type(self_collision) is not bool else {}
+        least = {"obstacles": usual, "own": own, "self": scenes.one(among.get("clearance", 0.0), "self_collision")}
+        duration = scenes.one(timing["duration"], "timing.duration") if "duration" in timing else None
+        return {"clearances": least, "duration": duration, "also": ["planner.objective"] * ("objective" in planner)}
+
+    def world_of_other_robot(self, told: Any) -> dict[str, Any]:
+        """The world with a robot that the checker does not read, as the proof has it, with all that is about its joints
+        and links; motion, obstacles and what is wanted of them are the scene's."""
+        need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
+        around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
+        robot = [x for x in told["bodies"] if x["kind"] != "obstacle"]
+        pairs = [x for x in told["not_compared"] if x[2] != "both stand still"]
+        stand = {x["name"] for x in robot if x["joint"] == -1}
+        pairs += [
+            [*sorted((x, y["name"])), "both stand still"] for x in stand for y in around if y["name"] not in motions
+        ]
+        return {
+            **told,
+            "bodies": [*robot, *around],
+            "motions": motions,
+            "not_compared": sorted(pairs),
+            "motion": self.rows.of(told["joints"], told["held"]),
+            **self.wanted(own),
         }
 
     def not_compared(self, bodies: list[Any], motions: dict[str, Any], off: bool) -> list[Any]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .balls import CROSS, EPS, HERE, Pose, dot, need, unit
+from .meshes import KINDS as MESHES
 from .meshes import triangles
 from .robot import decimal, rpy
 from .text import Files, listing, mapping, values, yaml_of
@@ -19,6 +20,7 @@ SECTIONS = "hdplan robot obstacles attached start goal from_request self_collisi
 PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
 SHAPES = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
 SHAPES |= {"capsule": "radius length", "points": "points", "mesh": "file"}
+SEEN = ("cloud", "depth", "octomap", "voxels")  # of which the proof has the balls and boxes
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 POSE = "position rpy quaternion_xyzw"
 
@@ -68,8 +70,8 @@ def frame(pose: Pose) -> dict[str, Any]:
     return {"rotation": pose[0].mid.ravel().tolist(), "position": pose[1].mid.tolist(), "off": off}
 
 
-def shape_of(value: Any, what: str, folder: Path, files: Files) -> dict[str, Any]:
-    """A shape of a scene as a world has it."""
+def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> dict[str, Any]:
+    """A shape of a scene as a world has it; a mesh of a kind that the checker does not read as the proof has it."""
     said = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
     kind = str(said.pop("type", ""))
     need(kind in SHAPES, f"{what}: a shape '{kind}'")
@@ -80,7 +82,11 @@ def shape_of(value: Any, what: str, folder: Path, files: Files) -> dict[str, Any
     if kind == "mesh":
         scale = values(said.get("scale", 1), 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        return mesh(folder / word(said["file"], what), scale, files, upright=True)
+        path = folder / word(said["file"], what)
+        if path.suffix.lower() not in MESHES:
+            files.read(f"mesh {path.parent.name}/{path.name}", path)
+            return told.shape(what, 0, f"{path.name} ({what})")
+        return mesh(path, scale, files, upright=True)
     if kind == "points":
         return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
@@ -88,6 +94,21 @@ def shape_of(value: Any, what: str, folder: Path, files: Files) -> dict[str, Any
     small = [x for x in np.hstack([*sizes.values()]).tolist() if x <= 0]
     need(not small or (kind == "capsule" and small == [0.0] and sizes["length"] == 0), f"{what}: a size is not above 0")
     return {"type": kind, **sizes}
+
+
+class Told:
+    """Bodies of the proof's own world, for what the checker does not read: they are named in what it says."""
+
+    def __init__(self, world: Any) -> None:
+        self._bodies = list((world or {}).get("bodies", []))
+        self.taken = dict[str, None]()
+
+    def shape(self, name: str, number: int, what: str) -> dict[str, Any]:
+        """The shape of a body of a name, one of several."""
+        own = [x["shape"] for x in self._bodies if x["name"] == name]
+        need(number < len(own), f"{what}: cannot be read by the checker, and the proof has none")
+        self.taken[what] = None
+        return dict(own[number])
 
 
 def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
@@ -110,18 +131,25 @@ def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
     return {"type": "mesh", "points": points.tolist(), "triangles": where[faces].tolist(), "off": off}
 
 
-def obstacles(top: dict[str, Any], folder: Path, files: Files) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
+def obstacles(
+    top: dict[str, Any], folder: Path, files: Files, told: Told
+) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
     """Bodies of the obstacles, their motions, and their own clearances."""
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
-        said = mapping(entry, what, "name shape pose clearance motion")
+        said = mapping(entry, what, f"name shape pose clearance motion {' '.join(SEEN)}")
         name = word(said.get("name", f"obstacle{i}"), what)
         pose = pose_of(said.get("pose"), name)
         if "motion" in said:
             need("pose" not in said or "times" not in said["motion"], f"{what}: has two poses")
             motions[name], pose = motion(said["motion"], pose, name), HERE
-        shape = shape_of(said.get("shape"), name, folder, files)
+        kinds = [x for x in ("shape", *SEEN) if x in said]
+        need(len(kinds) == 1, f"{what}: one of shape, {', '.join(SEEN)} is expected")
+        if kinds == ["shape"]:
+            shape = shape_of(said["shape"], name, folder, files, told)
+        else:
+            shape = told.shape(name, 0, f"{name} ({kinds[0]})")
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
         if "clearance" in said:
             own[name] = one(said["clearance"], f"{what}.clearance")

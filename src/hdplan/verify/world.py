@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -172,7 +171,7 @@ class World:
         self.read_motion(motion)
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
-        self.pieces, self.meshes, kinds = list[Piece](), dict[str, Any](), dict[str, str]()
+        self.pieces, self.parts, kinds = list[Piece](), dict[str, Any](), dict[str, str]()
         for i, each in enumerate(bodies):
             self.add_body(f"bodies[{i}]", each, kinds)
         need({*motions} <= {x for x, kind in kinds.items() if kind == "obstacle"}, "motions: of no obstacle")
@@ -226,22 +225,38 @@ class World:
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
-        self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
-        need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
-        labels = np.unique(groups).tolist()
-        need(len(labels) * len(groups) <= 100 * MOST_PAIRS, f"mesh of {key}: has too many groups")
-        for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
-            own = np.unique(corners[mask].reshape(-1, 3), axis=0)
-            self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
+        self.parts[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
+        need(groups.shape == corners.shape[:1], f"{key}: has {len(corners)} parts, not {len(groups)}")
+        labels, inverse = np.unique(groups, return_inverse=True)
+        order = np.argsort(inverse, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
+            own = np.unique(corners[rows].reshape(-1, 3), axis=0)
+            size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
+            self.pieces.append(Piece(name, joint, pose, key, own, off, size))
+        if shape["type"] == "mesh" and len(labels) > 1:  # a surface: what it encloses is in none of its groups
+            every = np.unique(corners.reshape(-1, 3), axis=0)
+            self.pieces.append(Piece(name, joint, pose, key, every, off, sweep, True))
 
     @staticmethod
     def shape(value: Any, what: str) -> tuple[Any, float, Any]:
-        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; triangles (F, 3, 3) for a mesh."""
+        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, the corners of each
+        part (F, c, 3): of triangles, of boxes, or centres of balls, with an ellipsoid for each."""
         kind, off = value.get("type") if type(value) is dict else None, 0.0
         sizes = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
         sizes |= {"capsule": "radius length", "points": "points", "mesh": "points triangles off"}
+        sizes |= {"balls": "points radii", "boxes": "low high"}
         need(kind in sizes, f"{what}: a shape of a kind that is not known")
         _, *rest = keys_of(value, what, f"type {sizes[kind]}")
+        if kind in ("balls", "boxes"):
+            first = numbers(rest[0], (-1, 3), what)
+            need(len(first), f"{what}: is empty")
+            if kind == "balls":
+                radii = numbers(rest[1], (len(first),), what)
+                need(radii.min() >= 0, f"{what}: a radius is negative")
+                return first[:, None], off, np.repeat(radii[:, None], 3, axis=1)
+            last = numbers(rest[1], (len(first), 3), what)
+            choice = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=bool)
+            return np.where(choice, last[:, None], first[:, None]), off, np.zeros(3)
         if kind in ("points", "mesh"):
             points = numbers(rest[0], (-1, 3), what)
             if kind == "points":
@@ -376,16 +391,16 @@ class World:
             self.left_out[one, two] = self.left_out[two, one] = why
         own = sum(kinds[x.name] != "obstacle" for x in pieces)
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        last = {x.key: i for i, x in enumerate(pieces)}  # of each body: the hull around it
+        cover = {x.key: i for i, x in enumerate(pieces) if x.cover}
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
-        for a, b in combinations(range(len(pieces)), 2):
+        for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
             one, two = pieces[a], pieces[b]
-            if a >= own or one.cover or two.cover or one.name == two.name or (one.name, two.name) in self.left_out:
+            if one.cover or two.cover or one.name == two.name or (one.name, two.name) in self.left_out:
                 continue
             rows.append((a, b))
-            covered = pieces[last[one.key]].cover or pieces[last[two.key]].cover
-            if covered and not kinds[one.name] == kinds[two.name] == "link":  # of two links, ASSUMES has it
-                once[last[one.key], last[two.key]] = None
+            whole = cover.get(one.key, a), cover.get(two.key, b)
+            if whole != (a, b) and not kinds[one.name] == kinds[two.name] == "link":  # of two links, ASSUMES has it
+                once[whole] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
