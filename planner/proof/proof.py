@@ -185,7 +185,7 @@ class _Writer:
         )
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
         content = "".join(f"{line}\n" for line in lines).encode()
-        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), 9)
+        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts))
         read, _, _, trees = unpack(data)
         check_apart(world, read, trees)  # what was written, in the world that was read already
         return Proof(data, statement(world, read)[0], certificate, head["leaves"])

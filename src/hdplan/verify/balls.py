@@ -170,8 +170,13 @@ for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for pa
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k, (cos, sin) = dot("ijk,k->ij", CROSS, axis), cos_sin(angle)
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
+    return turned(axis, *cos_sin(angle))
+
+
+def turned(axis: Ball, cos: Ball, sin: Ball) -> Ball:
+    """Rotations about a unit axis by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k = dot("ijk,k->ij", CROSS, axis)
     return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
 
 

@@ -39,7 +39,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, Pose, RejectedError, above, cross, dot, need, norm, rotation, shown, stack, up
+from .balls import EPS, Ball, Pose, RejectedError, above, cos_sin, cross, dot, need, norm, shown, stack, turned, up
 from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
 
 MAGIC, VERSION = b"hdplan proof\n", 2
@@ -106,11 +106,12 @@ class Motion:
         self.most: Any = up(np.abs(self.step) + self.off)
         still: Pose = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
         frames = [still] * (count + 1)  # the last is the world's
+        cos, sin = cos_sin(self.middle)
         for j, joint in enumerate(world.joints):
             turn, at = frames[joint.parent]
             turn, at = dot("kij,jl->kil", turn, joint.pose[0]), dot("kij,j->ki", turn, joint.pose[1]) + at
             if joint.turns:
-                frames[j] = dot("kij,kjl->kil", turn, rotation(joint.axis, self.middle[:, j])), at
+                frames[j] = dot("kij,kjl->kil", turn, turned(joint.axis, cos[:, j], sin[:, j])), at
             else:
                 frames[j] = turn, dot("kij,kj->ki", turn, joint.axis * self.middle[:, j, None]) + at
         self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)

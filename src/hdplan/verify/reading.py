@@ -288,8 +288,7 @@ class Reader:
             if pair in self.semantics.disabled:
                 return "the SRDF"
             parents = [self.frames[self.moving[x]][0] if x >= 0 else None for x in (a, b)]
-            solid = {link for link in self.tree.elements if self.tree.elements[link].find("collision") is not None}
-            if (parents[0] == b or parents[1] == a) and not self.tree.between(*ends) & solid:
+            if (parents[0] == b or parents[1] == a) and not self.tree.between(*ends) & self.tree.solid:
                 return "neighbours"
         return "touch_links" if pair in self.touching else None
 

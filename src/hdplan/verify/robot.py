@@ -74,6 +74,7 @@ class Tree:
         for name, link in self.elements.items():
             attributes(link, f"link '{name}'", "name type")
             children(link, f"link '{name}'", "inertial", "visual collision", LINK)
+        self.solid = {name for name, link in self.elements.items() if link.find("collision") is not None}
         self.joints = dict[str, UrdfJoint]()
         for each in root.findall("joint"):
             name = each.get("name", "")
@@ -88,6 +89,9 @@ class Tree:
         self.links = [*self.elements, *(BASE if base is not None else ())]
         need(len(self.above) == len(self.joints), f"{path}: two joints carry one link")
         self.root = next((x for x in self.links if x not in self.above), "")
+        self._under = dict[str, list[str]]()
+        for name in sorted(self.joints, reverse=True):
+            self._under.setdefault(self.joints[name].parent, []).append(name)
         self.order = list[str]()  # of all joints: depth first, by name
         waiting = self._below(self.root)
         while waiting:
@@ -98,7 +102,7 @@ class Tree:
         self.movable = [x for x in self.order if self.joints[x].kind != "fixed"]
 
     def _below(self, link: str) -> list[str]:
-        return sorted((name for name, x in self.joints.items() if x.parent == link), reverse=True)
+        return self._under.get(link, [])
 
     def _joint(self, each: Any, where: str) -> UrdfJoint:
         attributes(each, where, "name type dont_collapse")

@@ -118,7 +118,7 @@ def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
     corners = found.mid * scale
     off = float((found.rad * np.abs(scale) + (found.rad > 0) * EPS * np.abs(corners)).max())
     flat = corners.reshape(-1, 3)
-    _, index = np.unique(flat, axis=0, return_inverse=True)
+    distinct, index = np.unique(flat, axis=0, return_inverse=True)
     faces = index.reshape(-1, 3)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     faces = faces[:, ::-1] if np.prod(np.sign(scale)) < 0 else faces
@@ -127,8 +127,7 @@ def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
     order = used[np.argsort(first)]
     where = np.zeros(index.max() + 1, dtype=np.int64)
     where[order] = np.arange(len(order))
-    points = np.unique(flat, axis=0)[order]
-    return {"type": "mesh", "points": points.tolist(), "triangles": where[faces].tolist(), "off": off}
+    return {"type": "mesh", "points": distinct[order].tolist(), "triangles": where[faces].tolist(), "off": off}
 
 
 def obstacles(

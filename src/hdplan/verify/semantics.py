@@ -39,11 +39,10 @@ class Semantics:
         root = strict_xml(data)
         need(root.tag == "robot", "SRDF: its root is no robot")
         children(root, "SRDF", "", " ".join(WORDS), HARMLESS)
-        for each in root.iter():
-            if each is not root and each.tag in WORDS and not self._within(root, each):
-                holds, words = WORDS[each.tag]
-                children(each, "SRDF", "", holds)
-                attributes(each, "SRDF", words)
+        for each in [y for x in root if x.tag in WORDS for y in (x, *x)]:
+            holds, words = WORDS[each.tag]
+            children(each, "SRDF", "", holds)
+            attributes(each, "SRDF", words)
         self.above, self.links = above, links
         self._groups = {x.get("name", ""): x for x in root.findall("group")}
         need(len(self._groups) == len(root.findall("group")), "SRDF: two groups of one name")
@@ -59,11 +58,6 @@ class Semantics:
         off = {x.get("link", "") for x in root.findall("disable_default_collisions")} & {*links}
         pairs = [{frozenset((x.get("link1", ""), x.get("link2", ""))) for x in root.findall(tag)} for tag in PAIRS]
         self.disabled = ({frozenset((a, b)) for a in off for b in links if a != b} - pairs[1]) | pairs[0]
-
-    @staticmethod
-    def _within(root: Any, element: Any) -> bool:
-        """Whether an element is part of a harmless one, whose content is not read."""
-        return any(element in list(x.iter()) for x in root if x.tag in HARMLESS.split())
 
     def states(self, group: str | None) -> dict[str, dict[str, float]]:
         """The values of each named state; of a joint that it has in several groups, this one's, or else the last."""

@@ -101,7 +101,7 @@ def attributes(element: Any, where: str, allowed: str) -> dict[str, str]:
     return dict(element.attrib)
 
 
-class Loader(yaml.SafeLoader):
+class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """Reads YAML without keys that stand twice, and without numbers that are none to other readers."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
