@@ -1,6 +1,6 @@
 """A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
-The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT, SHARE) by the
+The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
 """
 
@@ -35,7 +35,7 @@ from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, u
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
-SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
+SHORT = 1e-4  # [m] by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
 
 
@@ -195,7 +195,7 @@ def _less(clearance: float | None, asked: float) -> float:
     """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
     if clearance is None:
         return SHORT
-    return max(asked, clearance - min(max(SHORT, SHARE * clearance) * 0.9, 0.5 * clearance))
+    return max(asked, clearance - min(0.9 * SHORT, 0.5 * clearance))
 
 
 def _identity(piece: Piece) -> bytes:
