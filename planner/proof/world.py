@@ -152,7 +152,7 @@ def _loads(setup: Setup) -> Plain:
 def _obstacle(obstacle: Obstacle) -> Plain:
     """Return the body of an obstacle; of one that moves in its own frame."""
     place = frame_of(obstacle.pose if obstacle.motion is None else IDENTITY)
-    return {"name": obstacle.name, "kind": "obstacle", "joint": -1, **place, "shape": plain_shape(obstacle.shape)}  # type: ignore[arg-type]
+    return {"name": obstacle.name, "kind": "obstacle", "joint": -1, **place, "shape": plain_shape(obstacle.shape)}
 
 
 def _motion_of(obstacle: Obstacle) -> Plain:

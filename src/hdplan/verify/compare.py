@@ -59,4 +59,4 @@ def _name(entry: Any, place: int) -> Any:
 
 
 def _word(value: Any) -> str:
-    return {dict: "a mapping", list: "a list"}.get(type(value)) or repr(value)
+    return "a mapping" if isinstance(value, dict) else "a list" if isinstance(value, list) else repr(value)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, Ball, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
+from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
 from .kernel import ASSUMES, AT_ONCE, INSTANT, Motion
-from .world import Bond, Joint, Pose, World, blossom, frame, keys_of, numbers, off_of
+from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -90,16 +90,18 @@ def limits_of(limits: dict[str, Any], name: str, count: int) -> Any:
 
 def ranges_of(limits: dict[str, Any], count: int) -> tuple[Any, Any]:
     """The ranges of all joints, low and high (n,); infinite where there is none."""
-    spans = limits.get("position")
+    spans: Any = limits.get("position")
     need(type(spans) is list and len(spans) == count, "limits.position: a range for every joint is expected")
     filled = [[y if x is None else x for x, y in zip(each, (-np.inf, np.inf), strict=True)] for each in spans]
     numbers([x for each in filled for x in each if abs(x) < np.inf], (-1,), "limits.position")
-    return tuple(np.array(filled, dtype=np.float64).T)  # type: ignore[return-value]
+    low, high = np.array(filled, dtype=np.float64).T
+    return low, high
 
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
     """The control points of the joints' values and of their time derivatives, as far as they exist: a motion is
     smooth enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
+    need(world.clock is not None, f"limits.{name}: the motion has no times")
     share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
     need(world.curve.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
     rates = [world.curve]
@@ -264,7 +266,7 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
             found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what)), True))
         elif kind == "position":
             _, link, point, size, *place = keys_of(each, what, "kind link point size rotation position off")
-            (joint, pose), (turn, centre) = link_of(world, link), frame(*place, what)
+            (joint, pose), (turn, centre) = link_of(world, link), frame(place, what)
             local = (dot("ij,j->i", pose[0], numbers(point, (3,), what)) + pose[1])[None]
             need(len(size) == 3, f"{what}.size: three numbers are expected")
             for i, edge in enumerate(size):
@@ -283,7 +285,7 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
                 a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
                 there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
             else:
-                there = frame(*keys_of(place, what, "rotation position off"), what)
+                there = frame(keys_of(place, what, "rotation position off"), what)
             found += bonds_of_pose(what, one, (other[0], compose(other[1], there)), (off, angle, "none"))
     return found
 
@@ -332,7 +334,7 @@ def at_pose(world: World, said: Any) -> bool:
         said, "goal", "link rotation position off position_tolerance orientation_tolerance free"
     )
     count = float(len(world.control.mid))
-    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame(rotation, position, off, "goal"))
+    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame([rotation, position, off], "goal"))
     bonds = bonds_of_pose("goal", link_of(world, link), to, (one, two, free))
     return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
 

@@ -23,9 +23,9 @@ class Rows:
 
     def __init__(self, path: Path, data: bytes) -> None:
         need(path.suffix.lower() in KINDS, f"{path}: motions of this kind cannot be checked (json and csv can)")
-        said = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
+        said: Any = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
         self.path, self.locked = path, mapping(said.get("locked") or {}, "locked", " ".join(said.get("locked") or {}))
-        self.names = said.get("joint_names")
+        self.names: Any = said.get("joint_names")
         need(type(self.names) is list and all(type(x) is str for x in self.names), f"{path}: joint_names")
         need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint stands twice, or there is none")
         given = [said[key] for key in RATES if said.get(key) is not None]

@@ -56,7 +56,7 @@ class Reader:
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.tree: Any = None
         if urdf.suffix.lower() in (".xacro", ".xml"):
-            self.told.taken[f"the robot ({urdf.name})"] = None
+            self.told.taken[f"the robot ({urdf.name}) with its limits, start and goal"] = None
             return
         need(not self.spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         self.tree = Tree(urdf, data, self.base_joints())
@@ -241,6 +241,7 @@ class Reader:
             "motions": motions,
             "not_compared": sorted(pairs),
             "motion": self.rows.of(told["joints"], told["held"]),
+            "path": scenes.path_of(self.top),
             **self.wanted(own),
         }
 
@@ -450,13 +451,11 @@ class Reader:
         hands = sorted({link for link, _ in self.semantics.hands if carrier.get(link) in last})
         if last and not hands:
             whole = [{*own} for own in self.semantics.groups.values() if lead <= {*own} and not {*own} & {*self.held}]
-            fixed = [
-                x for x in tree.order
-                if tree.joints[x].kind == "fixed" and carrier[tree.joints[x].child] == last[0] and whole and x in whole[0]
-            ]  # fmt: skip
+            behind = [x for x in tree.order if carrier[tree.joints[x].child] == last[0]]
+            fixed = [x for x in behind if tree.joints[x].kind == "fixed" and whole and x in whole[0]]
             hands = [tree.joints[fixed[-1] if fixed else last[0]].child]
         need(len(hands) == 1, "goal: names no link, and the robot has no one end effector")
-        return hands[0]
+        return str(hands[0])
 
 
 def solid_inertia(shape: dict[str, Any], mass: float, what: str) -> Ball:

@@ -98,7 +98,7 @@ class Semantics:
 
 
 def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[list[str], str | None]:
-    """The joints that a scene's robot section moves, in the order of the tree, and the SRDF's group that they are of."""
+    """The joints that a scene's robot section moves, in the order of the tree, and the SRDF's group of theirs."""
     joints, locked = tree.movable, listing(list(spec.get("locked") or {}), "robot.locked")
     rules = tree.rules(joints)
     passive = words.passive if words else set()
@@ -117,9 +117,9 @@ def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[li
     groups = {name: [x for x in candidates if x in own] for name, own in (words.groups if words else {}).items()}
     if group is not None:
         names = (str(group), *(str(group).removeprefix(f"{x}_") for x in (spec.get("name") or tree.stem, tree.name)))
-        (name, *_) = [x for x in names if x in groups] or [None]
-        need(name is not None, f"robot.group: no group '{group}'")
-        planned = [x for x in groups[str(name)] if x not in locked]
+        name = next((x for x in names if x in groups), "")
+        need(name in groups, f"robot.group: no group '{group}'")
+        planned = [x for x in groups[name] if x not in locked]
         need(planned, f"robot.group: '{group}' has no joint that moves")
         return planned, name
     movable = [x for x in joints if not tree.joints[x].mimic and x not in passive]
@@ -158,6 +158,6 @@ def held_at(joint: str, spec: dict[str, Any], tree: Any, words: Semantics | None
     each = tree.joints[joint]
     if each.mimic and each.mimic[0] in tree.joints:
         other, factor, offset = each.mimic
-        return factor * (held_at(other, spec, tree, words) if other in tree.movable else 0.0) + offset
+        return float(factor * (held_at(other, spec, tree, words) if other in tree.movable else 0.0) + offset)
     at = next((x[joint] for x in (words.states(None) if words else {}).values() if joint in x), 0.0)
-    return at if each.kind == "continuous" else min(max(at, each.low), each.high)
+    return at if each.kind == "continuous" else float(min(max(at, each.low), each.high))

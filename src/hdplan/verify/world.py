@@ -19,9 +19,17 @@ MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
-REASONS = ("self_collision: false", "moving as one", "both stand still", "robot.ignore_pairs", "the SRDF", "neighbours")
+REASONS: tuple[str, ...] = (
+    "self_collision: false",
+    "moving as one",
+    "both stand still",
+    "robot.ignore_pairs",
+    "the SRDF",
+    "neighbours",
+)
 REASONS += ("touch_links", "the MJCF")  # for which pairs are not compared
 KINDS = ("link", "held", "obstacle")
+FRAME = "joint rotation position off"
 
 
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
@@ -61,8 +69,9 @@ def off_of(value: Any, what: str) -> float:
     return off
 
 
-def frame(rotation: Any, position: Any, off: Any, what: str) -> Pose:
+def frame(place: list[Any], what: str) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
+    rotation, position, off = place
     r, at, e = numbers(rotation, (9,), what).reshape(3, 3), numbers(position, (3,), what), off_of(off, what)
     slack = 20 * e + 1e-14
     need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
@@ -197,24 +206,23 @@ class World:
             factor, add = numbers(follows[1:], (2,), what).tolist()
             need(0 <= follows[0] < count and factor, f"{what}.follows: no joint of the world, or by the factor 0")
             follows = (follows[0], factor, add)
-        pose = frame(rotation, position, off, what)
+        pose = frame([rotation, position, off], what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
     def carried_frame(self, each: Any, what: str) -> tuple[int, Pose]:
         """The joint that carries a frame, and the frame in the joint's."""
-        joint, *place = keys_of(each, what, "joint rotation position off")
+        joint, *place = keys_of(each, what, FRAME)
         need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
-        return joint, frame(*place, what)
+        return joint, frame(place, what)
 
     def add_body(self, what: str, each: Any, kinds: dict[str, str]) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
-        name, kind, shape = (each.get(x) for x in ("name", "kind", "shape")) if type(each) is dict else [None] * 3
-        place = {x: y for x, y in each.items() if x not in ("name", "kind", "shape")} if kind else {}
+        name, kind, shape, *place = keys_of(each, what, "name kind shape joint rotation position off")
         need(type(name) is str and kind in KINDS and kinds.setdefault(name, kind) == kind, f"{what}: name or kind")
         need(
             KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
         )
-        joint, pose = self.carried_frame(place, what)
+        joint, pose = self.carried_frame(dict(zip(FRAME.split(), place, strict=True)), what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")
             joint = self.drifting.get(name, -1)
@@ -239,9 +247,10 @@ class World:
 
     @staticmethod
     def shape(value: Any, what: str) -> tuple[Any, float, Any]:
-        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, the corners of each
-        part (F, c, 3): of triangles, of boxes, or centres of balls, with an ellipsoid for each."""
-        kind, off = value.get("type") if type(value) is dict else None, 0.0
+        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided the corners of each
+        part (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
+        kind: Any = value.get("type") if type(value) is dict else None
+        off = 0.0
         sizes = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
         sizes |= {"capsule": "radius length", "points": "points", "mesh": "points triangles off"}
         sizes |= {"balls": "points radii", "boxes": "low high"}
@@ -280,7 +289,7 @@ class World:
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
-        rule = said.get("rule") if type(said) is dict else None
+        rule: Any = said.get("rule") if type(said) is dict else None
         need(rule in RULES, "motion.rule: linear, cubic or quintic")
         names = ("positions", *RATES[: RULES[rule]])
         times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
@@ -292,7 +301,8 @@ class World:
         )
         need(good, "motion: too few rows, or too many joints, or rates without times")
         a, b = Ball(given[0][:-1]), Ball(given[0][1:])
-        control, self.rows, self.times, self.lead = [a, b], given[0], None, lead
+        control, self.rows, self.lead = [a, b], given[0], lead
+        self.times: Any = None
         if times is not None:
             self.times = numbers(times, (count,), "motion.times")
             need((np.diff(self.times) > 0).all(), "motion.times: must increase")
@@ -310,7 +320,7 @@ class World:
             column = made[:, :, lead.index(other)]
             columns.append(column * factor + add if joint.follows else column)
         self.curve = self.control = stack(columns, 2)  # of the robot alone
-        self.clock = self.times
+        self.clock: Any = self.times
 
     def drift(self, name: str, said: Any) -> int:
         """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
@@ -322,7 +332,7 @@ class World:
         if "times" in said:
             stamps, frames = keys_of(said, what, "times frames")
             times = numbers(stamps, (-1,), what).tolist()
-            poses = [frame(*keys_of(x, what, "rotation position off"), what) for x in frames]
+            poses = [frame(keys_of(x, what, "rotation position off"), what) for x in frames]
             need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"{what}: times must increase")
             places = stack([at for _, at in poses], 1)
             # where numbers stay the same, the turn that their errors leave is at most 6 of these: entries of a matrix
@@ -336,7 +346,7 @@ class World:
         else:
             velocity, spin, *place = keys_of(said, what, "velocity spin rotation position off")
             velocity, spin = (numbers(x, (3,), what) for x in (velocity, spin))
-            times, (first, at) = [float(self.times[0]), float(self.times[-1])], frame(*place, what)
+            times, (first, at) = [float(self.times[0]), float(self.times[-1])], frame(place, what)
             places = stack([at + Ball(velocity) * x for x in times], 1)
             if spin.any():
                 tracks.append((unit(spin), times, [length(spin) * x for x in times]))
