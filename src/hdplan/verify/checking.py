@@ -67,7 +67,8 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
     if reading.taken:  # the proof's word is no proof
         first, _, more = head_.partition("\n")
         lacking = f"NOT read by the checker, but taken from the proof: {', '.join(map(shown, reading.taken))}"
-        head_ = f"accepted in part; {lacking}; {first.removeprefix('accepted in part; ')}\n{more}"
+        rest_ = first.removeprefix("accepted in part; ").removeprefix("accepted: ")
+        head_ = f"accepted in part; {lacking}; {rest_}\n{more}"
     return Verdict(f"{head_}{files}\n  if:{assumed}{rest}", whole and not reading.taken), read
 
 

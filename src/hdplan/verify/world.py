@@ -247,7 +247,7 @@ class World:
 
     @staticmethod
     def shape(value: Any, what: str) -> tuple[Any, float, Any]:
-        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided the corners of each
+        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each
         part (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
         kind: Any = value.get("type") if type(value) is dict else None
         off = 0.0
