@@ -29,6 +29,7 @@ from hdplan.scenes.output import write_output
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
+from hdplan.verify.checking import verdict_of
 from hdplan.verify.compare import check_equal
 from hdplan.verify.effects import statement, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
@@ -88,7 +89,7 @@ class _Writer:
     """The proof of one motion in the making."""
 
     def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
-        self.setup, self.planned, self.read, self.files = setup, planned, reading.world, reading.hashes
+        self.setup, self.planned, self.reading, self.read = setup, planned, reading, reading.world
         self.cuts: dict[str, Any] = {
             body["name"]: cells for body in self.read["bodies"] if (cells := groups_of(body["shape"])) is not None
         }
@@ -164,7 +165,7 @@ class _Writer:
         normals = [each[1] for each in self.found if each is not None]
         head: dict[str, Any] = {
             "version": VERSION,
-            "files": self.files,
+            "files": self.reading.hashes,
             **claimed,
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
@@ -188,7 +189,7 @@ class _Writer:
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts))
         read, _, _, trees = unpack(data)
         check_apart(world, read, trees)  # what was written, in the world that was read already
-        return Proof(data, statement(world, read)[0], certificate, head["leaves"])
+        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"])
 
 
 def _less(clearance: float | None, asked: float) -> float:

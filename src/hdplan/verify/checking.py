@@ -17,7 +17,7 @@ from .balls import RejectedError, need, shown
 from .compare import check_equal
 from .effects import statement
 from .kernel import check_apart, unpack
-from .reading import read_world
+from .reading import Reading, read_world
 from .world import World
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
@@ -54,22 +54,29 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
             world = World(read, cuts)
             need({*cuts} <= {*world.parts}, "the proof divides what there is not")
             check_apart(world, head, trees)
-            text, whole = statement(world, head)
+            return verdict_of(world, head, reading), read
     except RejectedError:
         raise
     except MemoryError:
         raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
         raise RejectedError(f"a file is not as it should be ({type(error).__name__}: {error})") from None
-    files = "".join(f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in hashes.items() if key != "motion")
+
+
+def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
+    """What the head of a proof claims beside clearances, checked, and in words with the files and what they rest on."""
+    text, whole = statement(world, head)
+    files = "".join(
+        f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in reading.hashes.items() if key != "motion"
+    )
     assumed = "".join(f"\n    {line}" for line in READ.splitlines())
-    head_, _, rest = text.partition("\n  if:")
+    said, _, rest = text.partition("\n  if:")
     if reading.taken:  # the proof's word is no proof
-        first, _, more = head_.partition("\n")
+        first, _, more = said.partition("\n")
         lacking = f"NOT read by the checker, but taken from the proof: {', '.join(map(shown, reading.taken))}"
-        rest_ = first.removeprefix("accepted in part; ").removeprefix("accepted: ")
-        head_ = f"accepted in part; {lacking}; {rest_}\n{more}"
-    return Verdict(f"{head_}{files}\n  if:{assumed}{rest}", whole and not reading.taken), read
+        first = first.removeprefix("accepted in part; ").removeprefix("accepted: ")
+        said = f"accepted in part; {lacking}; {first}\n{more}"
+    return Verdict(f"{said}{files}\n  if:{assumed}{rest}", whole and not reading.taken)
 
 
 def verify(scene: Path, motion: Path, proof: Path) -> Verdict:

@@ -226,7 +226,8 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     head, at, arrays = loads(line), 0, list[Any]()
     need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")
     keys_of(head, "the proof's head", "version files clearance self_clearance cuts pairs leaves once claims")
-    good = type(head["files"]) is type(head["cuts"]) is dict and {*head["claims"]} <= CLAIMS
+    good = type(head["files"]) is type(head["cuts"]) is dict and type(head["claims"]) is list
+    good = good and all(type(x) is str for x in head["claims"]) and {*head["claims"]} <= CLAIMS
     need(good, "the proof's head: files, cuts or claims")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
     sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]

@@ -16,10 +16,10 @@ import numpy as np
 import yaml
 
 from .balls import need
-from .world import unique
 
 DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Python reads 1_0 as 10, too
 LARGEST = 1e9  # of numbers
+DEEPEST = 64  # levels of lists and mappings
 
 
 class Files:
@@ -121,9 +121,9 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
 
 
 def yaml_of(data: bytes) -> Any:
-    """The content of a YAML file."""
+    """The content of a YAML file. What is nested too deeply would end the process; so it is counted first."""
+    depth = 0
+    for event in yaml.parse(data, Loader=Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        need(depth <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
     return yaml.load(data, Loader)
-
-
-__all__ = ["Files", "attributes", "children", "listing", "mapping", "number", "row", "strict_xml", "unique"]
-__all__ += ["table", "values", "yaml_of"]

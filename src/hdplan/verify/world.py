@@ -229,6 +229,7 @@ class World:
         count = len({x.key for x in self.pieces if x.name == name})
         need(count == 0 or kind == "link", f"{what}: the name '{name}' is taken")
         key = f"{name} {count}" if kind == "link" else name
+        need(key not in {x.key for x in self.pieces}, f"{what}: '{key}' stands for two bodies")
         corners, off, sweep = self.shape(shape, what)
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
