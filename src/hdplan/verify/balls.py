@@ -9,7 +9,8 @@ not a number passes no comparison.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,20 @@ class RejectedError(Exception):
 def shown(line: str) -> str:
     """A line without characters by which a name in a file could look like several."""
     return "".join(x if x.isprintable() else "?" for x in line)
+
+
+@contextmanager
+def rejecting() -> Iterator[None]:
+    """Reject what is not as it should be, whatever goes wrong; of numbers that are none, nothing is printed."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except RejectedError:
+        raise
+    except MemoryError:
+        raise RejectedError("needs more memory than it may take") from None
+    except Exception as error:
+        raise RejectedError(f"a file is not as it should be ({type(error).__name__}: {error})") from None
 
 
 def need(condition: Any, words: str) -> None:

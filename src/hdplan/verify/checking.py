@@ -11,9 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .balls import RejectedError, need, shown
+from .balls import RejectedError, need, rejecting, shown
 from .compare import check_equal
 from .effects import statement
 from .kernel import check_apart, unpack
@@ -39,28 +37,21 @@ class Verdict:
 def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, Any]]:
     """What a proof's content proves of a motion in a scene, and the world that was read. In this process: what files
     say may take any time. Raises RejectedError, which names leaf, pair and reason, or the first difference."""
-    try:
-        with np.errstate(all="ignore"):
-            head, told, cuts, trees = unpack(proof)
-            reading = read_world(scene, motion, told)
-            read, hashes = reading.world, reading.hashes
-            for key in sorted({*hashes} | {*head["files"]}):
-                need(key in head["files"], f"{key}: is read, and not among the files of the proof")
-                need(
-                    head["files"][key] == hashes.get(key),
-                    f"{key}: is not the file that was proven: its SHA-256 differs",
-                )
-            check_equal(read, told)
-            world = World(read, cuts)
-            need({*cuts} <= {*world.parts}, "the proof divides what there is not")
-            check_apart(world, head, trees)
-            return verdict_of(world, head, reading), read
-    except RejectedError:
-        raise
-    except MemoryError:
-        raise RejectedError("needs more memory than it may take") from None
-    except Exception as error:  # whatever is not as it should be: it is no proof
-        raise RejectedError(f"a file is not as it should be ({type(error).__name__}: {error})") from None
+    with rejecting():
+        head, told, cuts, trees = unpack(proof)
+        reading = read_world(scene, motion, told)
+        read, hashes = reading.world, reading.hashes
+        for key in sorted({*hashes} | {*head["files"]}):
+            need(key in head["files"], f"{key}: is read, and not among the files of the proof")
+            need(
+                head["files"][key] == hashes.get(key),
+                f"{key}: is not the file that was proven: its SHA-256 differs",
+            )
+        check_equal(read, told)
+        world = World(read, cuts)
+        need({*cuts} <= {*world.parts}, "the proof divides what there is not")
+        check_apart(world, head, trees)
+        return verdict_of(world, head, reading), read
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:

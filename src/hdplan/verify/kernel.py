@@ -39,7 +39,23 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, Pose, RejectedError, above, cos_sin, cross, dot, need, norm, shown, stack, turned, up
+from .balls import (
+    EPS,
+    Ball,
+    Pose,
+    RejectedError,
+    above,
+    cos_sin,
+    cross,
+    dot,
+    need,
+    norm,
+    rejecting,
+    shown,
+    stack,
+    turned,
+    up,
+)
 from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
 
 MAGIC, VERSION = b"hdplan proof\n", 2
@@ -294,21 +310,12 @@ def accept(said: Any, proof: bytes) -> tuple[str, bool]:
     which names leaf, pair and reason."""
     from .effects import statement
 
-    try:
-        with np.errstate(all="ignore"):
-            head, _, cuts, trees = unpack(proof)
-            world = World(said, cuts)
-            need({*cuts} <= {*world.parts}, "the proof divides what there is not")
-            check_apart(world, head, trees)
-            return statement(world, head)
-    except RejectedError:
-        raise
-    except MemoryError:
-        raise RejectedError("needs more memory than it may take") from None
-    except Exception as error:  # whatever is not as it should be: it is no proof
-        raise RejectedError(
-            f"the world or the proof is not as it should be ({type(error).__name__}: {error})"
-        ) from None
+    with rejecting():
+        head, _, cuts, trees = unpack(proof)
+        world = World(said, cuts)
+        need({*cuts} <= {*world.parts}, "the proof divides what there is not")
+        check_apart(world, head, trees)
+        return statement(world, head)
 
 
 def main() -> int:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import scene as scenes
-from .balls import HERE, Ball, Pose, compose, dot, need, up
+from .balls import HERE, Ball, Pose, compose, dot, need, rejecting, up
 from .meshes import KINDS
 from .motion import Rows
 from .robot import Tree, placed
@@ -37,9 +37,10 @@ class Reading:
 def read_world(scene: Path, motion: Path, told: Any = None) -> Reading:
     """The world of a motion; what the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes) is
     taken from the world that a proof `told`, and named. Raises RejectedError."""
-    reader = Reader(scene, motion, told)
-    world = reader.world() if reader.tree is not None else reader.world_of_other_robot(told)
-    return Reading(world, reader.files.hashes, tuple(reader.told.taken))
+    with rejecting():
+        reader = Reader(scene, motion, told)
+        world = reader.world() if reader.tree is not None else reader.world_of_other_robot(told)
+        return Reading(world, reader.files.hashes, tuple(reader.told.taken))
 
 
 class Reader:

@@ -105,6 +105,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
     """Reads YAML without keys that stand twice, and without numbers that are none to other readers."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        """A mapping of words; what is merged gives way to its own keys."""
         own = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
         need(len(own) == len({*own}), f"a key stands twice among {own[:9]}")
         self.flatten_mapping(node)  # what is merged stands first, and gives way to the mapping's own keys
@@ -113,6 +114,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         return found
 
     def construct_scalar(self, node: Any) -> Any:
+        """A word, or a number in decimal digits."""
         numeric = node.tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
         good = not numeric or DECIMAL.fullmatch(node.value) or node.value.lower() in (".inf", "+.inf", "-.inf")
         leading = numeric and re.match(r"[-+]?0[0-9]", node.value)
