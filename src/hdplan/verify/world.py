@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Ball, Pose, cos_sin, dot, inverse, length, need, norm, stack, unit, up
+from .balls import CROSS, EPS, HERE, Ball, Pose, compose, cos_sin, dot, inverse, length, need, norm, stack, unit, up
 
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
@@ -225,7 +225,8 @@ class World:
         joint, pose = self.carried_frame(dict(zip(FRAME.split(), place, strict=True)), what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")
-            joint = self.drifting.get(name, -1)
+            joint, turn = self.drifting.get(name, (-1, HERE[0]))
+            pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
         count = len({x.key for x in self.pieces if x.name == name})
         need(count == 0 or kind == "link", f"{what}: the name '{name}' is taken")
         key = f"{name} {count}" if kind == "link" else name
@@ -323,10 +324,10 @@ class World:
         self.curve = self.control = stack(columns, 2)  # of the robot alone
         self.clock: Any = self.times
 
-    def drift(self, name: str, said: Any) -> int:
+    def drift(self, name: str, said: Any) -> tuple[int, Ball]:
         """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
-        turn has one of its own, the last turn first; then one that never moves, turned as the obstacle is at the
-        beginning. Returns the last one."""
+        turn has one of its own, the last turn first. Returns the last joint, and the obstacle's rotation in its
+        frame."""
         what = f"motions.{name}"
         need(self.times is not None and type(said) is dict, f"{what}: moves, and the motion has no times")
         tracks: list[tuple[Ball, list[float], list[Ball]]] = []  # of the turns: axis, and angles at two times
@@ -352,13 +353,11 @@ class World:
             if spin.any():
                 tracks.append((unit(spin), times, [length(spin) * x for x in times]))
         self.tracks += [(times, [places[i, k] for k in range(len(times))]) for i in range(3)]
-        ways = [(Ball(x), False, HERE) for x in np.eye(3)] + [(axis, True, HERE) for axis, _, _ in reversed(tracks)]
-        ways += [(Ball(np.eye(3)[0]), False, (first, HERE[1]))]  # at 0 for ever
-        for i, (axis, turns, pose) in enumerate(ways):
-            self.joints.append(Joint(f"{name} moves", len(self.joints) - 1 if i else -1, pose, axis, turns))
+        ways = [(Ball(x), False) for x in np.eye(3)] + [(axis, True) for axis, _, _ in reversed(tracks)]
+        for i, (axis, turns) in enumerate(ways):
+            self.joints.append(Joint(f"{name} moves", len(self.joints) - 1 if i else -1, HERE, axis, turns))
         self.tracks += [(span, angles) for _, span, angles in reversed(tracks)]
-        self.tracks.append((times[:1] + times[-1:], [Ball(0.0), Ball(0.0)]))
-        return len(self.joints) - 1
+        return len(self.joints) - 1, first
 
     def lay_tracks(self) -> None:
         """Add what obstacles do to the motion, whose intervals end where that changes; note what each joint carries."""
