@@ -403,9 +403,9 @@ def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
             missing.append(f"a clearance of {1e3 * clearance:g} mm ({where})")
     lines = [f"accepted in part; NOT proven by this file: {', '.join(missing)}"] * bool(missing) or ["accepted"]
     lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
-    own = "".join(
-        f"; {millimetres(x)} from {name}" for name, x in world.clearances.items() if x > (head["clearance"] or 0)
-    )
+    usual = world.usual if "clearance" in claims else 0.0
+    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.name not in world.robot}
+    own = "".join(f"; {millimetres(x)} from {name}" for name, x in least.items() if x > (head["clearance"] or 0.0))
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
         if head[key]:
             more = own if key == "clearance" else ""

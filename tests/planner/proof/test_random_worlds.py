@@ -128,7 +128,8 @@ def write(rng: Random, folder: Path) -> bool:
     kinds = [{"pose": pose(rng)}, moving(rng, times[-1]), moving(rng, times[-1])]
     held = {"name": "tool", "link": rng.choice(links), "shape": shape(rng), "pose": pose(rng), "touch_links": ["l1"]}
     scene = {
-        "hdplan": 1, "robot": robot, "attached": [held], "timing": {"duration": times[-1] - times[0]}, "limits": {"velocity": 9.0},
+        "hdplan": 1, "robot": robot, "attached": [held], "timing": {"duration": times[-1] - times[0]},
+        "limits": {"velocity": 9.0},
         "obstacles": [{"name": f"o{i}", "shape": shape(rng), **kind} for i, kind in enumerate(kinds)],
         "start": {"joints": rows[0].tolist()}, "goal": {"joints": rows[-1].tolist()},
     }  # fmt: skip
