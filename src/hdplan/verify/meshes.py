@@ -116,7 +116,7 @@ def collada(root: Any, upright: bool) -> Ball:
                 corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
             need(part.get("count") == str(count), "COLLADA: other faces than it counts")
             need((corners < len(points)).all(), "COLLADA: a face has a vertex that is not there")
-            need(len(corners) % 3 == 0, "COLLADA: corners that make no triangle")
+            need(corners.size % 3 == 0, "COLLADA: corners that make no triangle")
             yield Ball(points[corners.reshape(-1, 3)])
 
     def parts(node: Any) -> list[Ball]:

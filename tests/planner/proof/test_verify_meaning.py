@@ -277,7 +277,7 @@ def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path)
         if good:
             assert "limits" in claimed(*two, "limits")
         else:
-            with pytest.raises(RejectedError, match="'a'(: has no limit| is beyond it)"):
+            with pytest.raises(RejectedError, match=r"'a'(: has no limit| is beyond it)"):
                 claimed(*two, "limits")
 
 
