@@ -73,10 +73,9 @@ def obj(data: bytes) -> Any:
 def collada(root: Any, upright: bool) -> Ball:
     """The triangles of a COLLADA file in metres; which of its axes is up is passed over for links, as ROS does."""
     for x in root.iter():
-        need(type(x.tag) is str, "COLLADA: a processing instruction")
         x.tag = x.tag.rpartition("}")[2]
     named = unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
-    need(all(x.get("meter", "1") in ("1", "1.0") for x in root.iter("unit")), "COLLADA: its unit is not the metre")
+    need(all(x.get("meter") in ("1", "1.0") for x in root.iter("unit")), "COLLADA: its unit is not the metre")
     need(not upright or [x.text for x in root.iter("up_axis")] == ["Z_UP"], "COLLADA: its z axis is not up")
 
     def there(element: Any, key: str = "source") -> Any:

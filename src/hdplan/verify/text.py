@@ -80,9 +80,18 @@ def listing(value: Any, what: str) -> list[Any]:
 
 
 def strict_xml(data: bytes) -> Any:
-    """The root of an XML file. A DTD could give attributes that are not to be seen where they act."""
+    """The root of an XML file, without comments. A DTD could give attributes that are not to be seen where they act; a
+    comment within a text would join its halves for some readers."""
     need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
-    return ElementTree.fromstring(data)
+    builder = ElementTree.TreeBuilder(insert_comments=True, insert_pis=True)
+    root = ElementTree.XML(data, ElementTree.XMLParser(target=builder))
+    for parent in root.iter():
+        if others := [x for x in parent if type(x.tag) is not str]:
+            texts = [parent.text, *(x.tail for x in parent)]
+            need(not any(x and x.strip() for x in texts), f"XML: a comment within the text of <{parent.tag}>")
+            for x in others:
+                parent.remove(x)
+    return root
 
 
 def children(element: Any, where: str, once: str, many: str = "", harmless: str = "") -> dict[str, Any]:
