@@ -15,6 +15,7 @@ from .balls import EPS, HERE, Ball, Pose, compose, dot, need, rotation, unit
 from .text import attributes, children, number, row, strict_xml, values
 
 LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor collision_checking"
+LIMIT = "acceleration deceleration jerk current command_effort gear_velocity k_velocity"  # beside those of URDF
 JOINT = "calibration dynamics safety_controller joint_properties controller_gains"
 SIZES = {"box": "size", "cylinder": "radius length", "sphere": "radius", "capsule": "radius length"}
 SIZES |= {"ellipsoid": "radii", "mesh": "filename scale"}
@@ -119,7 +120,8 @@ class Tree:
         limit, mimic = part["limit"], None
         most = dict.fromkeys(("lower", "upper", "effort", "velocity"), 0.0)
         if limit is not None:
-            most = {key: number(limit.get(key, "0"), f"{where}: limit") for key in most}
+            said = attributes(limit, where, f"{' '.join(most)} {LIMIT} {{http://drake.mit.edu}}acceleration")
+            most = {key: number(said.get(key, "0"), f"{where}: limit") for key in most}
         need(limit is not None or each.get("type") in ("continuous", "fixed"), f"{where}: has no limit")
         if part["mimic"] is not None:
             said = attributes(part["mimic"], where, "joint multiplier offset")

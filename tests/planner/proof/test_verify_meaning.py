@@ -236,6 +236,8 @@ MISSPELT: dict[str, dict[str, Any]] = {
     "goal": {"goal": {"joints": {"a": 0.5, "b": 0.5, "gripp": 0.05}}},
     "start": {"start": {"joints": {"a": 0, "b": 0.1, "gripp": 0.05}}},
     "locked": {"robot": {**SCENE["robot"], "locked": {"grip": 0.02, "gripp": 0.02}}},
+    "quaternion": {"robot": {**SCENE["robot"], "base": {"quaternion_xyzw": [0.1, 0.2, 0.3, 0.9]}}},
+    "mass": {"payload": {"link": "fore", "mass": -1}, "limits": {"torque": 90, "acceleration": 10}},
     "path.position": {"path": {"position": {"link": "fore", "size": [9, 9]}}},
     "'tool' is no link": {
         "attached": [{"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}],

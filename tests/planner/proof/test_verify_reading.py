@@ -251,9 +251,10 @@ def test_a_clearance_between_links_that_is_not_reached_is_said(
         ('<mass value="1"/>', '<mass value="1"/><mass value="2"/>'),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'),
         ('<origin xyz="0 0 1"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 2"/>'),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><limit uper="1"/>'),
     ],
 )
-def test_what_stands_twice_in_a_urdf_is_refused(before: str, after: str, tmp_path: Path) -> None:
+def test_what_stands_twice_in_a_urdf_or_is_not_known_is_refused(before: str, after: str, tmp_path: Path) -> None:
     text = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
 <origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
@@ -267,5 +268,5 @@ def test_what_stands_twice_in_a_urdf_is_refused(before: str, after: str, tmp_pat
     (tmp_path / "r.urdf").write_text(text)
     assert len(read(tmp_path / "s.yaml", tmp_path / "m.json").joints) == 1
     (tmp_path / "r.urdf").write_text(text.replace(before, after))
-    with pytest.raises(RejectedError, match=r"twice|origin"):
+    with pytest.raises(RejectedError, match=r"twice|origin|attribute that is not known"):
         read(tmp_path / "s.yaml", tmp_path / "m.json")

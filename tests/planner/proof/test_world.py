@@ -370,6 +370,7 @@ CHANGES: dict[str, tuple[str, Callable[[World], None], str]] = {  # scene, chang
     "upright": ("panda_cup", put("path", "upright", "tolerance", to=more), "path"),
     "pair": ("baxter_bimanual_carry", put("path", "relative", "position_tolerance", to=more), "path"),
     "objective": ("panda_cup", put("planner", "objective", to="smoothness"), "also"),
+    "slower": ("ur5_payload", put("timing", to={"scale": 0.5}), "also"),
     "speed": ("panda_heavy", put("limits", "velocity", to=1.0), "limits"),
     "jerk": ("panda_heavy", put("limits", "jerk", to=999), "limits"),
     "torque": ("panda_heavy", put("limits", "torque", to=80), "limits"),
