@@ -14,7 +14,8 @@ import numpy as np
 from .balls import EPS, HERE, Ball, Pose, compose, dot, need, rotation, unit
 from .text import attributes, children, number, row, strict_xml, values
 
-LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor collision_checking"
+# of these nothing is read; not <collision_checking>, by which Pinocchio takes capsules for cylinders
+LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor"
 LIMIT = "acceleration deceleration jerk current command_effort gear_velocity k_velocity"  # beside those of URDF
 JOINT = "calibration dynamics safety_controller joint_properties controller_gains"
 SIZES = {"box": "size", "cylinder": "radius length", "sphere": "radius", "capsule": "radius length"}
@@ -74,7 +75,9 @@ class Tree:
         need(len(self.elements) == len(root.findall("link")), f"{path}: two links of one name")
         for name, link in self.elements.items():
             attributes(link, f"link '{name}'", "name type")
-            children(link, f"link '{name}'", "inertial", "visual collision", LINK)
+            placed_ = children(link, f"link '{name}'", "inertial origin", "visual collision", LINK)["origin"]
+            still = placed_ is None or not any(row(x, 3, f"link '{name}'").any() for x in placed_.attrib.values())
+            need(still, f"link '{name}': an origin of its own, which is not part of URDF")
         self.solid = {name for name, link in self.elements.items() if link.find("collision") is not None}
         self.joints = dict[str, UrdfJoint]()
         for each in root.findall("joint"):
