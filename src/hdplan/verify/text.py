@@ -86,11 +86,11 @@ def strict_xml(data: bytes) -> Any:
     builder = ElementTree.TreeBuilder(insert_comments=True, insert_pis=True)
     root = ElementTree.XML(data, ElementTree.XMLParser(target=builder))
     for parent in root.iter():
-        if others := [x for x in parent if type(x.tag) is not str]:
+        kept = [x for x in parent if type(x.tag) is str]
+        if len(kept) < len(parent):
             texts = [parent.text, *(x.tail for x in parent)]
             need(not any(x and x.strip() for x in texts), f"XML: a comment within the text of <{parent.tag}>")
-            for x in others:
-                parent.remove(x)
+            parent[:] = kept
     return root
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from hdplan import cli
 from hdplan.planner.geometry.mesh_files import read_mesh_file
-from hdplan.verify import RejectedError
+from hdplan.verify import RejectedError, kernel
 from hdplan.verify.checking import IN_PART, check
 from hdplan.verify.compare import check_equal
 from hdplan.verify.effects import millimetres, statement
@@ -502,3 +502,18 @@ def test_a_collada_file_is_rejected_or_has_the_triangles_of_hdplan_and_coal(kind
     there = read.vertices()[[[x[i] for i in range(3)] for x in map(read.tri_indices, range(read.num_tris))]]
     for other in (points[corners], there):
         np.testing.assert_allclose(np.sort(other.reshape(-1, 3), axis=0), found, atol=1e-6)
+
+
+@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 1}', "[]", ""])
+def test_the_kernel_alone_rejects_worlds_that_are_none(
+    world: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files_ = tmp_path / "w.json", tmp_path / "m.proof"
+    files_[0].write_bytes(world.encode(errors="surrogatepass"))
+    files_[1].write_bytes(honest[3])
+    monkeypatch.setattr("sys.argv", ["kernel", *map(str, files_)])
+    assert kernel.main() == 1
+    assert capsys.readouterr().out.startswith("rejected: ")
+    files_[0].write_text(json.dumps(honest[1]))
+    assert kernel.main() == 0
+    assert capsys.readouterr().out.startswith("accepted: ")
