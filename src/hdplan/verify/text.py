@@ -69,7 +69,9 @@ def values(value: Any, count: int, what: str) -> Any:
 
 def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
     """A mapping that has no other keys than those `allowed`, as others may change what is meant; without nulls."""
-    need(isinstance(value, dict) and {*value} <= {*allowed.split()}, f"{what}: a mapping of some of {allowed}")
+    need(isinstance(value, dict), f"{what}: a mapping is expected")
+    for key in value:
+        need(key in allowed.split(), f"{what}: the checker does not know '{key}' there, only {allowed}")
     return {key: item for key, item in value.items() if item is not None}
 
 
