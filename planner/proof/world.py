@@ -28,6 +28,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.robot_files.link_pairs import link_pair
+from hdplan.scenes.scene import Scene
 
 WORLD = 1  # the version of the form
 
@@ -40,7 +41,6 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     scene, robot = setup.scene, setup.robot
     check_as_loaded(robot)
     _refuse_taken_names(setup)
-    asked = scene.planner.objective is not None
     return {
         "hdplan_world": WORLD,
         "joints": [_joint(robot, index) for index in range(1, robot.model.njoints)],
@@ -64,8 +64,14 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
         "start": plain_start(setup),
         "goal": plain_goal(setup),
         "duration": None if scene.timing is None else scene.timing.duration,
-        "also": ["planner.objective"] * asked,
+        "also": _also(scene),
     }
+
+
+def _also(scene: Scene) -> list[str]:
+    """Return what else the scene wants, which no world can hold."""
+    slower = scene.timing is not None and scene.timing.scale != 1.0
+    return ["planner.objective"] * (scene.planner.objective is not None) + ["timing.scale"] * slower
 
 
 def _refuse_taken_names(setup: Setup) -> None:

@@ -327,8 +327,9 @@ def main() -> int:
         return 2
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
     try:
-        words, whole = accept(loads(Path(sys.argv[1]).read_bytes()), Path(sys.argv[2]).read_bytes())
-    except (RejectedError, ValueError) as error:
+        with rejecting():
+            words, whole = accept(loads(Path(sys.argv[1]).read_bytes()), Path(sys.argv[2]).read_bytes())
+    except RejectedError as error:
         print(f"rejected: {error}")
         return 1
     print(words)

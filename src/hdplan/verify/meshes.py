@@ -73,10 +73,9 @@ def obj(data: bytes) -> Any:
 def collada(root: Any, upright: bool) -> Ball:
     """The triangles of a COLLADA file in metres; which of its axes is up is passed over for links, as ROS does."""
     for x in root.iter():
-        need(type(x.tag) is str, "COLLADA: a processing instruction")
         x.tag = x.tag.rpartition("}")[2]
     named = unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
-    need(all(x.get("meter", "1") in ("1", "1.0") for x in root.iter("unit")), "COLLADA: its unit is not the metre")
+    need(all(x.get("meter") in ("1", "1.0") for x in root.iter("unit")), "COLLADA: its unit is not the metre")
     need(not upright or [x.text for x in root.iter("up_axis")] == ["Z_UP"], "COLLADA: its z axis is not up")
 
     def there(element: Any, key: str = "source") -> Any:
@@ -116,7 +115,7 @@ def collada(root: Any, upright: bool) -> Ball:
                 corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
             need(part.get("count") == str(count), "COLLADA: other faces than it counts")
             need((corners < len(points)).all(), "COLLADA: a face has a vertex that is not there")
-            need(len(corners) % 3 == 0, "COLLADA: corners that make no triangle")
+            need(corners.size % 3 == 0, "COLLADA: corners that make no triangle")
             yield Ball(points[corners.reshape(-1, 3)])
 
     def parts(node: Any) -> list[Ball]:

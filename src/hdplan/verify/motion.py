@@ -33,6 +33,7 @@ class Rows:
         self.given = [np.array([values(x, len(self.names), RATES[i]) for x in rows]) for i, rows in enumerate(given)]
         self.times = said.get("times")
         rated = [said.get(x) is not None for x in ("times", *RATES[1:])]
+        need(said.get("positions") is not None, f"{path}: has no positions")  # else rates would stand for them
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
         self.rule = ("", "linear", "cubic", "quintic")[len(self.given)]
         need(said.get("interpolation", self.rule) == self.rule, f"{path}: its interpolation is not that of its rows")

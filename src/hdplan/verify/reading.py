@@ -57,7 +57,7 @@ class Reader:
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.tree: Any = None
         if urdf.suffix.lower() in (".xacro", ".xml"):
-            self.told.taken[f"the robot ({urdf.name}) with its limits, start and goal"] = None
+            self.told.taken[f"the robot ({urdf.name}) with what it holds, its limits, start and goal"] = None
             return
         need(not self.spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         self.tree = Tree(urdf, data, self.base_joints())
@@ -223,7 +223,9 @@ class Reader:
         among = mapping(self_collision, "self_collision", "clearance") if type(self_collision) is not bool else {}
         least = {"obstacles": usual, "own": own, "self": scenes.one(among.get("clearance", 0.0), "self_collision")}
         duration = scenes.one(timing["duration"], "timing.duration") if "duration" in timing else None
-        return {"clearances": least, "duration": duration, "also": ["planner.objective"] * ("objective" in planner)}
+        slower = scenes.one(timing.get("scale", 1.0), "timing.scale") != 1
+        also = ["planner.objective"] * ("objective" in planner) + ["timing.scale"] * slower
+        return {"clearances": least, "duration": duration, "also": also}
 
     def world_of_other_robot(self, told: Any) -> dict[str, Any]:
         """The world with a robot that the checker does not read, as the proof has it, with all that is about its joints
@@ -371,6 +373,7 @@ class Reader:
         if (load := self.top.get("payload")) is not None:
             said = mapping(load, "payload", "link mass com inertia")
             mass, com = scenes.one(said.get("mass"), "payload"), values(said.get("com", [0.0] * 3), 3, "payload.com")
+            need(mass >= 0, "payload: a mass below 0")
             six = values(said.get("inertia", [0.0] * 6), 6, "payload.inertia")
             about = six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
             need(said.get("link") in self.at, "payload: its link is not known")
@@ -378,6 +381,7 @@ class Reader:
         for i, entry in enumerate(listing(self.top.get("attached"), "attached")):
             if (weight := entry.get("mass")) is not None:
                 mass, shape = scenes.one(weight, f"attached[{i}].mass"), entry["shape"]
+                need(mass >= 0, f"attached[{i}]: a mass below 0")
                 at = scenes.pose_of(entry.get("pose"), f"attached[{i}]")
                 carry(entry["link"], mass, at, solid_inertia(shape, mass, f"attached[{i}]"))
         return [

@@ -14,7 +14,9 @@ import numpy as np
 from .balls import EPS, HERE, Ball, Pose, compose, dot, need, rotation, unit
 from .text import attributes, children, number, row, strict_xml, values
 
-LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor collision_checking"
+# of these nothing is read; not <collision_checking>, by which Pinocchio takes capsules for cylinders
+LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor"
+LIMIT = "acceleration deceleration jerk current command_effort gear_velocity k_velocity"  # beside those of URDF
 JOINT = "calibration dynamics safety_controller joint_properties controller_gains"
 SIZES = {"box": "size", "cylinder": "radius length", "sphere": "radius", "capsule": "radius length"}
 SIZES |= {"ellipsoid": "radii", "mesh": "filename scale"}
@@ -73,7 +75,9 @@ class Tree:
         need(len(self.elements) == len(root.findall("link")), f"{path}: two links of one name")
         for name, link in self.elements.items():
             attributes(link, f"link '{name}'", "name type")
-            children(link, f"link '{name}'", "inertial", "visual collision", LINK)
+            placed_ = children(link, f"link '{name}'", "inertial origin", "visual collision", LINK)["origin"]
+            still = placed_ is None or not any(row(x, 3, f"link '{name}'").any() for x in placed_.attrib.values())
+            need(still, f"link '{name}': an origin of its own, which is not part of URDF")
         self.solid = {name for name, link in self.elements.items() if link.find("collision") is not None}
         self.joints = dict[str, UrdfJoint]()
         for each in root.findall("joint"):
@@ -119,7 +123,8 @@ class Tree:
         limit, mimic = part["limit"], None
         most = dict.fromkeys(("lower", "upper", "effort", "velocity"), 0.0)
         if limit is not None:
-            most = {key: number(limit.get(key, "0"), f"{where}: limit") for key in most}
+            said = attributes(limit, where, f"{' '.join(most)} {LIMIT} {{http://drake.mit.edu}}acceleration")
+            most = {key: number(said.get(key, "0"), f"{where}: limit") for key in most}
         need(limit is not None or each.get("type") in ("continuous", "fixed"), f"{where}: has no limit")
         if part["mimic"] is not None:
             said = attributes(part["mimic"], where, "joint multiplier offset")

@@ -54,6 +54,7 @@ def pose_of(value: Any, what: str, more: str = "") -> Pose:
     need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
+        need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
         q = unit(decimal(given))
         k = dot("ijk,k->ij", CROSS, q[:3])
         turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))

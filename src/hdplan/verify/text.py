@@ -69,7 +69,9 @@ def values(value: Any, count: int, what: str) -> Any:
 
 def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
     """A mapping that has no other keys than those `allowed`, as others may change what is meant; without nulls."""
-    need(isinstance(value, dict) and {*value} <= {*allowed.split()}, f"{what}: a mapping of some of {allowed}")
+    need(isinstance(value, dict), f"{what}: a mapping is expected")
+    for key in value:
+        need(key in allowed.split(), f"{what}: the checker does not know '{key}' there, only {allowed}")
     return {key: item for key, item in value.items() if item is not None}
 
 
@@ -80,9 +82,18 @@ def listing(value: Any, what: str) -> list[Any]:
 
 
 def strict_xml(data: bytes) -> Any:
-    """The root of an XML file. A DTD could give attributes that are not to be seen where they act."""
+    """The root of an XML file, without comments. A DTD could give attributes that are not to be seen where they act; a
+    comment within a text would join its halves for some readers."""
     need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
-    return ElementTree.fromstring(data)
+    builder = ElementTree.TreeBuilder(insert_comments=True, insert_pis=True)
+    root = ElementTree.XML(data, ElementTree.XMLParser(target=builder))
+    for parent in root.iter():
+        kept = [x for x in parent if type(x.tag) is str]
+        if len(kept) < len(parent):
+            texts = [parent.text, *(x.tail for x in parent)]
+            need(not any(x and x.strip() for x in texts), f"XML: a comment within the text of <{parent.tag}>")
+            parent[:] = kept
+    return root
 
 
 def children(element: Any, where: str, once: str, many: str = "", harmless: str = "") -> dict[str, Any]:

@@ -20,6 +20,7 @@ from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.yaml_format.reader import read_robot
 from hdplan.verify.kernel import Motion
 
 from .worlds import read, read_and_planned
@@ -119,7 +120,7 @@ def write(rng: Random, folder: Path) -> bool:
         robot |= {"group": joints}
     (folder / "robot.yaml").write_text(json.dumps({"robot": robot}))
     try:
-        loaded = load_robot(hdplan.scenes.yaml_format.reader.read_robot(folder / "robot.yaml")[0])
+        loaded = load_robot(read_robot(folder / "robot.yaml")[0])
     except hdplan.InputError as error:
         assert "no joint left to plan" in str(error) or "leave no range" in str(error)  # noqa: PT017
         return False
