@@ -40,11 +40,15 @@ FILES = sorted(str(x.relative_to(LIBRARY)) for x in LIBRARY.glob("*/*/*.urdf"))
 QUICK = ("panda_description/urdf/panda.urdf", "tiago_pro_description/robots/tiago_pro.urdf")
 SCENES = [name for name in shipped_scenes() if name != "panda_camera"]  # whose cloud is the proof's
 QUICK_SCENES = ("panda_conveyor", "ur5_payload", "panda_vase")
+# Meshes of several materials: coal 3.0.3 numbers the corners of each from 0, so that all but the first get wrong ones.
+# Here the first has as many triangles.
+MATERIALS = {"icub_simple_collision_head.dae": 189}
 CLOSE = 1e-9  # [m or rad]
 SINGLE = 2.0**-21  # of a mesh's size: Assimp keeps all numbers in single precision
 FREE = 3.0  # [rad or m] within which joints without limits are drawn
 MOST = 40  # joints that move at once
 
+SIZES = ("size", "radius", "radii", "length", "points")
 WHEELS, WHEELED = ("base_x", "base_y", "base_yaw"), ("base_origin", "base_at_x", "base_at_y")
 
 Shape = tuple[str, Array]  # kind, and sizes or corners of triangles (F, 3, 3)
@@ -70,7 +74,7 @@ class Third:
         geometry = pin.buildGeomFromUrdf(model, str(urdf), pin.COLLISION, None, folders, coal.MeshLoader())
         rules = {}
         for joint in ElementTree.parse(urdf).getroot().findall("joint"):
-            if (mimic := joint.find("mimic")) is not None:
+            if (mimic := joint.find("mimic")) is not None and joint.get("type") != "fixed":
                 numbers = (float(mimic.get(key, x)) for key, x in (("multiplier", "1"), ("offset", "0")))
                 rules[joint.get("name", "")] = (mimic.get("joint", ""), *numbers)
         return cls(model, geometry, base, rules)
@@ -100,6 +104,28 @@ class Third:
             found[at : at + self.model.nqs[i]] = [np.cos(x), np.sin(x)] if self.model.nqs[i] == 2 else [x]
         return found
 
+    def load(self, joint: int, moving: set[str], data: pin.Data) -> tuple[float, Array, Array]:
+        """Mass, mass times centre and inertia about a joint's origin of all that it carries up to the next that moves."""
+        whole = pin.Inertia.Zero()
+        for i, inertia in enumerate(self.model.inertias):
+            at = i
+            while at and self.model.names[at] not in moving:
+                at = self.model.parents[at]
+            if at == joint and inertia.mass:
+                whole += data.oMi[joint].actInv(data.oMi[i]).act(inertia)
+        lever = np.array(whole.lever)
+        about = whole.inertia + whole.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+        return whole.mass, whole.mass * lever, about
+
+    def room(self, joint: str) -> bool:
+        """Whether a joint can move, as far as its limits and those of what follows it go."""
+        low, high = (x if x is not None else s * np.inf for x, s in zip(self.range_of(joint), (-1, 1), strict=True))
+        for name, (leader, factor, offset) in self.rules.items():
+            if leader == joint and factor:
+                ends = [(x - offset) / factor for x in self.range_of(name) if x is not None] or [-np.inf, np.inf]
+                low, high = max(low, min(ends)), min(high, max(ends))
+        return low < high
+
     def links(self) -> dict[str, int]:
         frames = self.model.frames
         return {x.name: i for i, x in enumerate(frames) if x.type == pin.FrameType.BODY and x.name != "universe"}
@@ -112,7 +138,7 @@ class Third:
 
 
 def shape_of(item: Any) -> Shape:
-    """A geometry of coal's."""
+    """A geometry of Pinocchio's."""
     shape = item.geometry
     match type(shape).__name__:
         case "Box":
@@ -123,37 +149,45 @@ def shape_of(item: Any) -> Shape:
             return "ellipsoid", np.array(shape.radii)
         case "Cylinder" | "Capsule" as kind:
             return kind.lower(), np.array([shape.radius, 2 * shape.halfLength])
-    return "mesh", corners_of(shape)
+    return "mesh", corners_of(shape, item.meshPath)
 
 
-def corners_of(mesh: Any) -> Array:
+def corners_of(mesh: Any, file: str) -> Array:
     """Corners (F, 3, 3) of the triangles of coal's mesh."""
     corners = np.array([[x[0], x[1], x[2]] for x in map(mesh.tri_indices, range(mesh.num_tris))])
+    first = MATERIALS.get(Path(file).name, len(corners))
+    corners[first:] += corners[:first].max() + 1
     return np.asarray(mesh.vertices())[corners]
 
 
 # --- the comparison ---------------------------------------------------------------------------------------------------
 
 
-def same_shape(said: dict[str, Any], third: Shape, single: bool) -> None:
-    """Assert that a world's shape is coal's: kinds and sizes, or triangles as sets of three points."""
+def same_shape(said: dict[str, Any], third: Shape, file: str = "") -> None:
+    """Assert that a world's shape is coal's: kind and sizes, or triangles as sets of three points."""
     kind, numbers = third
     assert said["type"] == kind
     if kind != "mesh":
-        own = [said[x] for x in ("size", "radius", "radii", "length") if x in said]
+        own = [said[x] for x in SIZES if x in said]
         np.testing.assert_allclose(np.hstack(own), numbers, rtol=1e-15)
         return
     corners = np.array(said["points"])[np.array(said["triangles"])]
-    off = SINGLE * np.abs(corners).max() if single else 0.0
+    off = 0.0 if binary(file) else SINGLE * np.abs(corners).max()
     proper = (numbers != np.roll(numbers, 1, axis=1)).any(axis=2).all(axis=1)
-    one, two = _sorted(corners), _sorted(numbers[proper])
+    one, two = _rows(corners), _rows(numbers[proper])
     assert _all_near(one, two, off)
     assert _all_near(two, one, 2 * off)
     assert off or len(one) == len(two)  # in single precision points may become equal
 
 
-def _sorted(corners: Array) -> Array:
-    """Triangles (F, 9) by their corners, in all six orders (6 F, 9)."""
+def binary(file: str) -> bool:
+    """Whether a mesh is a binary STL file, whose numbers are of single precision themselves."""
+    data = Path(file).read_bytes()
+    return file.lower().endswith(".stl") and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+
+
+def _rows(corners: Array) -> Array:
+    """Triangles (F, 3, 3) as rows, in all six orders of their corners (6 F, 9)."""
     orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]]
     return np.concatenate([corners[:, x].reshape(-1, 9) for x in orders])
 
@@ -229,7 +263,7 @@ def same_robot(reading: Reading, third: Third, rows: Rows) -> None:
     assert [x["name"] for x in bodies] == [link for link, _ in third.bodies()]
     for body, (_, i) in zip(bodies, third.bodies(), strict=True):
         item = third.geometry.geometryObjects[i]
-        same_shape(body["shape"], shape_of(item), single=not item.meshPath.lower().endswith(".stl") or ascii_(item))
+        same_shape(body["shape"], shape_of(item), item.meshPath)
     for frames, values in zip(rows.frames, rows.values, strict=True):
         q = third.q(completed(third, values, said["held"]))
         base = third.base.homogeneous @ driven(values)
@@ -242,12 +276,6 @@ def same_robot(reading: Reading, third: Third, rows: Rows) -> None:
         for body, (_, i) in zip(bodies, third.bodies(), strict=True):
             there = base @ placed.oMg[i].homogeneous
             np.testing.assert_allclose(frames[body["joint"]] @ matrix(body), there, atol=CLOSE)
-
-
-def ascii_(item: Any) -> bool:
-    with Path(item.meshPath).open("rb") as file:
-        head = file.read(84)
-    return Path(item.meshPath).stat().st_size != 84 + 50 * int.from_bytes(head[80:84], "little")
 
 
 def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> None:
@@ -268,15 +296,12 @@ def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> No
         scale = CLOSE * (1.0 + found.max())
         assert (found <= bounds[i] + scale).all()
         assert (bounds[i] <= found + scale).all()
-    still = [third.model.getJointId(x) for x in third.joints if x not in names]
-    reduced = pin.buildReducedModel(third.model, still, third.q(whole[0]))
+    pin.forwardKinematics(third.model, data, third.q(whole[0]))
     for name, load in zip(names, said["loads"], strict=True):
-        body = reduced.inertias[reduced.getJointId(name)]
-        mass, lever = body.mass, np.array(body.lever)
-        about = body.inertia + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+        mass, moment, about = third.load(third.model.getJointId(name), {*names}, data)
         slack = CLOSE * (1.0 + np.abs(about).max() + mass)
         assert abs(load["mass"] - mass) <= slack
-        np.testing.assert_allclose(load["moment"], mass * lever, atol=slack, rtol=0)
+        np.testing.assert_allclose(load["moment"], moment, atol=slack, rtol=0)
         np.testing.assert_allclose(inertia_of(load), about, atol=slack, rtol=0)
 
 
@@ -301,7 +326,13 @@ def same_limits(reading: Reading, third: Third, given: dict[str, dict[str, float
 
 # --- robots -----------------------------------------------------------------------------------------------------------
 
-REFUSED: dict[str, str] = {}
+REFUSED = {  # by the checker, or by Pinocchio, in these words
+    "hector_description/robots/quadrotor_base.urdf": "a joint stands twice, or there is none",  # it flies
+    "iris_description/robots/iris_simple.urdf": "a joint stands twice, or there is none",
+    "iris_description/robots/iris.urdf": "limit: '-1e\\+16' is no number",  # numbers of a world are below 1e9
+    "simple_humanoid_description/urdf/simple_humanoid.urdf": "<collision_checking> is not known",  # capsules, to Pinocchio
+    "ur_description/urdf/ur3.urdf": "does not contain a valid URDF model",  # macros
+}
 
 
 def written(folder: Path, scene: dict[str, Any], motion: dict[str, Any]) -> Reading:
@@ -322,11 +353,11 @@ def robot_compared(file: str, folder: Path, count: int) -> None:
     rng = np.random.default_rng(FILES.index(file))
     said, base = placed_base(rng)
     third = Third.of(LIBRARY / file, base)
-    ranges = {x: [y if y is not None else s * FREE for y, s in zip(third.range_of(x), (-1, 1), strict=True)]
-              for x in third.joints}  # fmt: skip
     leading = [x for x in third.joints if x not in third.rules]
+    ranges = {x: [FREE * s if y is None or abs(y) > 10 else y for y, s in zip(third.range_of(x), (-1, 1), strict=True)]
+              for x in leading}  # fmt: skip
     drawn = {x: rng.uniform(*ranges[x], count + 1) for x in leading}
-    able = [x for x in leading if ranges[x][0] < ranges[x][1]]
+    able = [x for x in leading if third.room(x)] or leading
     group = sorted(rng.choice(able, min(MOST, -(-4 * len(able) // 5)), replace=False).tolist())
     spec: dict[str, Any] = {"urdf": str(LIBRARY / file), "base": said, "group": group}
     spec["locked"] = {x: float(drawn[x][0]) for x in leading if x not in group}
@@ -366,3 +397,96 @@ def test_every_robot_of_the_library_is_that_of_pinocchio(file: str, tmp_path: Pa
     with pytest.raises((RejectedError, ValueError), match=REFUSED[file]):
         robot_compared(file, tmp_path, 2)
     return None
+
+
+# --- scenes -----------------------------------------------------------------------------------------------------------
+
+
+def pose_of(said: dict[str, Any] | None) -> tuple[Rotation, Array]:
+    """A pose of a scene, by SciPy."""
+    said = said or {}
+    turn = Rotation.identity()
+    if "rpy" in said:
+        turn = Rotation.from_euler("xyz", said["rpy"])
+    if "quaternion_xyzw" in said:
+        turn = Rotation.from_quat(said["quaternion_xyzw"])
+    return turn, np.array(said.get("position", [0.0, 0.0, 0.0]), dtype=float)
+
+
+def homogeneous(turn: Rotation, at: Array) -> Array:
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = turn.as_matrix(), at
+    return found
+
+
+def place_of(entry: dict[str, Any], time: float) -> Array:
+    """Where an obstacle of a scene is at a time."""
+    turn, at = pose_of(entry.get("pose"))
+    motion = entry.get("motion", {})
+    if "times" in motion:
+        poses, now = [pose_of(x) for x in motion["poses"]], np.clip(time, motion["times"][0], motion["times"][-1])
+        turn = Slerp(motion["times"], Rotation.concatenate([x for x, _ in poses]))(now)
+        at = np.array([np.interp(now, motion["times"], x) for x in np.transpose([x for _, x in poses])])
+    elif motion:
+        turn = Rotation.from_rotvec(time * np.array(motion.get("spin", [0.0] * 3))) * turn
+        at = at + time * np.array(motion.get("velocity", [0.0] * 3))
+    return homogeneous(turn, at)
+
+
+def shape_said(said: dict[str, Any], folder: Path) -> tuple[Shape, str]:
+    """A shape of a scene, meshes loaded by coal."""
+    if said["type"] == "mesh":
+        file, scale = str(folder / said["file"]), np.broadcast_to(np.array(said.get("scale", 1.0), dtype=float), 3)
+        return ("mesh", corners_of(coal.MeshLoader().load(file, np.array(scale)), file)), file
+    sizes = [said[x] for x in SIZES if x in said]
+    return (said["type"], np.hstack(sizes)), ""
+
+
+def scene_compared(name: str, folder: Path, count: int) -> None:
+    """Read a shipped scene at random configurations, its robot, what that holds, and its obstacles at their times."""
+    rng, file = np.random.default_rng(SCENES.index(name)), find_scene(name)
+    top = yaml.safe_load(file.read_text())
+    setup = Setup.of(hdplan.load_scene(name))
+    lead = [*setup.robot.joint_names]
+    turn, at = pose_of(top["robot"].get("base"))
+    third = Third.of(description_of(setup.scene.robot)[1], pin.SE3(turn.as_matrix(), at))
+    spans = [[FREE * s if x is None else x for x, s in zip(third.range_of(y), (-1, 1), strict=True)] for y in lead]
+    times = np.cumsum(rng.uniform(0.01, 0.2, count + 1)).tolist()
+    drawn = [rng.uniform(*x, count + 1) for x in spans]
+    motion = {"joint_names": lead, "positions": np.transpose(drawn).tolist(), "times": times}
+    (folder / "motion.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
+    reading = read_world(file, folder / "motion.json")
+    assert not reading.taken
+    rows = Rows.of(reading, motion)
+    same_robot(reading, third, rows)
+    if "loads" in reading.world and not {"payload", "attached"} & {*top}:
+        same_dynamics(reading, third, rows, rng)
+    held = [x for x in reading.world["bodies"] if x["kind"] == "held"]
+    around = [x for x in reading.world["bodies"] if x["kind"] == "obstacle"]
+    data, links = third.model.createData(), third.links()
+    for body, entry in zip(held + around, top.get("attached", []) + top.get("obstacles", []), strict=True):
+        assert body["name"] == entry["name"]
+        same_shape(body["shape"], *shape_said(entry["shape"], file.parent))
+        pieces = [x for x in rows.world.pieces if x.name == body["name"]]
+        for frames, values, time in zip(rows.frames, rows.values, rows.times, strict=True):
+            if body["kind"] == "held":
+                q = third.q(completed(third, values, reading.world["held"]))
+                pin.framesForwardKinematics(third.model, data, q)
+                link = third.base.homogeneous @ data.oMf[links[entry["link"]]].homogeneous
+                there = link @ homogeneous(*pose_of(entry.get("pose")))
+            else:
+                there = place_of(entry, time)
+            piece = np.eye(4)
+            piece[:3, :3], piece[:3, 3] = pieces[0].pose[0].mid, pieces[0].pose[1].mid
+            np.testing.assert_allclose(frames[pieces[0].joint] @ piece, there, atol=CLOSE)
+
+
+@pytest.mark.parametrize("name", QUICK_SCENES)
+def test_scenes_are_those_of_scipy_and_coal(name: str, tmp_path: Path) -> None:
+    scene_compared(name, tmp_path, 10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_every_shipped_scene_is_that_of_scipy_and_coal(name: str, tmp_path: Path) -> None:
+    scene_compared(name, tmp_path, 100)
