@@ -115,11 +115,22 @@ def attributes(element: Any, where: str, allowed: str) -> dict[str, str]:
 class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """Reads YAML without keys that stand twice, and without numbers that are none to other readers."""
 
+    def __init__(self, stream: Any) -> None:
+        """Read a stream."""
+        super().__init__(stream)
+        self.flat = set[Any]()
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Put what is merged before a mapping's own keys, to which it gives way; once, as keys then stand twice."""
+        if node not in self.flat:
+            self.flat.add(node)
+            own = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+            need(len(own) == len({*own}), f"a key stands twice among {own[:9]}")
+            super().flatten_mapping(node)
+
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        """A mapping of words; what is merged gives way to its own keys."""
-        own = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
-        need(len(own) == len({*own}), f"a key stands twice among {own[:9]}")
-        self.flatten_mapping(node)  # what is merged stands first, and gives way to the mapping's own keys
+        """A mapping of words."""
+        self.flatten_mapping(node)
         found = {self.construct_object(key, True): self.construct_object(x, True) for key, x in node.value}
         need(all(type(key) is str for key in found), "a mapping has a key that is not a word")
         return found
