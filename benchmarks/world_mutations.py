@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import copy
 import json
+import pickle
 import sys
 import tempfile
 import time
@@ -148,21 +149,22 @@ class Judge:
         said = self.world["links"][name]
         return self.frames[k][said["joint"] + 1] * se3(said)
 
-    def body(self, said: World, k: int) -> pin.SE3:
-        """A body's frame at a moment."""
-        place, motion = se3(said), self.world["motions"].get(said["name"]) if said["kind"] == "obstacle" else None
+    def bodies(self, said: World) -> Any:
+        """A body's frames (k, 4, 4) at all moments."""
+        motion = self.world["motions"].get(said["name"]) if said["kind"] == "obstacle" else None
         if motion is None:
-            return self.frames[k][said["joint"] + 1] * place
-        now = float(self.at[k])
-        if "times" in motion:
-            times = np.array(motion["times"], dtype=float)
-            now, poses = float(np.clip(now, times[0], times[-1])), [se3(x) for x in motion["frames"]]
-            turn = Slerp(times, Rotation.from_matrix([x.rotation for x in poses]))(now).as_matrix()
-            at = np.array([np.interp(now, times, [x.translation[i] for x in poses]) for i in range(3)])
-            return pin.SE3(turn, at) * place
-        first = se3(motion)
-        turn = Rotation.from_rotvec(now * np.array(motion["spin"], dtype=float)).as_matrix()
-        return pin.SE3(turn @ first.rotation, first.translation + now * np.array(motion["velocity"])) * place
+            moved = np.array([x[said["joint"] + 1].homogeneous for x in self.frames])
+        elif "times" in motion:
+            times, poses = np.array(motion["times"], dtype=float), [se3(x) for x in motion["frames"]]
+            now, moved = np.clip(self.at, times[0], times[-1]), np.tile(np.eye(4), (len(self.at), 1, 1))
+            moved[:, :3, :3] = Slerp(times, Rotation.from_matrix([x.rotation for x in poses]))(now).as_matrix()
+            moved[:, :3, 3] = np.transpose([np.interp(now, times, [x.translation[i] for x in poses]) for i in range(3)])
+        else:
+            moved = np.tile(se3(motion).homogeneous, (len(self.at), 1, 1))
+            spun = Rotation.from_rotvec(self.at[:, None] * np.array(motion["spin"], dtype=float)).as_matrix()
+            moved[:, :3, :3] = spun @ moved[:, :3, :3]
+            moved[:, :3, 3] += self.at[:, None] * np.array(motion["velocity"], dtype=float)
+        return moved @ se3(said).homogeneous
 
     def too_close(self, head: World) -> str:
         """Bodies that are closer than stated, or within one another."""
@@ -172,8 +174,8 @@ class Judge:
         for each in made:
             each.computeLocalAABB()
         centers, radii = np.array([x.aabb_center for x in made]), np.array([x.aabb_radius for x in made])
-        places = [[self.body(x, k) for x in bodies] for k in range(len(self.at))]
-        seen = np.array([[m.act(c) for m, c in zip(row, centers, strict=True)] for row in places])
+        places = [self.bodies(x) for x in bodies]
+        seen = [x[:, :3, :3] @ c + x[:, :3, 3] for x, c in zip(places, centers, strict=True)]
         usual = world["clearances"]["obstacles"] if "clearance" in head["claims"] else 0.0
         for i, one in enumerate(bodies):
             for j in range(i + 1, len(bodies)):
@@ -185,13 +187,13 @@ class Judge:
                 least = head["self_clearance"]
                 if two["kind"] == "obstacle":
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
-                far = np.linalg.norm(seen[:, i] - seen[:, j], axis=1) - radii[i] - radii[j]
+                far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
                 for k in np.flatnonzero(far < least):
-                    a, b = (coal.Transform3s(places[k][x].rotation, places[k][x].translation) for x in (i, j))
+                    a, b = (coal.Transform3s(places[x][k, :3, :3], places[x][k, :3, 3]) for x in (i, j))
                     away = coal.distance(made[i], a, made[j], b, coal.DistanceRequest(), coal.DistanceResult())
                     if away < least - SLACK:
                         return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, not {least}"
-                if two["kind"] != "link" and (why := self.contained(i, j, places[0], centers)):
+                if two["kind"] != "link" and (why := self.contained(i, j, places, centers)):
                     return why
         return ""
 
@@ -203,7 +205,8 @@ class Judge:
             if corners is not None:
                 own = triangles_of(bodies[x]["shape"])
                 point = own[0, 0] if own is not None else centers[x]
-                if inside(places[y].actInv(places[x].act(point)), corners):
+                one, two = places[x][0], places[y][0]
+                if inside(two[:3, :3].T @ (one[:3, :3] @ point + one[:3, 3] - two[:3, 3]), corners):
                     return f"{bodies[x]['name']} within {bodies[y]['name']}"
         return ""
 
@@ -323,9 +326,6 @@ class Case:
         *groups, counts, depths, normals, rows, ways = arrays
         cuts = dict(zip(head["cuts"], groups, strict=True))
         return cls(json.loads(json.dumps(world)), head, cuts, counts, depths, normals.reshape(-1, 3), rows, ways.reshape(-1, 3))
-
-    def copied(self) -> Case:
-        return copy.deepcopy(self)
 
     def packed(self) -> bytes:
         """The proof's file, whose head counts what there is."""
@@ -535,8 +535,12 @@ def groups(case: Case, rng: Random) -> None:
         if rng.random() < 0.2:
             case.cuts[str(rng.choice([x["name"] for x in case.world["bodies"]]))] = case.cuts.pop(name)
         else:
-            rows = rng.integers(len(case.cuts[name]), size=int(rng.integers(1, 5)))
-            case.cuts[name][rows] = rng.integers(case.cuts[name].max() + 2, size=len(rows))
+            said, labels = case.cuts[name], np.unique(case.cuts[name])
+            if rng.random() < 0.3:  # other numbers of the same groups
+                case.cuts[name] = rng.permutation(labels.max() + 3)[said]
+            else:
+                rows = rng.integers(len(said), size=int(rng.integers(1, 5)))
+                said[rows] = rng.choice([*labels, labels.max() + int(rng.integers(2))], size=len(rows))
     elif len(case.rows):
         i = int(rng.integers(len(case.rows)))
         if rng.random() < 0.5:
@@ -586,6 +590,7 @@ def main() -> None:
     parser.add_argument("--scene", action="append", help=f"by default {', '.join(SCENES)}")
     options = parser.parse_args()
     cases, found = [Case.of(x) for x in options.scene or SCENES], {kind: Counter[str]() for kind in CHANGES}
+    kept = [pickle.dumps(x) for x in cases]
     known, teeth, began = dict[str, str](), Counter[str](), time.process_time()
     for case, name in zip(cases, options.scene or SCENES, strict=True):
         if (verdict := outcome(case, known)) != "true":
@@ -595,7 +600,7 @@ def main() -> None:
             break
         rng = np.random.default_rng([options.seed, n])
         kind, i = list(CHANGES)[n % len(CHANGES)], int(rng.integers(len(cases)))
-        case = cases[i].copied()
+        case = pickle.loads(kept[i])
         try:
             CHANGES[kind](case, rng)
             case.packed()
