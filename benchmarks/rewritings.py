@@ -36,8 +36,10 @@ from hdplan.verify.checking import check
 
 Random = np.random.Generator
 
-SCENES = ("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_cage", "panda_carry", "panda_heavy")
-SCENES += ("panda_conveyor", "panda_grasp")
+SCENES = (
+    *("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_cage", "panda_carry", "panda_heavy"),
+    *("panda_conveyor", "panda_grasp"),
+)
 WORDS = ("a comment", "x: 1", "- 1", "{ [ ' #", "<<: *a", "é ü 手")
 
 
@@ -110,7 +112,7 @@ class Nodes:
 
     def mapping(self, value: dict[str, Any], top: bool) -> yaml.Node:
         """A mapping, part of which may be merged from others, whose other values it overrides."""
-        rng, rest, pairs = self.rng, dict(value), []
+        rng, rest, pairs = self.rng, dict(value), list[Any]()
         fits = [(x, node) for x, node in self.known if isinstance(x, dict) and x and {*x} <= {*value}]
         if len(value) > 1 and rng.random() < 0.1 and not top:  # a mapping made for it, some of whose values are wrong
             keys = shuffled(rng, [*value])[: int(rng.integers(1, len(value)))]
@@ -146,7 +148,10 @@ def turned(rng: Random, pose: dict[str, Any]) -> dict[str, Any]:
     elif "quaternion_xyzw" in pose:
         rotation = Rotation.from_quat(pose["quaternion_xyzw"])
     else:
-        return {**pose, **[{}, {"rpy": [0, 0, 0.0]}, {"quaternion_xyzw": [0, 0, 0.0, rng.choice([-1, 1]).item()]}][rng.integers(3)]}
+        return {
+            **pose,
+            **[{}, {"rpy": [0, 0, 0.0]}, {"quaternion_xyzw": [0, 0, 0.0, rng.choice([-1, 1]).item()]}][rng.integers(3)],
+        }
     pose = {k: x for k, x in pose.items() if k not in ("rpy", "quaternion_xyzw")}
     if rng.random() < 0.4:
         roll, pitch, yaw = rotation.as_euler("xyz").tolist()
@@ -200,7 +205,7 @@ def attribute(rng: Random, key: str, value: str, exact: bool) -> str:
 
 
 def xml_text(rng: Random, root: Any, srdf: bool) -> str:
-    """A URDF or SRDF in another order of elements and attributes, with comments, harmless additions and other spaces."""
+    """A URDF or SRDF in another order, with comments, harmless additions and other spaces."""
     ordered = ("collision", "link", "chain", "group") if srdf else ("collision",)
 
     def of(element: Any, tag: str) -> str:
@@ -228,7 +233,9 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
         parts = [y for x in parts for y in ([f"<!-- {comment(rng)} -->"] * (rng.random() < 0.05) + [x])]
         body = text + "".join(spaces(rng) + x for x in parts)
         short = not body and rng.random() < 0.8
-        return f"<{tag}{said}{spaces(rng) if short else ''}" + ("/>" if short else f">{body}{spaces(rng) if not text else ''}</{tag}>")
+        return f"<{tag}{said}{spaces(rng) if short else ''}" + (
+            "/>" if short else f">{body}{spaces(rng) if not text else ''}</{tag}>"
+        )
 
     head = str(rng.choice(["", '<?xml version="1.0"?>\n', "<?xml version='1.0' encoding='utf-8'?>\n<!-- made -->\n"]))
     return head + of(root, "robot") + str(rng.choice(["", "\n", "\n<!-- the end -->\n"]))
@@ -285,14 +292,18 @@ def motion_written(rng: Random, folder: Path, said: dict[str, Any]) -> Path:
     said = {**said, "joint_names": [said["joint_names"][i] for i in order]}
     said |= {k: [[x[i] for i in order] for x in said[k]] for k in rates if said.get(k)}
     if rng.random() < 0.5:
-        keys = [k for k in shuffled(rng, [*said]) if k not in ("verdict", "interpolation", "steps") or rng.random() < 0.5]
+        keys = [
+            k for k in shuffled(rng, [*said]) if k not in ("verdict", "interpolation", "steps") or rng.random() < 0.5
+        ]
         text = json.dumps({k: said[k] for k in keys}, indent=[None, 1, 4][rng.integers(3)])
         (folder / "motion.json").write_text(text.replace("\n", "\r\n") if rng.random() < 0.2 else text)
         return folder / "motion.json"
     columns = {"time": said["times"]} if said.get("times") else {}
     for rate, end in zip(rates, ("", ".velocity", ".acceleration"), strict=True):
         if said.get(rate):
-            columns |= {x + end: list(y) for x, y in zip(said["joint_names"], zip(*said[rate], strict=True), strict=True)}
+            columns |= {
+                x + end: list(y) for x, y in zip(said["joint_names"], zip(*said[rate], strict=True), strict=True)
+            }
     gap, names = str(rng.choice(["", " "])), shuffled(rng, [*columns]) if rng.random() < 0.5 else [*columns]
     quote = '"' * int(rng.random() < 0.3)
     lines = [f",{gap}".join(f"{quote}{x}{quote}" for x in names) if not gap else ",".join(names)]
@@ -314,11 +325,14 @@ class Original:
         self.name, self.folder = name, find_scene(name).parent
         self.top = yaml.safe_load(find_scene(name).read_text(encoding="utf-8"))
         _, urdf, srdf, _ = description_of(scene.robot)
-        self.urdf, self.srdf = (x and ElementTree.parse(x).getroot() for x in (urdf, srdf))
+        self.urdf: Any = ElementTree.parse(urdf).getroot()
+        self.srdf: Any = None if srdf is None else ElementTree.parse(srdf).getroot()
         self.meshes = dict[str, Path]()
         for x in self.urdf.iterfind("link/collision/geometry/mesh"):
             inner = x.get("filename", "").partition("://")[2]
-            self.meshes[x.get("filename", "")] = next(d / inner for d in library_package_dirs() if (d / inner).is_file())
+            self.meshes[x.get("filename", "")] = next(
+                d / inner for d in library_package_dirs() if (d / inner).is_file()
+            )
         with tempfile.TemporaryDirectory() as folder:
             hdplan.plan(scene, time_limit=60).save(Path(folder) / "motion.json")
             self.motion = json.loads((Path(folder) / "motion.json").read_text())

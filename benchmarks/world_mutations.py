@@ -43,8 +43,10 @@ from hdplan.verify.kernel import CLAIMS, MAGIC, accept
 Random = np.random.Generator
 World = dict[str, Any]
 
-SCENES = ("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_carry", "panda_conveyor", "panda_heavy")
-SCENES += ("panda_grasp", "panda_cage", "panda_table_pick")
+SCENES = (
+    *("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_carry", "panda_conveyor", "panda_heavy"),
+    *("panda_grasp", "panda_cage", "panda_table_pick"),
+)
 MOMENTS = 200
 SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and what the kernel lets ends be off
 
@@ -108,11 +110,10 @@ class Judge:
             kind = pin.JointModelRevoluteUnaligned if joint["kind"] == "revolute" else pin.JointModelPrismaticUnaligned
             model.addJoint(joint["parent"] + 1, kind(axis), se3(joint), f"j{i}")
         for i, load in enumerate(world.get("loads", [])):
-            mass, moment = load["mass"], np.array(load["moment"], dtype=float)
-            about = np.array(load["inertia"], dtype=float)[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
-            lever = moment / mass if mass else np.zeros(3)
-            about = about - mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
-            model.appendBodyToJoint(i + 1, pin.Inertia(mass, lever, about), pin.SE3.Identity())
+            xx, xy, xz, yy, yz, zz = load["inertia"]  # about the joint's origin
+            body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
+            body = body if load["mass"] else pin.Inertia.Zero()
+            model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
         self.model, self.data = model, model.createData()
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
         self._move(world["motion"])
@@ -134,13 +135,19 @@ class Judge:
         curve = BPoly.from_derivatives(knots, np.stack(rates, axis=1))
         lead = iter(range(rows.shape[1]))
         column = {i: next(lead) for i, x in enumerate(joints) if x["follows"] is None}
-        self.values = []
+        self.values = list[Any]()
         for order in range(4):
-            found = (curve if order == 0 else curve.derivative(order))(self.at) if order < curve.c.shape[0] else 0 * self.values[0]
+            found = (
+                (curve if order == 0 else curve.derivative(order))(self.at)
+                if order < curve.c.shape[0]
+                else 0 * self.values[0]
+            )
             full = np.zeros((len(self.at), len(joints)))
             for i, x in enumerate(joints):
                 j, factor, add = x["follows"] or (i, 1.0, 0.0)
-                full[:, i] = factor * found[:, column[j]] + (add if order == 0 else 0.0) if order < curve.c.shape[0] else 0.0
+                full[:, i] = (
+                    factor * found[:, column[j]] + (add if order == 0 else 0.0) if order < curve.c.shape[0] else 0.0
+                )
             self.values.append(full)
         self.q = self.values[0]
 
@@ -233,7 +240,10 @@ class Judge:
             for q, v, a in zip(*self.values[:3], strict=True):
                 if (np.abs(pin.rnea(self.model, self.data, q, v, a)) > most * (1 + SLACK) + SLACK).any():
                     return "torque"
-        if "duration" in claims and abs(world["motion"]["times"][-1] - world["motion"]["times"][0] - world["duration"]) > 2 * SLACK:
+        if (
+            "duration" in claims
+            and abs(world["motion"]["times"][-1] - world["motion"]["times"][0] - world["duration"]) > 2 * SLACK
+        ):
             return "duration"
         for end, k in (("start", 0), ("goal", -1)):
             if end in claims and not any(self.there(x, end, k) for x in world[end]):
@@ -244,13 +254,18 @@ class Judge:
         """Whether the motion is at a target at its end."""
         world = self.world
         if "poses" in target:
-            return end == "goal" and all(self.near(self.link(x["link"], k), se3(x), x["position_tolerance"],
-                                                   x["orientation_tolerance"], x["free"]) for x in target["poses"])  # fmt: skip
+            tolerances = ("position_tolerance", "orientation_tolerance", "free")
+            good = (self.near(self.link(x["link"], k), se3(x), *(x[y] for y in tolerances)) for x in target["poses"])
+            return end == "goal" and all(good)
         lead = [i for i, x in enumerate(world["joints"]) if x["follows"] is None]
         names = {x["name"]: self.q[k][i] for i, x in enumerate(world["joints"])} | world["held"]
         off = np.abs(self.q[k][lead] - target["joints"])
         for n, i in enumerate(lead):
-            if world["limits"]["position"][i] == [None, None] and world["joints"][i]["kind"] == "revolute" and end == "goal":
+            if (
+                world["limits"]["position"][i] == [None, None]
+                and world["joints"][i]["kind"] == "revolute"
+                and end == "goal"
+            ):
                 off[n] = abs((off[n] + np.pi) % (2 * np.pi) - np.pi)
         return bool((off < 2 * SLACK).all()) and all(abs(names[x] - y) < 2 * SLACK for x, y in target["others"].items())
 
@@ -325,14 +340,22 @@ class Case:
             at += count * int(kind[2])
         *groups, counts, depths, normals, rows, ways = arrays
         cuts = dict(zip(head["cuts"], groups, strict=True))
-        return cls(json.loads(json.dumps(world)), head, cuts, counts, depths, normals.reshape(-1, 3), rows, ways.reshape(-1, 3))
+        return cls(
+            json.loads(json.dumps(world)), head, cuts, counts, depths, normals.reshape(-1, 3), rows, ways.reshape(-1, 3)
+        )
 
     def packed(self) -> bytes:
         """The proof's file, whose head counts what there is."""
         head = {**self.head, "cuts": {k: len(x) for k, x in self.cuts.items()}, "pairs": len(self.counts)}
         head |= {"leaves": len(self.depths), "once": len(self.rows)}
         parts = [(x, "<u2") for x in self.cuts.values()]
-        parts += [(self.counts, "<u4"), (self.depths, "<u1"), (self.normals, "<i4"), (self.rows, "<u4"), (self.ways, "<i4")]
+        parts += [
+            (self.counts, "<u4"),
+            (self.depths, "<u1"),
+            (self.normals, "<i4"),
+            (self.rows, "<u4"),
+            (self.ways, "<i4"),
+        ]
         lines = f"{json.dumps(head)}\nnull\n".encode()
         return MAGIC + zlib.compress(lines + b"".join(x.astype(kind).tobytes() for x, kind in parts), 1)
 
@@ -470,7 +493,24 @@ def excused(case: Case, rng: Random) -> None:
 def wild(case: Case, rng: Random) -> None:
     """Put something else in the place of a value."""
     holder, key, _ = chosen(rng, case.world, (dict, list, str, float, int, bool))
-    some = [None, True, False, 0, 1, -1, 10**9, 1e300, 1e-320, "", "x", [], {}, [[]], [0.0, 0.0, 0.0], float("nan")]
+    some: list[Any] = [
+        None,
+        True,
+        False,
+        0,
+        1,
+        -1,
+        10**9,
+        1e300,
+        1e-320,
+        "",
+        "x",
+        [],
+        {},
+        [[]],
+        [0.0, 0.0, 0.0],
+        float("nan"),
+    ]
     holder[key] = some[int(rng.integers(len(some)))]
 
 
@@ -489,7 +529,7 @@ def claims(case: Case, rng: Random) -> None:
 
 def head(case: Case, rng: Random) -> None:
     """Change a value of the head."""
-    some = [None, True, 0, -1, 0.5, 1e-9, "x", [], {}, ["limits", "limits"]]
+    some: list[Any] = [None, True, 0, -1, 0.5, 1e-9, "x", [], {}, ["limits", "limits"]]
     case.head[str(rng.choice([*case.head]))] = some[int(rng.integers(len(some)))]
 
 
@@ -620,8 +660,8 @@ def main() -> None:
         if ":" in verdict:
             print(n, kind, (options.scene or SCENES)[i], verdict, file=sys.stderr, flush=True)
     columns = ("rejected", "true", "false", "error", "not made")
-    rows = [{"changed": k, "changes": sum(x.values()), **{c: x[c] for c in columns}} for k, x in found.items()]
-    rows.append({"changed": "all", "changes": sum(x["changes"] for x in rows), **{c: sum(x[c] for x in rows) for c in columns}})
+    found["all"] = sum(found.values(), Counter[str]())
+    rows: list[dict[str, str | int]] = [{"changed": k, "changes": x.total(), **{c: x[c] for c in columns}} for k, x in found.items()]
     print(markdown_text(rows))
     print(f"of those rejected, the judge finds: {dict(teeth)}; {time.process_time() - began:.0f} s")
 

@@ -4,7 +4,6 @@ too large. What needs more than the values' own text (tags, aliases, merged and 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
 from typing import Any
 
 import yaml

@@ -75,8 +75,8 @@ class Third:
         rules = {}
         for joint in ElementTree.parse(urdf).getroot().findall("joint"):
             if (mimic := joint.find("mimic")) is not None and joint.get("type") != "fixed":
-                numbers = (float(mimic.get(key, x)) for key, x in (("multiplier", "1"), ("offset", "0")))
-                rules[joint.get("name", "")] = (mimic.get("joint", ""), *numbers)
+                factor, add = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+                rules[joint.get("name", "")] = mimic.get("joint", ""), factor, add
         return cls(model, geometry, base, rules)
 
     @property
@@ -97,7 +97,7 @@ class Third:
         return found
 
     def q(self, values: dict[str, float]) -> Array:
-        found = pin.neutral(self.model)
+        found: Array = pin.neutral(self.model)
         for name, x in values.items():
             i = self.model.getJointId(name)
             at = self.model.idx_qs[i]
@@ -105,7 +105,7 @@ class Third:
         return found
 
     def load(self, joint: int, moving: set[str], data: pin.Data) -> tuple[float, Array, Array]:
-        """Mass, mass times centre and inertia about a joint's origin of all that it carries up to the next that moves."""
+        """Mass, mass times centre and inertia about a joint's origin of what it carries up to the next that moves."""
         whole = pin.Inertia.Zero()
         for i, inertia in enumerate(self.model.inertias):
             at = i
@@ -157,7 +157,8 @@ def corners_of(mesh: Any, file: str) -> Array:
     corners = np.array([[x[0], x[1], x[2]] for x in map(mesh.tri_indices, range(mesh.num_tris))])
     first = MATERIALS.get(Path(file).name, len(corners))
     corners[first:] += corners[:first].max() + 1
-    return np.asarray(mesh.vertices())[corners]
+    found: Array = np.asarray(mesh.vertices())[corners]
+    return found
 
 
 # --- the comparison ---------------------------------------------------------------------------------------------------
@@ -286,7 +287,8 @@ def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> No
     whole = [completed(third, values, said["held"]) for values in rows.values]
     q = np.array([[values[name] for name in names] for values in whole])
     v, a = rng.uniform(-2, 2, (k, n)), rng.uniform(-5, 5, (k, n))
-    loads = [[Ball(x[key], x["off"]) for key in ("mass", "moment")] + [Ball(inertia_of(x), x["off"])] for x in said["loads"]]  # fmt: skip
+    parts = [((x["mass"], x["moment"], inertia_of(x)), x["off"]) for x in said["loads"]]
+    loads = [[Ball(each, off) for each in three] for three, off in parts]
     with np.errstate(all="ignore"):
         bounds = torques(joints, loads, *(Line(x, np.zeros((k, n)), np.zeros((k, n))) for x in (q, v, a)))
     data, places = third.model.createData(), [third.model.idx_vs[third.model.getJointId(x)] for x in names]
@@ -307,7 +309,8 @@ def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> No
 
 def inertia_of(load: dict[str, Any]) -> Array:
     """The matrix of a load's inertia."""
-    return np.array(load["inertia"])[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    found: Array = np.array(load["inertia"])[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    return found
 
 
 def same_limits(reading: Reading, third: Third, given: dict[str, dict[str, float]]) -> None:
@@ -330,7 +333,7 @@ REFUSED = {  # by the checker, or by Pinocchio, in these words
     "hector_description/robots/quadrotor_base.urdf": "a joint stands twice, or there is none",  # it flies
     "iris_description/robots/iris_simple.urdf": "a joint stands twice, or there is none",
     "iris_description/robots/iris.urdf": "limit: '-1e\\+16' is no number",  # numbers of a world are below 1e9
-    "simple_humanoid_description/urdf/simple_humanoid.urdf": "<collision_checking> is not known",  # capsules, to Pinocchio
+    "simple_humanoid_description/urdf/simple_humanoid.urdf": "<collision_checking> is not known",  # of capsules
     "ur_description/urdf/ur3.urdf": "does not contain a valid URDF model",  # macros
 }
 
@@ -356,7 +359,7 @@ def robot_compared(file: str, folder: Path, count: int) -> None:
     leading = [x for x in third.joints if x not in third.rules]
     ranges = {x: [FREE * s if y is None or abs(y) > 10 else y for y, s in zip(third.range_of(x), (-1, 1), strict=True)]
               for x in leading}  # fmt: skip
-    drawn = {x: rng.uniform(*ranges[x], count + 1) for x in leading}
+    drawn = {x: rng.uniform(ranges[x][0], ranges[x][1], count + 1) for x in leading}
     able = [x for x in leading if third.room(x)] or leading
     group = sorted(rng.choice(able, min(MOST, -(-4 * len(able) // 5)), replace=False).tolist())
     spec: dict[str, Any] = {"urdf": str(LIBRARY / file), "base": said, "group": group}
@@ -452,7 +455,7 @@ def scene_compared(name: str, folder: Path, count: int) -> None:
     third = Third.of(description_of(setup.scene.robot)[1], pin.SE3(turn.as_matrix(), at))
     spans = [[FREE * s if x is None else x for x, s in zip(third.range_of(y), (-1, 1), strict=True)] for y in lead]
     times = np.cumsum(rng.uniform(0.01, 0.2, count + 1)).tolist()
-    drawn = [rng.uniform(*x, count + 1) for x in spans]
+    drawn = [rng.uniform(x[0], x[1], count + 1) for x in spans]
     motion = {"joint_names": lead, "positions": np.transpose(drawn).tolist(), "times": times}
     (folder / "motion.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
     reading = read_world(file, folder / "motion.json")
