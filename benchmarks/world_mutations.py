@@ -112,7 +112,7 @@ class Judge:
         for i, load in enumerate(world.get("loads", [])):
             xx, xy, xz, yy, yz, zz = load["inertia"]  # about the joint's origin
             body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
-            body = body if load["mass"] else pin.Inertia.Zero()
+            body = body if abs(load["mass"]) > 1e-100 else pin.Inertia.Zero()
             model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
         self.model, self.data = model, model.createData()
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
@@ -661,7 +661,9 @@ def main() -> None:
             print(n, kind, (options.scene or SCENES)[i], verdict, file=sys.stderr, flush=True)
     columns = ("rejected", "true", "false", "error", "not made")
     found["all"] = sum(found.values(), Counter[str]())
-    rows: list[dict[str, str | int]] = [{"changed": k, "changes": x.total(), **{c: x[c] for c in columns}} for k, x in found.items()]
+    rows: list[dict[str, str | int]] = [
+        {"changed": k, "changes": x.total(), **{c: x[c] for c in columns}} for k, x in found.items()
+    ]
     print(markdown_text(rows))
     print(f"of those rejected, the judge finds: {dict(teeth)}; {time.process_time() - began:.0f} s")
 

@@ -17,6 +17,7 @@ from .balls import CROSS, EPS, HERE, Ball, Pose, compose, cos_sin, dot, inverse,
 
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
+LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less has a rotation that is off by as much
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
 REASONS: tuple[str, ...] = (
@@ -131,8 +132,8 @@ def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
     w = float(np.arctan2(m, cos.mid))
     one, two = cos_sin(w)
     e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
-    good = m > 1e-6 > 1e6 * r and e < 0.1 and near
-    need(good, "an obstacle turns by too little, or by half a turn, from one pose to the next")
+    good = m > 1e-6 and m > 1e3 * r and e < 0.1 and near
+    need(good, "an obstacle turns by half a turn, or by less than its numbers are off, from one pose to the next")
     axis = unit(v.mid * 2.0**10)
     return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
 
@@ -337,14 +338,16 @@ class World:
             poses = [frame(keys_of(x, what, "rotation position off"), what) for x in frames]
             need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"{what}: times must increase")
             places = stack([at for _, at in poses], 1)
-            # where numbers stay the same, the turn that their errors leave is at most 6 of these: entries of a matrix
-            still = 8 * len(poses) * max(float(turn.rad.max()) for turn, _ in poses)
-            first = Ball(poses[0][0].mid, poses[0][0].rad + still)
+            still = 0.0
             for i in range(len(times) - 1):
-                one, two = poses[i][0], poses[i + 1][0]
-                if not np.array_equal(one.mid, two.mid):
-                    axis, angle = turn_of(dot("ij,kj->ik", two, one))
+                change = dot("ij,kj->ik", poses[i + 1][0], poses[i][0])
+                over = change - np.eye(3)  # of length 2 sqrt(2) sin(angle / 2): above the angle
+                if norm(np.abs(over.mid).ravel()) <= LEAST_TURN:
+                    still += float(norm(over.size.ravel()))
+                else:
+                    axis, angle = turn_of(change)
                     tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
+            first = Ball(poses[0][0].mid, up(poses[0][0].rad + still))
         else:
             velocity, spin, *place = keys_of(said, what, "velocity spin rotation position off")
             velocity, spin = (numbers(x, (3,), what) for x in (velocity, spin))
