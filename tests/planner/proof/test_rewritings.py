@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
-import rewritings  # noqa: E402
+import rewritings
 
 original = cache(rewritings.Original)
 
