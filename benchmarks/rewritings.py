@@ -141,6 +141,14 @@ def scene_text(rng: Random, top: dict[str, Any]) -> str:
     return "\n".join([*lines, *["", "# the end"][: rng.integers(3)], ""])
 
 
+def other_angles(rng: Random, angles: list[float]) -> list[float]:
+    """Roll, pitch and yaw of the same rotation: the other solution, or whole turns away."""
+    roll, pitch, yaw = angles
+    if rng.random() < 0.5:
+        roll, pitch, yaw = roll + np.pi, np.pi - pitch, yaw - np.pi
+    return [roll + 2 * np.pi * int(rng.integers(-1, 2)), pitch, yaw]
+
+
 def turned(rng: Random, pose: dict[str, Any]) -> dict[str, Any]:
     """A pose whose orientation is said in other words."""
     if "rpy" in pose:
@@ -154,10 +162,7 @@ def turned(rng: Random, pose: dict[str, Any]) -> dict[str, Any]:
         }
     pose = {k: x for k, x in pose.items() if k not in ("rpy", "quaternion_xyzw")}
     if rng.random() < 0.4:
-        roll, pitch, yaw = rotation.as_euler("xyz").tolist()
-        if rng.random() < 0.5 and abs(pitch) < 1.5:
-            roll, pitch, yaw = roll + np.pi, np.pi - pitch, yaw - np.pi
-        return {**pose, "rpy": [roll, pitch, yaw]}
+        return {**pose, "rpy": other_angles(rng, rotation.as_euler("xyz").tolist())}
     scale = rng.choice([1.0, -1.0]) * (1 + rng.choice([0.0, 1e-9, 5e-7, 3e-3]) * rng.uniform(-1, 1))
     return {**pose, "quaternion_xyzw": (rotation.as_quat() * scale).tolist()}
 
@@ -219,6 +224,10 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
         if not srdf and tag == "origin":
             given = {k: x for k, x in given.items() if any(map(float, x.split())) or rng.random() < 0.5}
             given |= {k: "0 0 0" for k in ("xyz", "rpy") if k not in given and rng.random() < 0.3}
+        if not srdf and tag == "origin" and "rpy" in given and rng.random() < 0.2:
+            given["rpy"] = " ".join(map(repr, other_angles(rng, [*map(float, given["rpy"].split())])))
+        if not srdf and tag == "axis" and rng.random() < 0.2:  # of any length
+            given["xyz"] = " ".join(repr(2.5 * float(x)) for x in given["xyz"].split())
         said = "".join(attribute(rng, k, x, srdf) for k, x in shuffled(rng, [*given.items()]))
         inner = children
         if tag in ("robot", "link", "joint"):
@@ -339,7 +348,11 @@ class Original:
 
     def rewrite(self, rng: Random, folder: Path) -> tuple[Path, Path]:
         """Write all files in other words; return the scene's and the motion's."""
-        top = reworded(rng, self.top)
+        top, names = reworded(rng, self.top), self.motion["joint_names"]
+        for end in ("start", "goal"):
+            values = top[end].get("joints")
+            if isinstance(values, list) and len(values) == len(names) and rng.random() < 0.5:
+                top[end] = {"joints": dict(zip(names, values, strict=True))}
         robot = {k: x for k, x in top["robot"].items() if k not in ("name", "urdf", "srdf")}
         top = {**top, "robot": {**robot, "urdf": "robot.urdf"}}
         urdf = ElementTree.fromstring(ElementTree.tostring(self.urdf))
