@@ -233,7 +233,8 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
         if tag in ("robot", "link", "joint"):
             kept = iter([x for x in children if x.tag in ordered])
             inner = [next(kept) if x.tag in ordered else x for x in shuffled(rng, children)]
-        parts = [of(x, x.tag) if tag != "visual" else ElementTree.tostring(x, encoding="unicode") for x in inner]
+        plain = ("link", "joint") if tag == "robot" and not srdf else [x.tag for x in inner if x.tag != "visual"]
+        parts = [of(x, x.tag) if x.tag in plain else ElementTree.tostring(x, encoding="unicode") for x in inner]
         if not srdf and tag in HARMLESS and rng.random() < 0.2:
             new = str(rng.choice(HARMLESS[tag]))
             once = re.match(r"<(dynamics|calibration)", new)

@@ -113,7 +113,7 @@ class Judge:
             xx, xy, xz, yy, yz, zz = load["inertia"]  # about the joint's origin
             body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
             body = body if abs(load["mass"]) > 1e-100 else pin.Inertia.Zero()
-            model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
+            model.inertias[i + 1] = body
         self.model, self.data = model, model.createData()
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
         self._move(world["motion"])
@@ -643,6 +643,8 @@ def main() -> None:
         case = pickle.loads(kept[i])
         try:
             CHANGES[kind](case, rng)
+            if rng.random() < 0.2:  # and another one
+                CHANGES[str(rng.choice([*CHANGES]))](case, rng)
             case.packed()
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError):
             found[kind]["not made"] += 1

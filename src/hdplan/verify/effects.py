@@ -169,6 +169,7 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
     loads = []
     for i, each in enumerate(said):
         mass, moment, inertia, off = keys_of(each, f"loads[{i}]", "mass moment inertia off")
+        need(number(mass, f"loads[{i}].mass") >= 0, f"loads[{i}]: a mass below 0")
         e, six = off_of(off, f"loads[{i}]"), numbers(inertia, (6,), f"loads[{i}]")
         first, matrix = numbers(moment, (3,), f"loads[{i}]"), six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
         loads.append([Ball(numbers(mass, (), f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
