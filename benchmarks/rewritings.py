@@ -183,8 +183,7 @@ def reworded(rng: Random, value: Any, key: str = "") -> Any:
 
 # --- XML --------------------------------------------------------------------------------------------------------------
 
-NUMERIC = ("xyz", "rpy", "value", "size", "radius", "length", "lower", "upper", "effort", "velocity", "scale", "ixx",
-           "ixy", "ixz", "iyy", "iyz", "izz", "multiplier", "offset")  # fmt: skip
+NUMERIC = "origin mass inertia box sphere cylinder limit axis mimic".split()  # elements that hold only numbers
 SENSOR = '<sensor name="eye" type="camera"><origin xyz="1 2 3"/><update_rate>30</update_rate></sensor>'
 HARMLESS = {  # elements that may be added
     "link": [SENSOR, "<gravity>1</gravity>", "<visual><geometry><box size='1 1 1'/></geometry></visual>"],
@@ -197,9 +196,9 @@ def spaces(rng: Random) -> str:
     return str(rng.choice(["", "", " ", "\n  ", "\t", "  \n"]))
 
 
-def attribute(rng: Random, key: str, value: str, exact: bool) -> str:
+def attribute(rng: Random, key: str, value: str, numeric: bool) -> str:
     """An attribute in other words: numbers in other digits, other quotes, other spaces."""
-    if key in NUMERIC and not exact:
+    if numeric and key != "joint":
         parts = [digits(rng, float(x)) for x in value.split()]
         value = spaces(rng).replace("\n", " ") + str(rng.choice([" ", "  ", "\t"])).join(parts)
     elif value and rng.random() < 0.1:
@@ -228,7 +227,7 @@ def xml_text(rng: Random, root: Any, srdf: bool) -> str:
             given["rpy"] = " ".join(map(repr, other_angles(rng, [*map(float, given["rpy"].split())])))
         if not srdf and tag == "axis" and rng.random() < 0.2:  # of any length
             given["xyz"] = " ".join(repr(2.5 * float(x)) for x in given["xyz"].split())
-        said = "".join(attribute(rng, k, x, srdf) for k, x in shuffled(rng, [*given.items()]))
+        said = "".join(attribute(rng, k, x, tag in NUMERIC and not srdf) for k, x in shuffled(rng, [*given.items()]))
         inner = children
         if tag in ("robot", "link", "joint"):
             kept = iter([x for x in children if x.tag in ordered])

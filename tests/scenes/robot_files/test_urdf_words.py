@@ -130,6 +130,12 @@ def test_what_is_harmless_is_named_once_or_free_at_top_level(tmp_path: Path) -> 
     assert not {*ELEMENTS, *ATTRIBUTES, *WORDS} & set().union(*known) - {"origin", "material"}
 
 
+def test_spaces_around_numbers_say_nothing(tmp_path: Path) -> None:
+    mimic = '<mimic joint="other" multiplier=" -1. " offset="\t.5"/></joint>'
+    tree(tmp_path, ARM.replace("</joint>", mimic))
+    assert read_tree(Source(tmp_path / "arm.urdf")).mimics == {"turn": ("other", -1.0, 0.5)}
+
+
 def test_every_robot_of_the_library_is_read() -> None:
     for name in set(robot_names()) - {"ur_description/ur3.urdf"}:  # holds no link
         spec = RobotSpec(name=name)
