@@ -158,17 +158,20 @@ def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof)
 
 
 @app.command()
-def verify(scene: given.SceneFile, trajectory: given.Motion, proof: given.ProofToCheck) -> None:
+def verify(
+    scene: given.SceneFile, trajectory: given.Motion, proof: given.ProofToCheck, world: given.World = None
+) -> None:
     """Check the proof of a motion with nothing of hdplan.
 
-    It is one file of Python and NumPy that reads scene, robot, meshes and motion itself and computes in outward-rounded
-    arithmetic. It says what is proven and what that assumes, or which pair of bodies, where and why not.
+    The checker reads scene, robot, meshes and motion by itself into a world of plain numbers, which must equal the
+    world of the proof, and then checks the proof in outward-rounded arithmetic. The output says what is proven and what
+    that assumes, or which pair of bodies, where and why not.
 
-    Exit code 1 if the proof is rejected.
+    Exit code 1 if the proof is rejected, 4 if it is accepted in part: the scene wants more than it proves.
     """
     from hdplan.planner.commands.verify import run_verify
 
-    raise typer.Exit(run_verify(scene, trajectory, proof))
+    raise typer.Exit(run_verify(scene, trajectory, proof, world=world))
 
 
 @app.command()

@@ -2,7 +2,8 @@
 
     python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...]
 
-Every change keeps the hashes in the proof right, so that the checker gets to see it. What is accepted although
+Every change keeps the hashes in the proof right, and the world in the proof is the one that the checker reads in the
+changed files, so that the kernel gets to see the change. What is accepted although
 something was changed is judged by hdplan: the certificate of the changed motion in the changed scene, of the changed
 robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
 must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection.
@@ -11,6 +12,7 @@ must hold. Prints a table with a row per kind of change; "false" must be 0, as m
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import re
@@ -33,7 +35,10 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.robot_files.library import description_of, library_package_dirs
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify import MAGIC, RejectedError, verify
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
+from hdplan.verify.kernel import MAGIC
+from hdplan.verify.reading import read_world
 
 SCENES = (
     "panda_cage",
@@ -54,7 +59,7 @@ class Files:
     """A proven motion with everything that the proof is about, in a folder of its own."""
 
     folder: Path
-    parts: dict[str, bytes] = field(default_factory=dict)  # proof's head and arrays, and the content of each file
+    parts: dict[str, bytes] = field(default_factory=dict)  # proof's head, world and arrays, and each file
     names: dict[str, str] = field(default_factory=dict)  # of the files, by their keys in the proof
 
     @classmethod
@@ -83,8 +88,8 @@ class Files:
         hdplan.plan(hdplan.load_scene(folder / "scene.yaml"), time_limit=60).save(folder / "motion.json")
         proof = hdplan.prove(folder / "scene.yaml", folder / "motion.json")
         files = cls(folder)
-        head, _, arrays = zlib.decompress(proof.data[len(MAGIC) :]).partition(b"\n")
-        files.parts |= {"head": head, "arrays": arrays}
+        head, world, arrays = zlib.decompress(proof.data[len(MAGIC) :]).split(b"\n", 2)
+        files.parts |= {"head": head, "world": world, "arrays": arrays}
         for key in json.loads(head)["files"]:
             name = {"scene": "scene.yaml", "motion": "motion.json"}.get(key, f"robot.{key}")
             files.names[key] = key.partition("/")[2] or name
@@ -92,7 +97,7 @@ class Files:
         return files
 
     def verify(self, changed: dict[str, bytes]) -> str:
-        """Verify with some parts changed, the hashes being those of the changed files."""
+        """Verify with some parts changed; hashes and world are those of the changed files, as far as these are read."""
         parts = {**self.parts, **changed}
         for key, name in self.names.items():
             (self.folder / name).write_bytes(parts[key])
@@ -103,8 +108,16 @@ class Files:
                 for key in self.names:
                     old, new = (hashlib.sha256(each[key]).hexdigest().encode() for each in (self.parts, parts))
                     head = head.replace(old, new)
-            data = MAGIC + zlib.compress(head + b"\n" + parts["arrays"], 1)
-        return verify(self.folder / "scene.yaml", self.folder / "motion.json", data)
+            if {*changed} & {*self.names}:
+                with contextlib.suppress(RejectedError):
+                    parts["world"] = json.dumps(read_world(*self.files).world).encode()
+            data = MAGIC + zlib.compress(b"\n".join([head, parts["world"], parts["arrays"]]), 1)
+        return check(*self.files, data)[0].text
+
+    @property
+    def files(self) -> tuple[Path, Path]:
+        """The scene's and the motion's."""
+        return self.folder / "scene.yaml", self.folder / "motion.json"
 
     def restore(self) -> None:
         """Write all files as they were."""
@@ -114,10 +127,7 @@ class Files:
     def judge(self, text: str) -> str:
         """Say whether what was accepted is true of the files as they are now, and why not or why it is unknown."""
         try:
-            scene, motion = (
-                hdplan.load_scene(self.folder / "scene.yaml"),
-                hdplan.Trajectory.load(self.folder / "motion.json"),
-            )
+            scene, motion = hdplan.load_scene(self.files[0]), hdplan.Trajectory.load(self.files[1])
             certificate = hdplan.certify(scene, motion, required=0.0)
         except hdplan.InputError as error:
             return f"not judged: {error}"
@@ -243,7 +253,7 @@ def leaves(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 def damage(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     """Change or cut bytes of the file, before or after compression."""
-    content = files.parts["head"] + b"\n" + files.parts["arrays"]
+    content = b"\n".join(files.parts[key] for key in ("head", "world", "arrays"))
     before = rng.random() < 0.7
     data = bytearray(content if before else MAGIC + zlib.compress(content, 9))
     for _ in range(int(rng.integers(1, 4))):
@@ -257,7 +267,7 @@ def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     head = json.loads(files.parts["head"])
     head[str(rng.choice(["pairs", "leaves", "once"]))] = int(10 ** rng.uniform(3, 17))
     zeros = bytes(int(10 ** rng.uniform(5, 8)))
-    return {"file": MAGIC + zlib.compress(json.dumps(head).encode() + b"\n" + zeros, 9)}
+    return {"file": MAGIC + zlib.compress(b"\n".join([json.dumps(head).encode(), files.parts["world"], zeros]), 9)}
 
 
 def row_of_the_motion(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
@@ -344,6 +354,8 @@ CHANGES: dict[str, Change] = {
     "planes, leaves": leaves,
     "the head": head_value,
     "bytes": damage,
+    "the world's numbers": text_of("world"),
+    "the world's numbers, wild": text_of("world", wild=True),
     "gigabytes": bomb,
     "the motion's numbers": text_of("motion"),
     "the motion's numbers, wild": text_of("motion", wild=True),

@@ -64,7 +64,8 @@ from threadpoolctl import threadpool_limits
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies.report import markdown_text
-from hdplan.verify import RejectedError, verify
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
@@ -166,7 +167,7 @@ def accepted(task: Task, path: Trajectory) -> bool:
         task.scene.save(scene)
         path.save(motion)
         try:
-            return verify(scene, motion, hdplan.prove(scene, motion).data).startswith("accepted:")
+            return check(scene, motion, hdplan.prove(scene, motion).data)[0].whole
         except (hdplan.HdplanError, RejectedError) as error:
             print(f"no proof: {error}", file=sys.stderr)
             return False

@@ -23,7 +23,7 @@ from hdplan.planner.pictures.style import BETWEEN, FRAME, GOOD, INK, OBSTACLE, R
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify import NARROWEST, Motion
+from hdplan.verify.kernel import NARROWEST, Motion
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # after the choice of a backend

@@ -4,7 +4,6 @@ too large. What needs more than the values' own text (tags, aliases, merged and 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
 from typing import Any
 
 import yaml
@@ -33,7 +32,14 @@ _MORE = object()  # a value that is left to PyYAML
 class _UniqueKeyLoader(yaml.CSafeLoader):
     """YAML forbids duplicate keys in a mapping; PyYAML would silently keep the last."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._flat = set[yaml.MappingNode]()  # mappings that hold what they merge: keys may stand twice there
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        if node in self._flat:
+            return
+        self._flat.add(node)
         seen: set[tuple[str, str]] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != f"{_TAG}merge":
@@ -42,7 +48,7 @@ class _UniqueKeyLoader(yaml.CSafeLoader):
                         problem=f"the key {key.value!r} stands twice", problem_mark=key.start_mark
                     )
                 seen.add((key.tag, key.value))
-        return super().construct_mapping(node, deep)
+        super().flatten_mapping(node)
 
 
 def read_mapping(data: bytes) -> dict[Any, Any]:

@@ -74,8 +74,10 @@ def name_of(path: Path) -> str:
 
 MODULES = {name_of(path): imports(path) for path in FILES}
 
+SOURCE = ROOT / "src" / "hdplan"
 KNOWN = {name.removesuffix(".__init__"): path for name, path in zip(MODULES, FILES, strict=True)} | {
-    name: ROOT / "src" / "hdplan" / f"{name}.py" for name in ("cli", "control", "verify")
+    ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in (SOURCE / "cli.py", SOURCE / "control.py", *(SOURCE / "verify").glob("*.py"))
 }
 
 

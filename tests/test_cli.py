@@ -839,8 +839,13 @@ def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: P
     assert planned.code == 0
     assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "n.proof")).code == 0
     assert (tmp_path / "n.proof").read_bytes() == (tmp_path / "m.proof").read_bytes()
-    accepted = hdplan("verify", "planar_arm", motion, proof)
+    world = tmp_path / "w.json"
+    accepted = hdplan("verify", "--world", str(world), "planar_arm", motion, proof)
     assert (accepted.code, accepted.out.split(":")[0]) == (0, "accepted")
+    kernel = [sys.executable, "-m", "hdplan.verify.kernel", str(world), proof]
+    done = subprocess.run(kernel, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, accepted.out.splitlines()[0])
+    refused(hdplan("verify", "--world", str(tmp_path / "w.txt"), "planar_arm", motion, proof), ".json")
     other = hdplan("verify", "empty", motion, proof)
     assert (other.code, other.out.split(":")[0]) == (1, "rejected")
     refused(hdplan("plan", "planar_arm", "--proof", proof), "--proof", "-o FILE")

@@ -27,7 +27,7 @@ from hdplan.planner.collision import halfspace_bodies
 from hdplan.planner.geometry import seen, shapes, voxel_grids
 from hdplan.planner.pictures import scene as picture
 from hdplan.planner.problem import path_terms
-from hdplan.planner.proof import proof
+from hdplan.planner.proof import world_values
 from hdplan.planner.robot import own_image
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
@@ -147,7 +147,11 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_LIDAR),
     ),
     ("planner/problem/lay_out.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
-    ("planner/proof/proof.py", "refuse_clouds", "seen"): (lambda: proof.refuse_clouds(of(OF_LIDAR)),),
+    ("planner/proof/world_values.py", "plain_shape", "seen"): (
+        lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
+        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
+        lambda: world_values.plain_shape(Lidar()),  # type: ignore[arg-type]
+    ),
     ("planner/robot/own_image.py", "_solids", "seen"): (
         lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
         lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
@@ -284,7 +288,7 @@ def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also for a kind of sensor that the union has already."""
-    for module in (explain, own_image, picture, proof, writer):
+    for module in (explain, own_image, picture, world_values, writer):
         monkeypatch.setattr(module, "Seen", Seen | Lidar)
     named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
     with pytest.raises(Exception, match=named):
@@ -391,6 +395,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/pictures/rates.py": "the first panel has the legend",
     "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",
+    "planner/proof/world.py": "torques alone need masses",
     "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",
     "planner/robot/loads.py": "words of an error",
     "planner/search/goals.py": "an order of goals",

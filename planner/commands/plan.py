@@ -71,10 +71,6 @@ def run_plan(
     try:
         with limited(time_limit):
             problem = load_scene(scene, request=request, robot=robot)
-            if proof is not None:
-                from hdplan.planner.proof.proof import refuse_clouds
-
-                refuse_clouds(problem)
             if distance is not None:
                 problem = derived(problem, planner=replace(problem.planner, distance=distance))
             timing = problem.timing

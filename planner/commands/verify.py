@@ -9,11 +9,13 @@ from pathlib import Path
 from hdplan.planner.terminal.console import printing
 from hdplan.scenes.errors import naming
 from hdplan.scenes.files import check_file
+from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import find_scene
 
 
-def run_verify(scene: str, trajectory: Path, proof: Path) -> int:
-    """Check a proof, and print what it proves or why not. Returns the exit code: 0 if it is accepted, else 1.
+def run_verify(scene: str, trajectory: Path, proof: Path, *, world: Path | None = None) -> int:
+    """Check a proof, and print what it proves or why not; write the `world` that the checker read. Returns the exit
+    code: 0 if the proof is accepted, 4 if it is accepted in part, else 1.
 
     The checker limits the memory and the time of its own process, which whoever wrote the files could else use up.
     """
@@ -21,10 +23,13 @@ def run_verify(scene: str, trajectory: Path, proof: Path) -> int:
     for path in map(Path, files):  # what cannot be read is bad input, not a proof that is rejected
         with naming(path):
             check_file(path)
+    if world is not None:
+        check_writable(world, (".json",))
+        files = ["--world", str(world), *files]
     command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *files]
     # In a process group of its own: Ctrl-C is for this process, which ends the checker without a traceback.
     done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False, process_group=0)
-    ended = done.returncode in (0, 1) and done.stdout
+    ended = done.returncode in (0, 1, 4) and done.stdout
     said = (
         done.stdout.rstrip() if ended else "rejected: the checker was ended, it needs more memory or time than it may"
     )

@@ -1,15 +1,38 @@
-"""Meshes that are not convex, in groups of triangles: whatever the groups, their hulls contain every triangle."""
+"""Meshes that are not convex, in groups of triangles, and clouds, in groups of balls: whatever the groups, their hulls
+contain every triangle, and every ball."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
+
+CELL = 0.08  # [m] edge of the cubes whose balls make a group
+MOST_GROUPS = 1 << 16  # as a proof writes their numbers
+
+
+def groups_of(shape: dict[str, Any]) -> Rows | None:
+    """Return the group of each ball, or box, of a world's cloud, or map: those in one cube of a grid. None for other
+    shapes, which are divided only where that is needed."""
+    if shape["type"] not in ("balls", "boxes"):
+        return None
+    places = np.array(shape["points"] if shape["type"] == "balls" else shape["low"])
+    if shape["type"] == "boxes":
+        return np.arange(len(places)) % MOST_GROUPS
+    order, first = grouped(places, CELL)
+    found = np.empty(len(places), dtype=np.int64)
+    found[order] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(order)))) % MOST_GROUPS
+    return found
 
 
 def fills_its_hull(triangles: Array) -> bool:
     """Whether triangles (F, 3, 3) bound a convex solid, so that groups of them would be no tighter than their hull."""
+    if triangles.shape[1] != 3:
+        return False
     return TriangleMesh.merged(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)).convex
 
 

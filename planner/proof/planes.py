@@ -1,12 +1,12 @@
 """Separating planes along a motion: for every pair of pieces, a tree of intervals with a direction at each leaf.
 
-The checker's own bound (`hdplan.verify.Motion`) says whether a direction suffices on an interval, so that what is
-written is accepted; here directions are only proposed. An interval without one is halved, as the checker halves it.
+The kernel's own bound (`hdplan.verify.kernel.Motion`) says whether a direction suffices on an interval, so that what
+is written is accepted; here directions are only proposed. An interval without one is halved, as the kernel halves it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import coal
@@ -17,7 +17,8 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.verify import Motion, Piece, World, half
+from hdplan.verify.kernel import Motion, half
+from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
@@ -182,6 +183,9 @@ def whole(directions: Array, full: float) -> Array:
 def _coal_shape(piece: Piece) -> tuple[Any, float]:
     """Return a shape of coal that is about a piece, as it only proposes directions, and how much larger it is [m]."""
     corners, sweep = piece.corners, piece.sweep
+    if sweep.any() and (corners[:, :2].any() or corners[:, 2].sum()):  # balls of a cloud: coal gets their centres
+        shape, larger = _coal_shape(replace(piece, sweep=np.zeros(3)))
+        return shape, larger - float(sweep.max())
     if sweep.any():
         length = float(np.ptp(corners[:, 2]))
         if length == 0.0:

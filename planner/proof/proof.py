@@ -1,17 +1,16 @@
 """A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
-The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT, SHARE) by the
+The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,26 +19,25 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.proof.meshes import divided, fills_its_hull
+from hdplan.planner.proof.meshes import divided, fills_its_hull, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
-from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
+from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import HdplanError, InputError, naming
-from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.output import write_output
-from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.robot_files.library import description_of
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
-from hdplan.verify import CLAIMS as CHECKED
-from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import verdict_of
+from hdplan.verify.compare import check_equal
+from hdplan.verify.effects import statement, wanted
+from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
+from hdplan.verify.reading import Reading, read_world
+from hdplan.verify.world import Piece, World
 
-SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
+SHORT = 1e-4  # [m] by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
-CLAIMS = ("limits", "start", "goal")  # and what else the scene asks, each where it can be shown
 
 
 class NotProvenError(HdplanError):
@@ -70,9 +68,7 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         NotProvenError: the motion is not certified, or no planes were found.
     """
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    wanted = load_scene(scene_file)
-    refuse_clouds(wanted)
-    setup = Setup.of(wanted)
+    setup = Setup.of(load_scene(scene_file))
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
         certifier = Certifier(setup)
@@ -80,66 +76,48 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         asked, _ = certifier.asked(curve_of(setup.robot, motion))
     if not certificate.certified:
         raise NotProvenError(certificate.text)
-    _refuse_unproven_pairs(setup)
+    planned = world_of(setup, motion)
     try:
-        return _Writer(scene_file, motion_file, setup).write(certificate, asked)
+        reading = read_world(scene_file, motion_file, planned)
+        check_equal(reading.world, planned)
+        return _Writer(setup, planned, reading).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
-
-
-def refuse_clouds(scene: Scene) -> None:
-    """Raise InputError for a scene with clouds or maps: the checker reads solids only."""
-    for obstacle in scene.obstacles:
-        if isinstance(obstacle.shape, Seen):
-            kind = "cloud" if isinstance(obstacle.shape, Cloud) else "map"
-            raise InputError(
-                f"{scene.source}: obstacles.{obstacle.name}: is a {kind}, of which no proof can be written; motions "
-                "can be certified: hdplan check"
-            )
-
-
-def _refuse_unproven_pairs(setup: Setup) -> None:
-    """Refuse pairs of links that are left out because they always touch: the checker has no proof of that."""
-    for pair, reason in setup.robot.unchecked.items():
-        if reason == ALWAYS_TOUCHING and setup.scene.self_collision.checked:
-            raise InputError(
-                f"{setup.scene.source}: links {pair[0]} and {pair[1]} always touch, which the checker of proofs "
-                "does not show: name them in robot.ignore_pairs"
-            )
 
 
 class _Writer:
     """The proof of one motion in the making."""
 
-    def __init__(self, scene: Path, motion: Path, setup: Setup) -> None:
-        self.scene, self.motion, self.setup = scene, motion, setup
-        self.cuts: dict[str, Any] = {}
+    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
+        self.setup, self.planned, self.reading, self.read = setup, planned, reading, reading.world
+        self.cuts: dict[str, Any] = {
+            body["name"]: cells for body in self.read["bodies"] if (cells := groups_of(body["shape"])) is not None
+        }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
         self.shapes: dict[bytes, tuple[Any, float]] = {}
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
         lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
-        self.claims = ["clearance"] * lower
-        clearance = _less(bound, 0.0 if lower else asked)
-        own = _less(certificate.self_clearance, least)
+        clearance, own = _less(bound, 0.0 if lower else asked), _less(certificate.self_clearance, least)
         for _ in range(MOST_ROUNDS):
-            world = world_of(self.setup, self.scene, self.motion, self.cuts, self.claims)
-            lost = self._separate(world, clearance, own)
+            world = World(self.read, self.cuts)
+            claimed = {
+                "clearance": None if world.within.all() else clearance,
+                "self_clearance": own if world.within.any() else None,
+                "claims": ["clearance"] * lower,
+            }
+            lost = self._separate(world, least_distances(world, claimed))
             if not lost:
-                return self._pack(world, clearance, own, certificate)
+                return self._pack(world, claimed, certificate)
             self._divide(world, lost)
         raise NotProvenError(f"no planes were found within {MOST_ROUNDS} divisions of meshes")
 
-    def _separate(self, world: World, clearance: float, own: float) -> list[Obstruction]:
+    def _separate(self, world: World, floor: Array) -> list[Obstruction]:
         """Find planes for the pairs of pieces that are new, and return those for which there are none."""
         keys = [_identity(piece) for piece in world.pieces]
         pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
         planes = self.planes = Planes(world, self.shapes)
-        between_links = world.pairs[:, 1] < world.own
-        floor = np.where(between_links, own, clearance)
-        for p, (_, b) in enumerate(world.pairs.tolist()):
-            floor[p] = max(floor[p], 0.0 if between_links[p] else world.clearances.get(world.pieces[b].name, 0.0))
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
@@ -165,16 +143,16 @@ class _Writer:
     def _finer(self, world: World, piece: int) -> bool:
         """Divide the triangles of a piece, if it has several."""
         key = world.pieces[piece].key
-        if key not in world.meshes or (key not in self.cuts and fills_its_hull(world.meshes[key])):
+        if key not in world.parts or (key not in self.cuts and fills_its_hull(world.parts[key])):
             return False
-        triangles = world.meshes[key]
+        triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
         which = [i for i, each in enumerate(world.pieces) if each.key == key].index(piece)  # in the order of the groups
         finer = divided(groups, which, triangles)
         self.cuts.update({} if finer is None else {key: finer})
         return finer is not None
 
-    def _pack(self, world: World, clearance: float, own: float, certificate: Certificate) -> Proof:
+    def _pack(self, world: World, claimed: dict[str, Any], certificate: Certificate) -> Proof:
         """Return the file, once the checker accepts it."""
         once = [self.planes.once((a, b)) for a, b in world.once.tolist()]
         for (a, b), found in zip(world.once.tolist(), once, strict=True):
@@ -185,28 +163,19 @@ class _Writer:
                 )
         depths = [each[0] for each in self.found if each is not None]
         normals = [each[1] for each in self.found if each is not None]
-        between_links = world.pairs[:, 1] < world.own
         head: dict[str, Any] = {
             "version": VERSION,
-            "files": world.files,
-            "clearance": None if between_links.all() else clearance,
-            "self_clearance": own if between_links.any() else None,
-            "held": world.held,
+            "files": self.reading.hashes,
+            **claimed,
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
             "once": len(once),
-            "claims": self.claims[:],
         }
-        path = ["path"] if self.setup.scene.path != PathConstraints() else []
-        for claim in (*CLAIMS, *path, *self.setup.limits):
-            if claim not in CHECKED:
-                raise RejectedError(f"limits.{claim} is asked for, which the checker does not know")
-            try:
+        for claim in wanted(world):
+            with contextlib.suppress(RejectedError):
                 statement(world, {**head, "claims": [claim]})
-            except RejectedError:
-                continue
-            head["claims"].append(claim)
+                head["claims"] = [*head["claims"], claim]
         parts = (
             *((groups, "<u2") for groups in self.cuts.values()),
             (np.array([len(each) for each in depths]), "<u4"),
@@ -215,35 +184,19 @@ class _Writer:
             (np.array([each[0] for each in once if each]), "<u4"),
             (np.array([each[1] for each in once if each]), "<i4"),
         )
-        content = (
-            json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)
-        )
-        data = MAGIC + zlib.compress(content, 9)
-        read, _, trees = unpack(data)
+        lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
+        content = "".join(f"{line}\n" for line in lines).encode()
+        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts))
+        read, _, _, trees = unpack(data)
         check_apart(world, read, trees)  # what was written, in the world that was read already
-        return Proof(data, statement(world, read), certificate, head["leaves"])
-
-
-def world_of(
-    setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None, claims: Sequence[str] = ()
-) -> World:
-    """Return scene, robot and motion as the checker reads them, the robot from the files that hdplan reads. Raises
-    RejectedError."""
-    _, urdf, srdf, _ = description_of(setup.scene.robot)
-    files = {key: _hash(file) for key, file in (("urdf", urdf), ("srdf", srdf)) if file is not None}
-    said = {"files": files, "held": dict(setup.robot.locked), "claims": [*claims]}
-    return World(scene, motion, said, cuts or {})
+        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"])
 
 
 def _less(clearance: float | None, asked: float) -> float:
     """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
     if clearance is None:
         return SHORT
-    return max(asked, clearance - min(max(SHORT, SHARE * clearance) * 0.9, 0.5 * clearance))
-
-
-def _hash(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return max(asked, clearance - min(0.9 * SHORT, 0.5 * clearance))
 
 
 def _identity(piece: Piece) -> bytes:

@@ -15,7 +15,10 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
-from hdplan.verify import NARROWEST, Motion, RejectedError, World, leaves, unpack, verify
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
+from hdplan.verify.kernel import NARROWEST, Motion, leaves, unpack
+from hdplan.verify.world import World
 
 TOGETHER = 1e-4  # [m] within which corners are equally far along a direction
 
@@ -42,9 +45,9 @@ class ReadProof:
         with naming(name):
             data = proof if isinstance(proof, bytes) else read_file(proof)
         try:
-            verify(scene, motion, data)
-            head, cuts, trees = unpack(data)
-            self.world = World(scene, motion, head, cuts)
+            _, read = check(scene, motion, data)
+            _, _, cuts, trees = unpack(data)
+            self.world = World(read, cuts)
         except RejectedError as error:
             raise InputError(f"{name}: is no proof of {motion} in {scene}: {error}") from None
         counts, depths, normals, *_ = trees

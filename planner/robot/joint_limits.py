@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
@@ -23,14 +23,22 @@ DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.ord
 
 
 def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
-    """Return the greatest absolute values (n,) that a scene allows, for every quantity that it limits, by name.
-    Velocities are limited as soon as the motion is timed, by the URDF's values if the scene has no others.
-
-    Joints that follow others are kept within limits, too, those of the planned joints that they follow are lower for
-    it: within one number for all joints, or else within the URDF's own values, if it has any.
+    """Return the greatest absolute values (n,) that a scene allows, for every quantity that it limits, by name:
+    `limits_of_all`, those of the planned joints lower where what follows them needs it.
 
     Raises:
         InputError: wrong number of values, unknown names, or a value that neither scene nor URDF gives.
+    """
+    found = limits_of_all(scene, robot)
+    return found if robot.linkage is None else {name: robot.linkage.tightest(most) for name, most in found.items()}
+
+
+def limits_of_all(scene: Scene, robot: Robot) -> dict[str, Array]:
+    """Return the greatest absolute values (m,) of all joints of the model, infinite for none. Velocities are limited as
+    soon as the motion is timed, by the URDF's values if the scene has no others.
+
+    Joints that follow others are kept within limits, too: within one number for all joints, or else within the URDF's
+    own values, if it has any. Raises InputError as `joint_limits`.
     """
     found = {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
     if robot.linkage is None:
@@ -67,25 +75,31 @@ def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> 
 
 
 def _with_followers(quantity: str, most: Array, scene: Scene, robot: Robot) -> Array:
-    """Return the limits (n,) that keep followers within theirs, too. Raises InputError for torques: nothing says how a
-    linkage shares them."""
+    """Return the limits (m,) of planned joints, `most` (n,), and of those that follow them. Raises InputError for
+    torques: nothing says how a linkage shares them."""
     assert robot.linkage is not None
     if quantity not in DERIVATIVES:
         raise InputError(f"{scene.source}: limits.{quantity}: {robot.linkage.no_torques}")
+    every = np.full(robot.model.nv, np.inf)
     if isinstance(given := asked_limits(scene)[quantity], float):
-        return robot.linkage.tightest(np.full(robot.model.nv, given))
-    return np.minimum(most, urdf_velocities(robot, of_planned=np.inf)) if quantity == "velocity" else most
+        every[:] = given
+    elif quantity == "velocity":
+        every = _velocities_of_all(robot)
+    every[robot.coordinates] = most
+    return every
 
 
-def urdf_velocities(robot: Robot, of_planned: ArrayLike | None = None) -> Array:
-    """Return the greatest speeds (n,) that the URDF gives the planned joints, or those of_planned, and what follows
-    them; a follower without a limit has none."""
+def urdf_velocities(robot: Robot) -> Array:
+    """Return the greatest speeds (n,) that the URDF gives the planned joints, and what follows them; a follower without
+    a limit has none."""
+    every = _velocities_of_all(robot)
+    return every if robot.linkage is None else robot.linkage.tightest(every)
+
+
+def _velocities_of_all(robot: Robot) -> Array:
+    """Return the URDF's greatest speeds (m,) of all joints of the model, infinite for followers without a limit."""
     every = np.array(robot.model.velocityLimit)
-    if of_planned is not None:
-        every[robot.coordinates] = of_planned
-    if robot.linkage is None:
-        return every
-    return robot.linkage.tightest(np.where(robot.linkage.follows & ~(every > 0.0), np.inf, every))
+    return every if robot.linkage is None else np.where(robot.linkage.follows & ~(every > 0.0), np.inf, every)
 
 
 def _of_urdf(quantity: str, index: int, robot: Robot, where: str) -> float:

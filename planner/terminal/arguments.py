@@ -166,6 +166,9 @@ Proof = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.proof", hel
 ProofToCheck = Annotated[
     Path, typer.Argument(metavar="PROOF", help="A proof, as `hdplan prove` and `hdplan plan --proof` write it.")
 ]
+World = Annotated[
+    Path | None, typer.Option("--world", metavar="FILE.json", help="Write the world that the checker read, too.")
+]
 
 # follow, simulate, plot
 Executed = Annotated[

@@ -181,7 +181,7 @@ def read_tree(source: Source) -> Tree:
                     fixed[below.get("link", "")] = read_origin(joint, f"joint '{joint.get('name')}'")
         if mimic is not None:
             factor, offset = (
-                read_number(mimic.get(key, value)) for key, value in (("multiplier", "1"), ("offset", "0"))
+                read_number(mimic.get(key, value).strip()) for key, value in (("multiplier", "1"), ("offset", "0"))
             )
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     limits = {joint.get("name", ""): joint.find("limit") for joint in root.findall("joint")}

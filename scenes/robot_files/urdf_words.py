@@ -69,6 +69,7 @@ HARMLESS: dict[str, dict[str, str]] = {
         "self_collision_checking": "an address of geometry for other checks; here the link's own is checked",
         "origin": "no movement, if it is 0",
         "self_filter": "how a filter of images sees the link",
+        "sensor": "what a sensor measures",
     },
     "collision": {
         "material": "colours",

@@ -4,7 +4,6 @@ moved by hand; what cannot be done right is refused."""
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,6 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 import hdplan
-from hdplan import verify as checker
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.barriers import scene_barriers
 from hdplan.planner.control.settings import BarrierSettings
@@ -30,8 +28,11 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.verify import RejectedError, verify
+from hdplan.verify.checking import check
+from hdplan.verify.reading import read_world
 
 from .linkage import JOINTS, RULES, linkage_urdf
+from .proof.worlds import packed, unpacked
 
 Array = NDArray[np.float64]
 
@@ -358,34 +359,41 @@ def test_it_is_planned_proven_and_checked(tmp_path: Path) -> None:
     proof = prove(file, motion)
     assert "limits, start, goal" in proof.text
     proof.save(other)
-    assert "piston at 5 x cylinder + 0.1" in verify(Path(file), motion, other)
-    urdf = linkage_urdf(tmp_path, rod=("elbow", 2.0, 0.0))
+    verdict = verify(file, motion, other)
+    assert verdict.whole
+    assert "piston at -1.25 x lift + 0.1" in verdict.text  # a chain, from its head
+    linkage_urdf(tmp_path, rod=("elbow", 2.0, 0.0))
     with pytest.raises(RejectedError, match="SHA-256 differs"):
-        verify(Path(file), motion, other)
+        verify(file, motion, other)
+    head, world, rest = unpacked(proof.data)
+    named = packed({**head, "files": read_world(file, motion).hashes}, world, rest)
+    with pytest.raises(RejectedError, match=r"the worlds differ: joints\[rod\]\.follows\[1\]: 2.0 is read.* has -1.0"):
+        check(file, motion, named)
     with pytest.raises(RejectedError, match=r"bar 0.*: leaf .* its plane keeps them -?[0-9.]+ mm apart"):
-        verify(Path(file), motion, forged(proof.data, urdf))
+        check(file, motion, forged(proof.data, file, motion))
     urdf = linkage_urdf(tmp_path)
     urdf.write_text(urdf.read_text().replace('upper="0.09"', 'upper="0"'))  # of the sled
     with pytest.raises(RejectedError, match=r"limits.position: joint 'slide' is beyond it"):
-        verify(Path(file), motion, forged(proof.data, urdf))
+        check(file, motion, forged(proof.data, file, motion))
     linkage_urdf(tmp_path)
-    assert "accepted" in verify(Path(file), motion, forged(proof.data, tmp_path / "lifter.urdf"))
+    assert check(file, motion, forged(proof.data, file, motion))[0] == verdict
     said = json.loads(motion.read_text())
-    said["joint_names"].append("rod")
-    said["positions"] = [[*row, -row[2]] for row in said["positions"]]
-    motion.write_text(json.dumps(said))
-    with pytest.raises(RejectedError, match="the motion says where it is"):
-        verify(Path(file), motion, forged(proof.data, tmp_path / "lifter.urdf", motion))
+    for sign, good in ((-1, True), (-1.01, False)):
+        columns = {"joint_names": [*said["joint_names"], "rod"]}
+        rows = {"positions": [[*row, sign * row[2]] for row in said["positions"]]}
+        motion.write_text(json.dumps({**said, **columns, **rows}))
+        if good:
+            assert check(file, motion, forged(proof.data, file, motion))[0].whole
+        else:
+            with pytest.raises(RejectedError, match="'rod' moves otherwise in the world"):
+                forged(proof.data, file, motion)
 
 
-def forged(data: bytes, urdf: Path, motion: Path | None = None) -> bytes:
-    """The proof with the hash of another robot's file, or of another motion's."""
-    head, rest = zlib.decompress(data[len(checker.MAGIC) :]).split(b"\n", 1)
-    said = json.loads(head)
-    said["files"]["urdf"] = checker.hashlib.sha256(urdf.read_bytes()).hexdigest()
-    if motion:
-        said["files"]["motion"] = checker.hashlib.sha256(motion.read_bytes()).hexdigest()
-    return checker.MAGIC + zlib.compress(json.dumps(said).encode() + b"\n" + rest)
+def forged(data: bytes, scene: Path, motion: Path) -> bytes:
+    """The proof with the hashes of the files as they are now, and with the world that the checker reads in them."""
+    head, _, rest = unpacked(data)
+    reading = read_world(scene, motion)
+    return packed({**head, "files": reading.hashes}, reading.world, rest)
 
 
 def test_a_robot_with_other_followers_is_not_the_scenes(tmp_path: Path) -> None:

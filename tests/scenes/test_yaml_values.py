@@ -11,6 +11,8 @@ import yaml
 from hdplan.scenes import yaml_values
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_values import read_mapping
+from hdplan.verify import RejectedError
+from hdplan.verify.text import yaml_of
 
 PLAIN = (
     *("0", "-1", "+1", "007", "0b11", "0x1F", "0o7", "1_000", "1:30", "-0", "123456789012345678901234567890"),
@@ -164,3 +166,19 @@ def test_the_line_that_ros_prints_after_a_message_begins_nothing(end: str) -> No
         assert "second document" in str(outcome(f"{text}{end.strip()}\na: 1\n"))
     assert "second document" not in str(outcome("a: 1 ---\n"))  # which is a text
     assert outcome("---\n") == "is empty"
+
+
+def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
+    """Whether it stands before what it is merged into, or within."""
+    a, b = {"x": 1, "y": 3}, {"x": 1, "y": 3, "z": 4}
+    for text in (
+        "a: &a {<<: {x: 1, y: 2}, y: 3}\nb: {<<: *a, z: 4}",
+        "b: {<<: &a {<<: {x: 1, y: 2}, y: 3}, z: 4}\na: *a",
+        "b: {<<: [&a {y: 3, <<: {x: 1, y: 2}}, {x: 5}], z: 4}\na: {<<: *a}",
+    ):
+        assert read_mapping(text.encode()) == yaml_of(text.encode()) == {"a": a, "b": b}
+    for text in ("a: &a {x: 1, x: 2}\nb: {<<: *a}", "b: {<<: &a {x: 1, x: 2}}\na: *a"):
+        with pytest.raises(InputError, match="stands twice"):
+            read_mapping(text.encode())
+        with pytest.raises(RejectedError, match="stands twice"):
+            yaml_of(text.encode())

@@ -10,15 +10,19 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan import verify as checker
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.path_constraints import Relative, Upright, Within
 from hdplan.scenes.timing import Timing
-from hdplan.verify import Ball, Motion, RejectedError
+from hdplan.verify import RejectedError, effects
+from hdplan.verify.effects import bonds_of_path, check_path, check_torques, chord, reached
+from hdplan.verify.kernel import Motion
+from hdplan.verify.reading import read_world
+from hdplan.verify.world import Bond, World
+
+from .worlds import read as read_files
 
 HELD = [
     hdplan.Box([0.1, 0.05, 0.2]),
@@ -56,25 +60,35 @@ def swinging(folder: Path, robot: str, link: str, base: hdplan.Pose, rng: np.ran
     return folder
 
 
-def read(folder: Path) -> tuple[Setup, checker.World, hdplan.Trajectory]:
+def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
     scene, motion = folder / "scene.yaml", folder / "motion.json"
     setup = Setup.of(hdplan.load_scene(scene))
-    return setup, world_of(setup, scene, motion), hdplan.Trajectory.load(motion)
+    return setup, read_files(scene, motion), hdplan.Trajectory.load(motion)
 
 
-def bounds(world: checker.World, spans: np.ndarray) -> np.ndarray:
+def torques_kept(world: World) -> None:
+    """Check the torques of a world by its own limits."""
+    check_torques(world, world.rest[0], world.loads)
+
+
+def bonds_of(world: World) -> list[Bond]:
+    """What keeps the path constraints of a world."""
+    return bonds_of_path(world, world.rest[1], lambda: True)
+
+
+def bounds(world: World, spans: np.ndarray) -> np.ndarray:
     """The checker's bounds of the torques on parts of a motion."""
     found = []
-    original = checker.everywhere
-    checker.everywhere = lambda name, of, count, beyond: found.append(beyond)  # type: ignore[assignment]
-    torques = checker.torques
+    original = effects.everywhere
+    effects.everywhere = lambda name, of, count, beyond: found.append(beyond)  # type: ignore[assignment]
+    torques = effects.torques
     kept: list[np.ndarray] = []
     try:
-        checker.check_torques(world)
-        checker.torques = lambda *args: kept.append(torques(*args)) or kept[-1]  # type: ignore[assignment,func-returns-value]
+        torques_kept(world)
+        effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]  # type: ignore[assignment,func-returns-value]
         found[0](spans)
     finally:
-        checker.everywhere, checker.torques = original, torques
+        effects.everywhere, effects.torques = original, torques
     return kept[0]
 
 
@@ -109,16 +123,12 @@ def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accep
     names = [x.name for x in world.joints]
     for joint in (1, 5):
         for share, good in ((1.01, True), (0.99, False)):
-            limits = {
-                name: float(x) * (share if i == joint else 1.01)
-                for i, (name, x) in enumerate(zip(names, peak, strict=True))
-            }
-            world.top["limits"] = {"torque": limits}
+            world.rest[0]["torque"] = [float(x) * (share if i == joint else 1.01) for i, x in enumerate(peak)]
             if good:
-                checker.check_torques(world)
+                torques_kept(world)
             else:
-                with pytest.raises(RejectedError, match=r"limits.torque: joint .* is beyond"):
-                    checker.check_torques(world)
+                with pytest.raises(RejectedError, match=f"limits.torque: joint '{names[joint]}' is beyond"):
+                    torques_kept(world)
 
 
 def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
@@ -128,16 +138,20 @@ def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
     rates[0, 3] = 1e-3
     dataclasses.replace(motion, velocities=rates).save(folder / "motion.json")
     with pytest.raises(RejectedError, match="begins or ends with a jump"):
-        checker.check_torques(read(folder)[1])
+        torques_kept(read(folder)[1])
 
 
-@pytest.mark.parametrize("mass", ["none of its inertia", "capsule"])
-def test_a_mass_whose_inertia_is_not_known_is_not_left_out(mass: str, tmp_path: Path) -> None:
+def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> None:
     folder = swinging(tmp_path, *ROBOTS[0], np.random.default_rng(7))
     _, world, _ = read(folder)
-    world.carry(1.0, "panda_hand", checker.HERE, None if mass == "capsule" else Ball(np.full((3, 3), np.nan)))
-    with pytest.raises(RejectedError, match="inertia cannot be checked"):
-        checker.check_torques(world)
+    world.loads[3]["inertia"][2] = float("nan")
+    with pytest.raises(RejectedError, match=r"loads\[3\]: .* finite numbers"):
+        torques_kept(world)
+    scene = hdplan.load_scene(folder / "scene.yaml")
+    held = dataclasses.replace(scene.attached[0], shape=hdplan.Capsule(0.05, 0.1))
+    dataclasses.replace(scene, attached=[held]).save(folder / "scene.yaml")
+    with pytest.raises(RejectedError, match="inertia of a capsule cannot be checked"):
+        read_world(folder / "scene.yaml", folder / "motion.json")
 
 
 CONSTRAINTS = {
@@ -161,7 +175,7 @@ def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tigh
 
     setup, world, motion = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
     curve, chain = curve_of(setup.robot, motion), Certifier(setup).path.chain
-    bonds = checker.bonds_of_path(world)
+    bonds = bonds_of(world)
     rng = np.random.default_rng(9)
     slack = []
     for width in (2.0**-2, 2.0**-6, 2.0**-10):
@@ -193,28 +207,28 @@ def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tigh
 @pytest.mark.parametrize("kind", CONSTRAINTS)
 def test_a_path_constraint_violated_only_between_rows_is_rejected(kind: str, tmp_path: Path) -> None:
     _, world, _ = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
-    bonds = checker.bonds_of_path(world)
+    bonds = bonds_of(world)
     spans = np.arange(0, 4, 2.0**-7)
     fine = [Motion(world, np.stack([spans, spans + 2.0**-7], axis=1)).apart(x) for x in bonds]
     for bond, values in zip(bonds, fine, strict=True):
         bond.most = float(values.max()) * 1.02
         assert spans[values.argmax()] % 1  # the worst is between rows
-    original = checker.bonds_of_path
+    original = effects.bonds_of_path
     try:
-        checker.bonds_of_path = lambda world: bonds  # type: ignore[assignment]
-        checker.check_path(world)
+        effects.bonds_of_path = lambda *_: bonds  # type: ignore[assignment]
+        check_path(world, [], lambda: True)
         for i, values in enumerate(fine):
             bonds[i].most = float(values.max()) * 0.97
             with pytest.raises(RejectedError, match="after row"):
-                checker.check_path(world)
+                check_path(world, [], lambda: True)
             bonds[i].most = float(values.max()) * 1.02
     finally:
-        checker.bonds_of_path = original
+        effects.bonds_of_path = original
 
 
 @pytest.mark.parametrize("angle", [1e-6, 0.01, 1.0, 2.9, 3.05, 3.14])
 def test_an_angle_just_beyond_what_is_allowed_is_longer_than_its_chord(angle: float) -> None:
-    allowed = checker.chord(angle)
+    allowed = chord(angle)
     assert 2 * np.sin(angle / 2) * (1 - 1e-12) <= allowed < 2 * np.sin((angle + 2e-9) / 2)
 
 
@@ -237,18 +251,20 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
             turned = turned @ pin.exp3(rng.uniform(-3, 3) * np.eye(3)["xyz".index(free)])
         away = rng.normal(size=3)
         place = hand.translation + off * away / np.linalg.norm(away)
-        quaternion = pin.Quaternion(turned).coeffs()
         return {
-            "link": "panda_hand", "position": place.tolist(), "quaternion_xyzw": quaternion.tolist(),
-            "position_tolerance": 2e-3, "orientation_tolerance": 0.3, "free_rotation": free,
+            "link": "panda_hand", "position": place.tolist(), "rotation": turned.ravel().tolist(), "off": 1e-14,
+            "position_tolerance": 2e-3, "orientation_tolerance": 0.3, "free": free,
         }  # fmt: skip
+
+    def met(*targets: list[dict]) -> bool:
+        return reached(world, world.rest[0], [{"poses": each} for each in targets], "goal")
 
     for _ in range(20):
         inside = goal(2e-3 * (1 - 1e-6), 0.3 * (1 - 1e-6))
         too_far, too_turned = goal(2e-3 * (1 + 1e-5), 0.0), goal(0.0, 0.3 * (1 + 1e-5))
-        assert checker.at_poses(world, {"pose": inside})
-        assert not checker.at_poses(world, {"pose": too_far})
-        assert checker.at_poses(world, {"pose": too_turned}) == (free == "all")
-        assert checker.at_poses(world, {"poses": [too_far, inside]})
-        assert not checker.at_poses(world, {"all": [{"pose": too_far}, {"pose": inside}]})
-        assert checker.at_poses(world, {"all": [{"pose": inside}, {"pose": inside}]})
+        assert met([inside])
+        assert not met([too_far])
+        assert met([too_turned]) == (free == "all")
+        assert met([too_far], [inside])
+        assert not met([too_far, inside])
+        assert met([inside, inside])

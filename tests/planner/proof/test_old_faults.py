@@ -4,20 +4,26 @@ the checker rejects it, and names what is wrong."""
 from __future__ import annotations
 
 import json
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hdplan import verify as checker
-from hdplan.verify import MAGIC, RejectedError, World
+from hdplan.verify import RejectedError
+from hdplan.verify.effects import check_torques, statement
+from hdplan.verify.kernel import VERSION, Motion
+from hdplan.verify.reading import read_world
+from hdplan.verify.world import World
 
-PANDA = "robot: {name: panda}\nstart: {joints: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}\n"
+from .worlds import packed, read, words_of
+
+PANDA = (
+    "robot: {name: panda, locked: {panda_finger_joint1: 0, panda_finger_joint2: 0}}\n"
+    "start: {joints: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}\n"
+)
 GOAL = "goal: {joints: [0.5, -0.785, 0, -2.356, 0, 1.571, 0.785]}\n"
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 NAMES = [f"panda_joint{i}" for i in range(1, 8)]
-FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 ARM = """<robot name="r">
  <link name="base"><collision><origin xyz="{at}"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
@@ -31,27 +37,27 @@ ARM = """<robot name="r">
 """
 
 
-def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object], held: dict[str, float]) -> str:
+def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object]) -> str:
     """Verify a proof that says of every pair that one plane keeps it apart, the best one of many at the first row, and
     claims all that a scene may ask for."""
     (folder / "s.yaml").write_text("hdplan: 1\n" + scene)
-    (folder / "m.json").write_text(json.dumps({"joint_names": names, **motion}))
+    (folder / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, "joint_names": names, **motion}))
     files = folder / "s.yaml", folder / "m.json"
-    world = World(*files, {"files": {}, "held": held}, {})
+    reading = read_world(*files)
+    world = World(reading.world, {})
     count, rng = len(world.pairs), np.random.default_rng(0)
-    start = checker.Motion(world, np.array([[0.0, 2.0**-30]]))
+    start = Motion(world, np.array([[0.0, 2.0**-30]]))
     ways = np.rint(1e6 * rng.normal(size=(200, 3)))
     found = [start.gaps(np.zeros(len(ways), int), np.tile(pair, (len(ways), 1)), ways) for pair in world.pairs]
     best = np.array([ways[each.argmax()] for each in found]).reshape(-1, 3)
-    own = world.pairs[:, 1] < world.own
+    own = world.within
     head = {
-        "version": checker.VERSION, "files": world.files, "held": world.held, "cuts": {}, "pairs": count,
+        "version": VERSION, "files": reading.hashes, "cuts": {}, "pairs": count,
         "clearance": None if own.all() else 1e-6, "self_clearance": 1e-6 if own.any() else None,
         "leaves": count, "once": 0, "claims": ["limits", "start", "goal", *["torque"] * ("torque" in scene)],
     }  # fmt: skip
     arrays = np.ones(count, "<u4"), np.zeros(count, "<u1"), best.astype("<i4")
-    content = json.dumps(head).encode() + b"\n" + b"".join(x.tobytes() for x in arrays)
-    return checker.verify(*files, MAGIC + zlib.compress(content))
+    return words_of(*files, packed(head, reading.world, b"".join(x.tobytes() for x in arrays)))
 
 
 @pytest.mark.parametrize(
@@ -62,8 +68,8 @@ def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object]
 def test_two_links_with_one_without_geometry_between_them_are_no_neighbours(yoke: str, at: str, tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_text(ARM.format(yoke=yoke, at=at))
     scene = "robot: {urdf: r.urdf}\nstart: {joints: [-1, 0]}\ngoal: {joints: [1, 0]}\n"
-    with pytest.raises(RejectedError, match=r"base 0 and arm 0: leaf 0, .* mm apart, not"):
-        forged(tmp_path, scene, ["pan", "lift"], {"positions": [[-1, 0], [1, 0]]}, {})
+    with pytest.raises(RejectedError, match=r"arm 0 and base 0: leaf 0, .* mm apart, not"):
+        forged(tmp_path, scene, ["pan", "lift"], {"positions": [[-1, 0], [1, 0]]})
 
 
 @pytest.mark.parametrize(
@@ -76,8 +82,8 @@ def test_two_links_with_one_without_geometry_between_them_are_no_neighbours(yoke
     ],
 )
 def test_numbers_beyond_measure_prove_nothing(motion: dict[str, object], tmp_path: Path) -> None:
-    with pytest.raises(RejectedError, match="finite"):
-        forged(tmp_path, PANDA + GOAL, NAMES, motion, FINGERS)
+    with pytest.raises(RejectedError, match=r"finite|is no number|must increase"):
+        forged(tmp_path, PANDA + GOAL, NAMES, motion)
 
 
 @pytest.mark.parametrize("begin", [1e15, 1e10])
@@ -88,7 +94,7 @@ def test_times_so_late_that_they_leave_no_digits_are_rejected(begin: float, tmp_
     )
     motion = {"positions": [HOME, [0.001, *HOME[1:]]], "times": [begin, begin + 1.0]}
     with pytest.raises(RejectedError, match="finite"):
-        forged(tmp_path, rod + PANDA + GOAL, NAMES, motion, FINGERS)
+        forged(tmp_path, rod + PANDA + GOAL, NAMES, motion)
 
 
 def test_an_obstacle_that_spins_through_the_arm_is_not_kept_apart(tmp_path: Path) -> None:
@@ -98,7 +104,7 @@ def test_an_obstacle_that_spins_through_the_arm_is_not_kept_apart(tmp_path: Path
     )
     motion = {"positions": [HOME, [0.001, *HOME[1:]]], "times": [0.0, 1.0]}
     with pytest.raises(RejectedError, match="and rod: leaf"):
-        forged(tmp_path, rod + PANDA + GOAL, NAMES, motion, FINGERS)
+        forged(tmp_path, rod + PANDA + GOAL, NAMES, motion)
 
 
 @pytest.mark.parametrize("rates", [[0.5, 0.5], [0.5, 0.0], [0.0, 1e-3]])
@@ -107,10 +113,10 @@ def test_a_motion_that_begins_or_ends_at_speed_keeps_no_torque_limit(rates: list
     scene = "robot: {urdf: r.urdf}\nstart: {joints: [0, 0]}\ngoal: {joints: [0.5, 0]}\nlimits: {torque: 1000}\n"
     motion = {"positions": [[0, 0], [0.5, 0]], "times": [0.0, 1.0], "velocities": [[rate, 0.0] for rate in rates]}
     with pytest.raises(RejectedError, match=r"leaf|begins or ends with a jump"):
-        forged(tmp_path, scene, ["pan", "lift"], motion, {})
-    world = World(tmp_path / "s.yaml", tmp_path / "m.json", {"files": {}, "held": {}}, {})
+        forged(tmp_path, scene, ["pan", "lift"], motion)
+    world = read(tmp_path / "s.yaml", tmp_path / "m.json")
     with pytest.raises(RejectedError, match="begins or ends with a jump"):
-        checker.check_torques(world)
+        check_torques(world, world.rest[0], world.loads)
 
 
 @pytest.mark.parametrize("over", [1e-3, 1e-6])
@@ -120,7 +126,7 @@ def test_a_joint_that_passes_its_limit_between_rows_is_beyond_it(over: float, tm
     text = "robot: {urdf: r.urdf}\nstart: {joints: [2.5, 0]}\ngoal: {joints: [2.5, 0]}\nlimits: {acceleration: 100}\n"
     motion = {"positions": [[2.5, 0], [2.5, 0]], "times": [0.0, 1.0], "velocities": [[rate / 2, 0.0], [-rate / 2, 0.0]]}
     (tmp_path / "s.yaml").write_text("hdplan: 1\n" + text)
-    (tmp_path / "m.json").write_text(json.dumps({"joint_names": ["pan", "lift"], **motion}))
-    world = World(tmp_path / "s.yaml", tmp_path / "m.json", {"files": {}, "held": {}}, {})
+    (tmp_path / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, "joint_names": ["pan", "lift"], **motion}))
+    world = read(tmp_path / "s.yaml", tmp_path / "m.json")
     with pytest.raises(RejectedError, match=r"limits\.position: joint 'pan' is beyond it"):
-        checker.statement(world, {"claims": ["limits"], "clearance": None, "self_clearance": 1e-3})
+        statement(world, {"claims": ["limits"], "clearance": None, "self_clearance": 1e-3})

@@ -11,17 +11,22 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
-from hdplan import verify as checker
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof.planes import Planes
-from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.yaml_format.reader import read_robot
+from hdplan.verify.balls import dot
+from hdplan.verify.kernel import Motion
+from hdplan.verify.world import World
+
+from .worlds import read, read_and_planned
 
 Random = np.random.Generator
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -96,7 +101,11 @@ def moving(rng: Random, end: float) -> dict[str, Any]:
     if rng.integers(2):
         return {"pose": pose(rng), "motion": {key: rng.uniform(-1, 1, 3).tolist() for key in ("velocity", "spin")}}
     times = np.sort(rng.uniform(0, 1.3 * end, rng.integers(2, 5))).tolist()
-    return {"motion": {"times": times, "poses": [pose(rng) for _ in times]}}
+    poses = [pose(rng) for _ in times]
+    if "rpy" in poses[0] and rng.integers(2):  # the same orientation in other words, or nearly
+        turn = Rotation.from_euler("xyz", poses[0]["rpy"]) * Rotation.from_rotvec([0, rng.choice([0.0, 1e-9, 1e-6]), 0])
+        poses[1] = {"position": poses[1]["position"], "quaternion_xyzw": (-turn.as_quat()).tolist()}
+    return {"motion": {"times": times, "poses": poses}}
 
 
 def write(rng: Random, folder: Path) -> bool:
@@ -118,7 +127,7 @@ def write(rng: Random, folder: Path) -> bool:
         robot |= {"group": joints}
     (folder / "robot.yaml").write_text(json.dumps({"robot": robot}))
     try:
-        loaded = load_robot(hdplan.scenes.yaml_format.reader.read_robot(folder / "robot.yaml")[0])
+        loaded = load_robot(read_robot(folder / "robot.yaml")[0])
     except hdplan.InputError as error:
         assert "no joint left to plan" in str(error) or "leave no range" in str(error)  # noqa: PT017
         return False
@@ -128,6 +137,7 @@ def write(rng: Random, folder: Path) -> bool:
     held = {"name": "tool", "link": rng.choice(links), "shape": shape(rng), "pose": pose(rng), "touch_links": ["l1"]}
     scene = {
         "hdplan": 1, "robot": robot, "attached": [held], "timing": {"duration": times[-1] - times[0]},
+        "limits": {"velocity": 9.0},
         "obstacles": [{"name": f"o{i}", "shape": shape(rng), **kind} for i, kind in enumerate(kinds)],
         "start": {"joints": rows[0].tolist()}, "goal": {"joints": rows[-1].tolist()},
     }  # fmt: skip
@@ -144,7 +154,12 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
         return
     scene, motion = tmp_path / "scene.yaml", tmp_path / "motion.json"
     setup = Setup.of(hdplan.load_scene(scene))
-    robot, world = setup.robot, world_of(setup, scene, motion)
+    robot = setup.robot
+    try:
+        world = read_and_planned(setup, scene, motion)
+    except hdplan.InputError as error:
+        assert "always touch" in str(error)  # noqa: PT017
+        world = read(scene, motion)
     curve = curve_of(robot, hdplan.Trajectory.load(motion))
 
     left_out = {frozenset(pair) for pair, why in robot.unchecked.items() if why in (ALWAYS_TOUCHING, NEVER_TOUCHING)}
@@ -169,7 +184,7 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
         for x in setup.scene.obstacles:
             bodies[x.name] = [(operations(x.shape).coal(x.shape, x.name), ObstacleMotion.of(x).at(now)[0])]
         at = np.rint(np.interp(now[0], world.times, np.arange(len(world.times))) * 2.0**28) / 2.0**28
-        moment = checker.Motion(world, np.array([[at, at + 2.0**-29]]))
+        moment = Motion(world, np.array([[at, at + 2.0**-29]]))
         for name, parts in bodies.items():
             other = coal.Transform3s(np.eye(3), rng.uniform(-6, 6, 3))
 
@@ -184,3 +199,36 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
                     turned, there = turn @ piece.pose[0].mid, turn @ piece.pose[1].mid + place
                     own.append(away(shapes[i][0], np.column_stack([turned, there])) - shapes[i][1])
             assert min(own) == pytest.approx(min(away(*part) for part in parts), abs=1e-4)
+
+
+def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
+    return {"rotation": turn.as_matrix().ravel().tolist(), "position": np.asarray(at).tolist(), "off": off}
+
+
+def test_turns_of_any_angle_are_enclosed() -> None:
+    """Of an obstacle between poses that are hardly turned, or far."""
+    rng, nothing = np.random.default_rng(5), frame(Rotation.identity(), [0.0] * 3, 0.0)
+    joint = {"name": "j", "parent": -1, "kind": "prismatic", **nothing, "axis": [0.0, 0.0, 1.0], "follows": None}
+    body = {"name": "o", "kind": "obstacle", "joint": -1, **nothing, "shape": {"type": "sphere", "radius": 0.1}}
+    for _ in range(200):
+        turns = [Rotation.random(rng=rng)]
+        for power in rng.uniform(-18, 0.48, 3):
+            axis = rng.normal(size=3)
+            turns.append(Rotation.from_rotvec(10.0**power * axis / np.linalg.norm(axis)) * turns[-1])
+        places, off = rng.uniform(-1, 1, (4, 3)), float(rng.choice([1e-15, 1e-11]))
+        way = {"times": [0.0, 1.0, 2.0, 3.0], "frames": [frame(*x, off) for x in zip(turns, places, strict=True)]}
+        world = World(
+            {
+                "hdplan_world": 1, "joints": [joint], "held": {}, "links": {}, "bodies": [body], "motions": {"o": way},
+                "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
+                "motion": {"rule": "linear", "times": way["times"], "positions": [[0.0]] * 4},
+                "start": [], "goal": [], "duration": None, "also": [],
+            },
+            {},
+        )  # fmt: skip
+        times = np.rint(rng.uniform(0, 3, 20) * 2**30) / 2**30
+        found, piece = Motion(world, times[:, None] + [0.0, 2.0**-30]), world.pieces[0]
+        turned = dot("kij,jl->kil", found.turn[:, piece.joint], piece.pose[0])
+        away = np.abs(turned.mid - Slerp(way["times"], Rotation.concatenate(turns))(times + 2.0**-31).as_matrix())
+        assert (away <= turned.rad + 1e-14).all()
+        assert turned.rad.max() <= 1e-5

@@ -4,8 +4,6 @@ them. At times drawn from each leaf, its plane keeps the two pieces apart as the
 from __future__ import annotations
 
 import functools
-import json
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +13,13 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-import hdplan.verify as verify
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify.kernel import leaves, unpack
+from hdplan.verify.world import Piece
+
+from .worlds import read_and_planned
 
 arb = flint.arb
 LEAVES, TIMES = 30, 4  # that are looked at, and times of each beside its ends
@@ -50,16 +50,15 @@ def test_planes_separate_in_interval_arithmetic(scene: str, tmp_path: Path) -> N
     hdplan.plan(problem).save(tmp_path / "m.json")
     proof, setup = hdplan.prove(scene, tmp_path / "m.json"), Setup.of(problem)
     curve = curve_of(setup.robot, hdplan.Trajectory.load(tmp_path / "m.json"))
-    clearance = json.loads(zlib.decompress(proof.data[len(verify.MAGIC) :]).partition(b"\n")[0])["clearance"]
-    _, _, (counts, depths, normals, _, _) = verify.unpack(proof.data)
-    world = world_of(setup, find_scene(scene), tmp_path / "m.json")
+    head, _, _, (counts, depths, normals, _, _) = unpack(proof.data)
+    clearance, world = head["clearance"], read_and_planned(setup, find_scene(scene), tmp_path / "m.json")
     ends, rng, seen, closest = np.cumsum(counts), np.random.default_rng(0), 0, np.inf
     for leaf in rng.permutation(len(depths)).tolist():
         pair = int(np.searchsorted(ends, leaf, side="right"))
         a, b = (world.pieces[i] for i in world.pairs[pair])
-        spans = list(verify.leaves(depths[ends[pair] - counts[pair] : ends[pair]].tolist(), len(curve) - 1))
+        spans = list(leaves(depths[ends[pair] - counts[pair] : ends[pair]].tolist(), len(curve) - 1))
         low, high = spans[leaf - ends[pair] + counts[pair]]
-        if world.pairs[pair, 1] < world.own:
+        if world.within[pair]:
             continue
         seen += 1
         n = matrix(normals[leaf])
@@ -81,7 +80,7 @@ def test_planes_separate_in_interval_arithmetic(scene: str, tmp_path: Path) -> N
     assert closest < 0.2
 
 
-def _support(piece: verify.Piece, way: Any) -> Any:
+def _support(piece: Piece, way: Any) -> Any:
     """A ball around the greatest value of way · x over a piece, in its own frame."""
     values = (matrix(piece.corners) * way).entries()
     most = functools.reduce(lambda x, y: x.max(y), values)
@@ -89,7 +88,7 @@ def _support(piece: verify.Piece, way: Any) -> Any:
     return most + sum(squares, arb(0)).nonnegative_part().sqrt()
 
 
-def _reach(piece: verify.Piece, n: Any) -> Any:
+def _reach(piece: Piece, n: Any) -> Any:
     """A ball around the greatest value of n · x over a piece that stands."""
     turn, at = (matrix(x.mid) for x in piece.pose)
     return _support(piece, turn.transpose() * n) + (n.transpose() * at)[0, 0]

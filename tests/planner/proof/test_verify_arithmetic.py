@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,25 +13,41 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-import hdplan.verify as verify
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.verify import Ball, Motion, World
+from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify import RejectedError, balls
+from hdplan.verify.balls import Ball
+from hdplan.verify.effects import check_rates
+from hdplan.verify.kernel import Motion
+from hdplan.verify.world import World, turn_of
 
-SOURCE = Path(verify.__file__)
+from .worlds import read_and_planned
+
+SOURCE = Path(balls.__file__).parent
+KERNEL = ("balls", "world", "kernel", "effects")
 
 
-def test_the_checker_is_one_small_file_that_imports_nothing_of_hdplan() -> None:
-    text = SOURCE.read_text(encoding="utf-8")
-    found = {
-        (node.module or "") if isinstance(node, ast.ImportFrom) else alias.name
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for alias in node.names
+def imported(module: Path) -> set[str]:
+    """The modules that one imports; those of its own folder with a dot."""
+    nodes = [
+        x for x in ast.walk(ast.parse(module.read_text(encoding="utf-8"))) if isinstance(x, ast.Import | ast.ImportFrom)
+    ]
+    named = {alias.name for x in nodes if isinstance(x, ast.Import) for alias in x.names}
+    return named | {
+        "." * x.level + (x.module or alias.name) for x in nodes if isinstance(x, ast.ImportFrom) for alias in x.names
     }
-    assert not any(name.startswith(("hdplan", ".")) or name == "" for name in found)
-    assert {name.split(".")[0] for name in found} - {"numpy", "yaml"} <= {*__import__("sys").stdlib_module_names}
+
+
+def test_the_checker_imports_nothing_of_hdplan_and_its_kernel_numpy_alone() -> None:
+    allowed = {*sys.stdlib_module_names}
+    for module in SOURCE.glob("*.py"):
+        found = imported(module)
+        outside = {name.split(".")[0] for name in found if not name.startswith(".")}
+        own = {name[1:] for name in found if name.startswith(".")}
+        assert outside <= allowed | ({"numpy"} if module.stem in KERNEL else {"numpy", "yaml"})
+        assert own <= ({*KERNEL} if module.stem in KERNEL else {x.stem for x in SOURCE.glob("*.py")})
+        assert "yaml" not in outside or module.stem == "text"  # one home
 
 
 def ball(rng: np.random.Generator, shape: tuple[int, ...]) -> Ball:
@@ -58,13 +75,13 @@ def test_balls_contain_exact_results(seed: int) -> None:
     assert inside(a * b, [p * q for p, q in zip(x, y, strict=True)])
     m, n = ball(rng, (5, 9)), ball(rng, (9, 4))
     u, v = np.array(corners(m, rng)).reshape(5, 9), np.array(corners(n, rng)).reshape(9, 4)
-    assert inside(verify.dot("ij,jk->ik", m, n), list((u @ v).flat))
+    assert inside(balls.dot("ij,jk->ik", m, n), list((u @ v).flat))
     one, two = ball(rng, (3,)), ball(rng, (3,))
     (p, q, r), (s, t, w) = corners(one, rng), corners(two, rng)
-    assert inside(verify.cross(one, two), [q * w - r * t, r * s - p * w, p * t - q * s])
+    assert inside(balls.cross(one, two), [q * w - r * t, r * s - p * w, p * t - q * s])
     assert all(abs(e) <= Fraction(z) for e, z in zip(x, a.size, strict=True))
     square = sum(e * e for e in x)
-    assert square <= Fraction(float(verify.norm(a.size))) ** 2
+    assert square <= Fraction(float(balls.norm(a.size))) ** 2
 
 
 def test_units_contain_the_exact_direction() -> None:
@@ -73,7 +90,7 @@ def test_units_contain_the_exact_direction() -> None:
         for count in (3, 4):
             for v in rng.normal(size=(200, count)) * 10.0 ** rng.uniform(-4, 4, (200, 1)):
                 length = mpmath.sqrt(sum(mpmath.mpf(float(e)) ** 2 for e in v))
-                found = verify.unit(v)
+                found = balls.unit(v)
                 for m, r, e in zip(found.mid, found.rad, v, strict=True):
                     assert abs(mpmath.mpf(float(e)) / length - mpmath.mpf(float(m))) <= mpmath.mpf(float(r)) < 1e-13
 
@@ -83,7 +100,7 @@ def test_sines_and_cosines_are_enclosed() -> None:
     wild = rng.normal(size=3000) * 10.0 ** rng.uniform(-12, 5, 3000)
     near = np.arange(-40, 41) * np.pi / 4
     x = np.concatenate([np.clip(wild, -1e6, 1e6), near, np.nextafter(near, 9), [0.0, -0.0, 5e-324, 1e6, -1e6]])
-    cos, sin = verify.cos_sin(x)
+    cos, sin = balls.cos_sin(x)
     assert max(cos.rad[np.abs(x) < 10].max(), sin.rad[np.abs(x) < 10].max()) < 5e-15
     with mpmath.workprec(200):
         for i, angle in enumerate(x):
@@ -94,30 +111,30 @@ def test_sines_and_cosines_are_enclosed() -> None:
 
 @pytest.mark.parametrize("x", [1.1e6, np.inf, np.nan])
 def test_angles_out_of_reach_are_refused(x: float) -> None:
-    with pytest.raises(verify.RejectedError):
-        verify.cos_sin([0.0, x])
+    with pytest.raises(balls.RejectedError):
+        balls.cos_sin([0.0, x])
 
 
 def test_inverses_contain_the_exact_result() -> None:
     rng = np.random.default_rng(4)
     x = ball(rng, (200,))
-    x = verify.Ball(np.abs(x.mid), np.minimum(x.rad, 0.3 * np.abs(x.mid)))
-    assert inside(verify.inverse(x), [1 / each for each in corners(x, rng)])
-    with pytest.raises(verify.RejectedError):
-        verify.inverse(verify.Ball([1.0, 1e-3], [0.0, 1e-2]))
+    x = balls.Ball(np.abs(x.mid), np.minimum(x.rad, 0.3 * np.abs(x.mid)))
+    assert inside(balls.inverse(x), [1 / each for each in corners(x, rng)])
+    with pytest.raises(balls.RejectedError):
+        balls.inverse(balls.Ball([1.0, 1e-3], [0.0, 1e-2]))
 
 
 def test_axis_and_angle_of_a_rotation_are_enclosed() -> None:
     rng = np.random.default_rng(6)
     for angle in (1e-5, 0.01, 0.5, np.pi / 2, 2.0, 3.0, 3.1415):
-        axis = verify.unit(rng.normal(size=3))
-        way, turn = verify.turn_of(verify.rotation(axis, angle))
+        axis = balls.unit(rng.normal(size=3))
+        way, turn = turn_of(balls.rotation(axis, angle))
         assert (np.abs(way.mid - axis.mid) <= way.rad + axis.rad).all()
         assert abs(turn.mid - angle) <= turn.rad < 1e-10
         assert way.rad.max() < 1e-12 / np.sin(angle)
     for angle in (1e-7, np.pi):
-        with pytest.raises(verify.RejectedError, match="turns by"):
-            verify.turn_of(verify.rotation(axis, angle))
+        with pytest.raises(balls.RejectedError, match="turns by"):
+            turn_of(balls.rotation(axis, angle))
 
 
 def motions() -> list[tuple[str, str]]:
@@ -134,7 +151,8 @@ def random_motion(scene: str, kind: str, folder: Path) -> tuple[World, Curve, Se
     more = {name: rng.normal(size=(6, n)) for name in rates}
     motion = hdplan.Trajectory(setup.robot.joint_names, rows, dict(setup.robot.locked), times, **more)
     motion.save(folder / "m.json")
-    return world_of(setup, hdplan.scenes.yaml_format.reader.find_scene(scene), folder / "m.json"), motion.curve, setup
+    world = read_and_planned(setup, find_scene(scene), folder / "m.json")
+    return world, motion.curve, setup
 
 
 @pytest.mark.parametrize(("scene", "kind"), motions())
@@ -172,27 +190,26 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
         times = np.cumsum(rng.uniform(0.1, 0.4, 6))
         motion = hdplan.Trajectory(setup.robot.joint_names, curve.rows, dict(setup.robot.locked), times, *rates)
         motion.save(tmp_path / "m.json")
-        world = world_of(setup, hdplan.scenes.yaml_format.reader.find_scene("panda_carry"), tmp_path / "m.json")
+        world = read_and_planned(setup, find_scene("panda_carry"), tmp_path / "m.json")
         found = motion.curve.at_time(np.linspace(times[0], times[-1], 4001), order)
         greatest = np.abs(found).max(axis=0)
         for factor, good in ((1.03, True), (0.999, False)):
-            world.top["limits"] = {name: dict(zip(setup.robot.joint_names, (factor * greatest).tolist(), strict=True))}
+            limits = {name: (factor * greatest).tolist()}
             if good:
-                verify.check_rates(world, name, order)
+                check_rates(world, limits, name)
             else:
-                with pytest.raises(verify.RejectedError, match=f"limits.{name}: joint .* is beyond it"):
-                    verify.check_rates(world, name, order)
+                with pytest.raises(RejectedError, match=f"limits.{name}: joint .* is beyond it"):
+                    check_rates(world, limits, name)
         if order > 1 and trial == 0:
-            world.top["limits"] = {name: 1e6}
-            verify.check_rates(world, name, order)
+            limits = {name: [1e6] * n}
+            check_rates(world, limits, name)
             rates[order - 2][-1, 2] = 1e-3
             hdplan.Trajectory(setup.robot.joint_names, curve.rows, dict(setup.robot.locked), times, *rates).save(
                 tmp_path / "m.json"
             )
-            world = world_of(setup, world.scene, tmp_path / "m.json")
-            world.top["limits"] = {name: 1e6}
-            with pytest.raises(verify.RejectedError, match="jump"):
-                verify.check_rates(world, name, order)
+            world = read_and_planned(setup, find_scene("panda_carry"), tmp_path / "m.json")
+            with pytest.raises(RejectedError, match="jump"):
+                check_rates(world, limits, name)
 
 
 @pytest.mark.parametrize(("scene", "kind"), motions())
@@ -265,13 +282,13 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
         setup.robot.joint_names, rows, dict(setup.robot.locked), times, rng.normal(size=(6, 7))
     )
     trajectory.save(tmp_path / "m.json")
-    world = world_of(setup, tmp_path / "scene.yaml", tmp_path / "m.json")
+    world = read_and_planned(setup, tmp_path / "scene.yaml", tmp_path / "m.json")
     refined = np.array(sorted({*times.tolist(), 0.35, 0.8, 1.1, 1.9}))
     assert len(world.control.mid) == len(refined) - 1
     share = rng.random(60)
     low = np.concatenate([np.floor(rng.random(60) * (len(refined) - 1) * 64) / 64, [0.0]])
     motion = Motion(world, np.stack([low, low + 1 / 64], axis=1))
-    for piece in world.pieces[world.own :]:
+    for piece in [x for x in world.pieces if x.name not in world.robot]:
         exact = ObstacleMotion.of(next(each for each in setup.scene.obstacles if each.name == piece.name))
         for k, s in enumerate([*(2 * share - 1), 0.0]):
             now = float(np.interp(low[k] + (s + 1) / 128, np.arange(len(refined)), refined))
@@ -286,7 +303,7 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
                 value = motion.middle[k, j] + s * motion.step[k, j]
                 assert motion.off[k, j] < 1e-12
                 if world.joints[j].turns:
-                    turn = turn @ verify.rotation(world.joints[j].axis, value).mid
+                    turn = turn @ balls.rotation(world.joints[j].axis, value).mid
                 else:
                     at = at + turn @ world.joints[j].axis.mid * value
             expected = exact.at(np.array([now]))[0]

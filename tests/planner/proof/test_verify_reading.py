@@ -12,13 +12,20 @@ import numpy as np
 import pytest
 
 import hdplan
-import hdplan.verify as verify
 from hdplan.planner.geometry.mesh_files import read_mesh_file
-from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.robot_files.library import data_folder
+from hdplan.scenes.robot_files.library import data_folder, library_package_dirs
 from hdplan.scenes.robot_spec import PlanarBase
-from hdplan.verify import RejectedError, World
+from hdplan.verify import RejectedError
+from hdplan.verify.balls import Ball, rotation
+from hdplan.verify.effects import statement
+from hdplan.verify.kernel import Motion
+from hdplan.verify.meshes import triangles
+from hdplan.verify.reading import read_world
+from hdplan.verify.semantics import Semantics
+from hdplan.verify.world import World
+
+from .worlds import read, read_and_planned, words_of
 
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
@@ -28,7 +35,7 @@ def test_collada_files_are_read_as_hdplan_reads_them_or_refused() -> None:
     read = 0
     for file in sorted(data_folder().glob("**/*.dae"))[::5]:
         try:
-            found = verify.triangles(file, file.read_bytes())
+            found = triangles(file, file.read_bytes(), upright=False)
         except RejectedError as error:
             assert "COLLADA" in str(error) or "key" in str(error)  # noqa: PT017
             continue
@@ -58,7 +65,7 @@ def test_nodes_of_a_collada_file_place_each_other() -> None:
     other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
     start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
     for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
-        found = verify.triangles(Path("a.dae"), text.encode())
+        found = triangles(Path("a.dae"), text.encode(), upright=False)
         assert (np.abs(found.mid - points[[[0, 1, 2], [0, 1, 2], [0, 2, 3]]]) <= found.rad).all()
         assert found.rad.max() < 1e-12
 
@@ -85,11 +92,11 @@ def test_nodes_of_a_collada_file_place_each_other() -> None:
 def test_other_collada_files_are_refused(before: str, after: str) -> None:
     assert before in DAE
     with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
-        verify.triangles(Path("a.dae"), DAE.replace(before, after).encode())
+        triangles(Path("a.dae"), DAE.replace(before, after).encode(), upright=False)
 
 
-def world(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> World:
-    """Scene and a short motion as the checker reads them, after a change to the scene's text."""
+def files(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> tuple[Path, Path]:
+    """Write a scene and a short motion, after a change to the scene's text."""
     scene.save(folder / "scene.yaml")
     setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
     rows = np.array([setup.query.start, setup.query.start + 0.01])
@@ -97,7 +104,13 @@ def world(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str)
     text = (folder / "scene.yaml").read_text()
     (folder / "scene.yaml").write_text(change(text))
     assert (change(text) == text) == (change is str)
-    return world_of(setup, folder / "scene.yaml", folder / "m.json")
+    return folder / "scene.yaml", folder / "m.json"
+
+
+def world(scene: hdplan.Scene, folder: Path) -> World:
+    """Scene and a short motion as the checker reads them, equal to hdplan's."""
+    two = files(scene, folder)
+    return read_and_planned(Setup.of(hdplan.load_scene(two[0])), *two)
 
 
 def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
@@ -108,9 +121,9 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
     found = world(scene, tmp_path)
     robot = hdplan.load_robot(spec)
     assert tuple(joint.name for joint in found.joints) == robot.joint_names
-    assert [(joint.low, joint.high) for joint in found.joints[:3]] == [(-2, 2), (-1, 3), (-3, 3)]
-    motion = verify.Motion(found, np.array([[0.0, 1.0]]))
-    turn = verify.rotation(verify.Ball([0.0, 0.0, 1.0]), 1.105).mid
+    assert found.rest[0]["position"][:3] == [[-2, 2], [-1, 3], [-3, 3]]
+    motion = Motion(found, np.array([[0.0, 1.0]]))
+    turn = rotation(Ball([0.0, 0.0, 1.0]), 1.105).mid
     assert np.allclose(motion.at.mid[0, 2], [1.305, -0.195, 0.2], atol=1e-12)
     assert np.allclose(motion.turn.mid[0, 2], turn, atol=1e-12)
 
@@ -119,7 +132,7 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
     ("before", "after", "words"),
     [
         ("locked: {", "locked: {on: 1, ", "not a word"),
-        ('name: "panda"', 'name: "panda"\n  srdf: other.srdf', "either a name or files"),
+        ('name: "panda"', 'name: "panda"\n  urdf: other.urdf', "either a name or a file"),
         ('name: "panda"', 'name: "panda"\n  name: panda', "stands twice"),
         ("hdplan: 1", "hdplan: 1\npayload: {mass: 1, mass: 2}", "stands twice"),
     ],
@@ -129,22 +142,47 @@ def test_what_hides_in_a_scene_is_refused(before: str, after: str, words: str, t
         robot=hdplan.RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}), start=HOME, goal=HOME
     )
     with pytest.raises(RejectedError, match=words):
-        world(scene, tmp_path, lambda text: text.replace(before, after, 1))
+        read(*files(scene, tmp_path, lambda text: text.replace(before, after, 1)))
 
 
 def test_a_key_that_stands_twice_in_a_motion_is_refused(tmp_path: Path) -> None:
-    scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
-    found = world(scene, tmp_path)
-    text = (tmp_path / "m.json").read_text()
-    (tmp_path / "m.json").write_text(text.replace("{", '{"joint_names": [], ', 1))
+    two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
+    text = two[1].read_text()
+    two[1].write_text(text.replace("{", '{"joint_names": [], ', 1))
     with pytest.raises(RejectedError, match="stands twice"):
-        World(found.scene, tmp_path / "m.json", {"files": {}, "held": found.held}, {})
+        read(*two)
 
 
-@pytest.mark.parametrize("tag", ["enable_collisions", "disable_default_collisions"])
-def test_an_srdf_that_turns_pairs_on_and_off_at_large_is_refused(tag: str) -> None:
-    with pytest.raises(RejectedError, match=tag):
-        verify.excused(verify.tree(f'<robot><{tag} link="a" link1="a" link2="b"/></robot>'.encode()))
+def test_a_motion_without_positions_has_no_others_in_their_place(tmp_path: Path) -> None:
+    two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
+    said = json.loads(two[1].read_text())
+    two[1].write_text(json.dumps({**said, "times": [0, 1], "velocities": said.pop("positions")} | {"positions": None}))
+    with pytest.raises(RejectedError, match="has no positions"):
+        read(*two)
+
+
+PAIRS = ("enable_collisions", "disable_collisions")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_srdf_that_turns_pairs_on_and_off_at_large_is_read_as_hdplan_reads_it(seed: int, tmp_path: Path) -> None:
+    rng, links = np.random.default_rng(seed), [f"panda_link{i}" for i in range(8)]
+    words = [f'<disable_default_collisions link="{x}"/>' for x in rng.choice(links, 2)]
+    words += [
+        '<{} link1="{}" link2="{}" reason="x"/>'.format(rng.choice(PAIRS), *rng.choice(links, 2, replace=False))
+        for _ in range(8)
+    ]
+    (tmp_path / "r.srdf").write_text(f'<robot name="panda">{"".join(rng.permutation(words))}</robot>')
+    (tmp_path / "r.urdf").write_bytes((data_folder() / "panda_description/urdf/panda.urdf").read_bytes())
+    robot = hdplan.RobotSpec(urdf=tmp_path / "r.urdf", srdf=tmp_path / "r.srdf", package_dirs=library_package_dirs())
+    found = world(hdplan.Scene(robot=robot, start=HOME, goal=HOME), tmp_path)
+    assert "the SRDF" in found.left_out.values()
+
+
+def test_an_srdf_s_words_that_are_not_known_are_refused() -> None:
+    for words in ('<enable_colisions link1="a" link2="b"/>', '<disable_collisions link1="a" lnk2="b"/>'):
+        with pytest.raises(RejectedError, match="not known"):
+            Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 
 def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> None:
@@ -153,31 +191,47 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
     for room, good in ((0.0101, True), (0.0099, False)):
         start = [2.8973 - room, *HOME[1:]]
         scene = hdplan.Scene(robot="panda", start=start, goal=start)
-        found = world(scene, tmp_path)
         for asked, fine in (({}, good), ({"panda_joint1": [-9, 9]}, good), ({"panda_joint1": [0, start[0]]}, False)):
-            found.top["limits"] = {"position": asked}
+            more = f"{json.dumps({'limits': {'position': asked}})[1:-1]}\n"
+            found = read(*files(scene, tmp_path, lambda text, more=more: text + more))
             if fine:
-                verify.statement(found, head)
+                statement(found, head)
             else:
                 with pytest.raises(RejectedError, match="'panda_joint1' is beyond it"):
-                    verify.statement(found, head)
+                    statement(found, head)
 
 
-def test_the_process_of_the_checker_is_limited(tmp_path: Path) -> None:
-    """Memory and time that files may cost are bounded, whatever they say."""
-    code = "import hdplan.verify as v, sys; v.MOST_TIME = 1; v.limit()\n"
-    if sys.platform != "linux":
-        pytest.skip("limits of processes are those of Linux")
-    for attack, words in (("bytearray(3 << 30)", "MemoryError"), ("while True: pass", "RejectedError: needs more")):
-        done = subprocess.run([sys.executable, "-c", code + attack], capture_output=True, text=True, check=False)
-        assert done.stderr.strip().splitlines()[-1].split(".")[-1].startswith(words)
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of processes are those of Linux")
+@pytest.mark.parametrize(
+    ("attack", "words"),
+    [
+        ("bytearray(3 << 30)", "rejected: needs more memory than it may take"),
+        ("while True: pass", "rejected: needs more than 1 s of a processor"),
+        ("import time; time.sleep(60)", "rejected: needs more than 2 s"),
+    ],
+)
+def test_the_process_of_the_checker_is_limited(attack: str, words: str) -> None:
+    """Memory and time that files may cost are bounded, whatever they say, by the clock as well."""
+    code = f"""from hdplan.verify import balls, checking, __main__
+checking.MOST_TIME, checking.MOST_WAIT = 1, 2
+def check(*_):
+    with balls.rejecting():
+        exec({attack!r})
+__main__.check = check
+sys.exit(__main__.main([{__file__!r}] * 3))"""
+    run = [sys.executable, "-c", f"import sys\n{code}"]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=20)
+    assert (done.returncode, done.stdout, done.stderr) == (1, f"{words}\n", "")
 
 
-def test_the_statement_names_the_robot_s_file(tmp_path: Path) -> None:
-    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
-    said = verify.statement(found, {"clearance": None, "self_clearance": 1e-3, "claims": []})
-    assert f"robot: {found.urdf}" in said
-    assert json.dumps(found.files["urdf"])[1:9] in said
+def test_the_statement_names_the_files_that_were_read(tmp_path: Path) -> None:
+    two = files(hdplan.Scene(robot="panda", start=HOME, goal=[HOME[0] + 0.01, *[x + 0.01 for x in HOME[1:]]]), tmp_path)
+    proof = hdplan.prove(*two)
+    said = words_of(*two, proof.data).splitlines()
+    hashes = read_world(*two).hashes
+    assert {"scene", "urdf", "srdf"} < {*hashes}
+    for key, digest in hashes.items():
+        assert (f"  {key}: SHA-256 {digest[:16]}" in said) == (key != "motion")
 
 
 @pytest.mark.parametrize(("least", "whole"), [(0.02, True), (0.019, False), (None, True)])
@@ -187,8 +241,8 @@ def test_a_clearance_between_links_that_is_not_reached_is_said(
     """None: there are no two links to be kept apart."""
     asked = hdplan.SelfCollision(clearance=0.02)
     found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=asked), tmp_path)
-    said = verify.statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
-    assert ("self_collision.clearance, 20 mm" not in said) == whole
+    said, _ = statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
+    assert ("a clearance of 20 mm (links)" not in said.splitlines()[0]) == whole
 
 
 @pytest.mark.parametrize(
@@ -197,18 +251,24 @@ def test_a_clearance_between_links_that_is_not_reached_is_said(
         ('<mass value="1"/>', '<mass value="1"/><mass value="2"/>'),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'),
         ('<origin xyz="0 0 1"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 2"/>'),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><limit uper="1"/>'),
+        ('<link name="a"/>', '<link name="a"><collision_checking><capsule name="x"/></collision_checking></link>'),
+        ('<link name="a"/>', '<link name="a"><origin xyz="0 0 1"/></link>'),
     ],
 )
-def test_what_stands_twice_in_a_urdf_is_refused(before: str, after: str, tmp_path: Path) -> None:
+def test_what_stands_twice_in_a_urdf_or_is_not_known_is_refused(before: str, after: str, tmp_path: Path) -> None:
     text = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
 <origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
     assert before in text
-    (tmp_path / "s.yaml").write_text("hdplan: 1\nrobot: {urdf: r.urdf}\nstart: {joints: [0]}\ngoal: {joints: [0]}\n")
-    (tmp_path / "m.json").write_text('{"joint_names": ["j"], "positions": [[0], [1]]}')
+    scene = (
+        "hdplan: 1\nrobot: {urdf: r.urdf}\nstart: {joints: [0]}\ngoal: {joints: [0]}\nlimits: {torque: 5, velocity: 1}"
+    )
+    (tmp_path / "s.yaml").write_text(scene)  # so that masses matter
+    motion = '{"hdplan_trajectory": 1, "joint_names": ["j"], "positions": [[0], [1]], "times": [0, 2]}'
+    (tmp_path / "m.json").write_text(motion)
     (tmp_path / "r.urdf").write_text(text)
-    said = {"files": {}, "held": {}}
-    assert len(World(tmp_path / "s.yaml", tmp_path / "m.json", said, {}).joints) == 1
+    assert len(read(tmp_path / "s.yaml", tmp_path / "m.json").joints) == 1
     (tmp_path / "r.urdf").write_text(text.replace(before, after))
-    with pytest.raises(RejectedError, match=r"twice|origin"):
-        World(tmp_path / "s.yaml", tmp_path / "m.json", said, {})
+    with pytest.raises(RejectedError, match=r"twice|origin|not known"):
+        read(tmp_path / "s.yaml", tmp_path / "m.json")

@@ -132,12 +132,20 @@ def test_what_is_harmless_is_named_once_or_free_at_top_level(tmp_path: Path) -> 
     top = "<gazebo><u/></gazebo><transmission/><x:thing xmlns:x='urn:x'/><ros2_control/><!-- words --><?pi x?></robot>"
     assert tree(tmp_path, ARM.replace("</robot>", top)) == ()
     assert tree(tmp_path, ARM.replace("</robot>", "\\</robot>")) == ("not part of URDF, ignored: the text '\\'",)
-    inside = "<contact/><self_collision_checking/></link>"
+    sensor = "<sensor name='eye'><origin xyz='1 0 0'/><contact x='1'/></sensor>"
+    inside = f"<contact/>{sensor}<self_collision_checking/></link>"
     (note,) = tree(tmp_path, ARM.replace("</link>", inside).replace('upper="1"', 'upper="1" current="3"'))
-    assert note == "not part of URDF, ignored: contact in link, self_collision_checking in link, current of limit"
+    ignored = ("contact in link", "sensor in link", "self_collision_checking in link", "current of limit")
+    assert note == f"not part of URDF, ignored: {', '.join(ignored)}"
     known = ({*words} for words in (*HARMLESS.values(), *HARMLESS_ATTRIBUTES.values()))
     assert all(why for words in (*HARMLESS.values(), *HARMLESS_ATTRIBUTES.values()) for why in words.values())
     assert not {*ELEMENTS, *ATTRIBUTES, *WORDS} & set().union(*known) - {"origin", "material"}
+
+
+def test_spaces_around_numbers_say_nothing(tmp_path: Path) -> None:
+    mimic = '<mimic joint="other" multiplier=" -1. " offset="\t.5"/></joint>'
+    tree(tmp_path, ARM.replace("</joint>", mimic))
+    assert read_tree(Source(tmp_path / "arm.urdf")).mimics == {"turn": ("other", -1.0, 0.5)}
 
 
 def test_every_robot_of_the_library_is_read() -> None:

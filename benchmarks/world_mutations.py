@@ -1,0 +1,674 @@
+"""Change worlds and proofs at random, and see what the kernel of the checker accepts.
+
+    python benchmarks/world_mutations.py [--count N] [--seed S] [--seconds T] [--scene NAME ...]
+
+Numbers, signs, indices and names of a world are changed, entries are dropped, doubled and exchanged, proofs get other
+leaves, directions, groups and claims. Whatever the kernel accepts is judged from the changed world alone, by Pinocchio
+and coal, without hdplan and without the kernel: at 200 moments of the motion bodies must be as far apart as stated, and
+limits, torques, path constraints, start, goal and duration must be kept as claimed. Prints a table with a row per kind
+of change: "false" must be 0, as must errors other than a rejection. Of the changed worlds that are rejected, every
+tenth is judged, too: the judge must find many of them false.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import json
+import pickle
+import sys
+import tempfile
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import BPoly
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation, Slerp
+
+import hdplan
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
+from hdplan.verify.kernel import CLAIMS, MAGIC, accept
+
+Random = np.random.Generator
+World = dict[str, Any]
+
+SCENES = (
+    *("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_carry", "panda_conveyor", "panda_heavy"),
+    *("panda_grasp", "panda_cage", "panda_table_pick"),
+)
+MOMENTS = 200
+SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and what the kernel lets ends be off
+
+
+# --- the judge --------------------------------------------------------------------------------------------------------
+
+
+def se3(said: World) -> pin.SE3:
+    return pin.SE3(np.reshape(said["rotation"], (3, 3)).astype(float), np.array(said["position"], dtype=float))
+
+
+def triangles_of(shape: World) -> Any:
+    """The triangles (F, 3, 3) of a mesh, or of the hull of points; None for any other shape."""
+    if shape["type"] == "mesh":
+        return np.array(shape["points"], dtype=float)[np.array(shape["triangles"], dtype=int)]
+    if shape["type"] == "points":
+        points = np.array(shape["points"], dtype=float)
+        return points[ConvexHull(points).simplices]
+    return None
+
+
+def geometry_of(shape: World) -> Any:
+    """coal's geometry of a shape."""
+    kind, r, length = shape["type"], shape.get("radius"), shape.get("length")
+    if (corners := triangles_of(shape)) is not None:
+        mesh = coal.BVHModelOBBRSS()
+        mesh.beginModel(len(corners), 3 * len(corners))
+        for one, two, three in corners:
+            mesh.addTriangle(one, two, three)
+        mesh.endModel()
+        return mesh
+    if kind == "box":
+        return coal.Box(*map(float, shape["size"]))
+    if kind == "ellipsoid":
+        return coal.Ellipsoid(*map(float, shape["radii"]))
+    return coal.Sphere(r) if kind == "sphere" else getattr(coal, kind.capitalize())(r, length)
+
+
+def inside(point: Any, corners: Any) -> bool:
+    """Whether a ray from a point meets triangles (F, 3, 3) an odd number of times."""
+    way = np.array([0.6180339, 0.3247179, 0.7161573])
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    h = np.cross(way, two)
+    det = np.einsum("fi,fi->f", one, h)
+    s = point - corners[:, 0]
+    with np.errstate(all="ignore"):
+        u = np.einsum("fi,fi->f", s, h) / det
+        q = np.cross(s, one)
+        v, t = q @ way / det, np.einsum("fi,fi->f", q, two) / det
+    return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
+
+
+class Judge:
+    """A world as Pinocchio and coal have it, at moments of its motion."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        model = pin.Model()
+        for i, joint in enumerate(world["joints"]):
+            axis = np.array(joint["axis"], dtype=float)
+            kind = pin.JointModelRevoluteUnaligned if joint["kind"] == "revolute" else pin.JointModelPrismaticUnaligned
+            model.addJoint(joint["parent"] + 1, kind(axis), se3(joint), f"j{i}")
+        for i, load in enumerate(world.get("loads", [])):
+            xx, xy, xz, yy, yz, zz = load["inertia"]  # about the joint's origin
+            body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
+            body = body if abs(load["mass"]) > 1e-100 else pin.Inertia.Zero()
+            model.inertias[i + 1] = body
+        self.model, self.data = model, model.createData()
+        self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
+        self._move(world["motion"])
+        self.frames = []
+        for q in self.q:
+            pin.forwardKinematics(model, self.data, q)
+            self.frames.append([x.copy() for x in self.data.oMi])
+
+    def _move(self, motion: World) -> None:
+        """Values and rates of all joints at the moments."""
+        rows, times, joints = np.array(motion["positions"], dtype=float), motion["times"], self.world["joints"]
+        knots = np.arange(len(rows), dtype=float) if times is None else np.array(times, dtype=float)
+        rng, n = np.random.default_rng(0), len(knots) - 1
+        at = np.sort(rng.uniform(0, n, MOMENTS - min(n + 1, MOMENTS // 2)))
+        at = np.sort(np.r_[at, np.linspace(0, n, min(n + 1, MOMENTS // 2))])
+        low = np.minimum(at.astype(int), n - 1)
+        self.at = knots[low] + (at - low) * (knots[low + 1] - knots[low])
+        rates = [rows, *(np.array(motion[x], dtype=float) for x in ("velocities", "accelerations") if x in motion)]
+        curve = BPoly.from_derivatives(knots, np.stack(rates, axis=1))
+        lead = iter(range(rows.shape[1]))
+        column = {i: next(lead) for i, x in enumerate(joints) if x["follows"] is None}
+        self.values = list[Any]()
+        for order in range(4):
+            found = (
+                (curve if order == 0 else curve.derivative(order))(self.at)
+                if order < curve.c.shape[0]
+                else 0 * self.values[0]
+            )
+            full = np.zeros((len(self.at), len(joints)))
+            for i, x in enumerate(joints):
+                j, factor, add = x["follows"] or (i, 1.0, 0.0)
+                full[:, i] = (
+                    factor * found[:, column[j]] + (add if order == 0 else 0.0) if order < curve.c.shape[0] else 0.0
+                )
+            self.values.append(full)
+        self.q = self.values[0]
+
+    def link(self, name: str, k: int) -> pin.SE3:
+        """A link's frame at a moment."""
+        said = self.world["links"][name]
+        return self.frames[k][said["joint"] + 1] * se3(said)
+
+    def bodies(self, said: World) -> Any:
+        """A body's frames (k, 4, 4) at all moments."""
+        motion = self.world["motions"].get(said["name"]) if said["kind"] == "obstacle" else None
+        if motion is None:
+            moved = np.array([x[said["joint"] + 1].homogeneous for x in self.frames])
+        elif "times" in motion:
+            times, poses = np.array(motion["times"], dtype=float), [se3(x) for x in motion["frames"]]
+            now, moved = np.clip(self.at, times[0], times[-1]), np.tile(np.eye(4), (len(self.at), 1, 1))
+            moved[:, :3, :3] = Slerp(times, Rotation.from_matrix([x.rotation for x in poses]))(now).as_matrix()
+            moved[:, :3, 3] = np.transpose([np.interp(now, times, [x.translation[i] for x in poses]) for i in range(3)])
+        else:
+            moved = np.tile(se3(motion).homogeneous, (len(self.at), 1, 1))
+            spun = Rotation.from_rotvec(self.at[:, None] * np.array(motion["spin"], dtype=float)).as_matrix()
+            moved[:, :3, :3] = spun @ moved[:, :3, :3]
+            moved[:, :3, 3] += self.at[:, None] * np.array(motion["velocity"], dtype=float)
+        return moved @ se3(said).homogeneous
+
+    def too_close(self, head: World) -> str:
+        """Bodies that are closer than stated, or within one another."""
+        world, bodies = self.world, self.world["bodies"]
+        left_out = {frozenset(x[:2]) for x in world["not_compared"]}
+        made = [geometry_of(x["shape"]) for x in bodies]
+        for each in made:
+            each.computeLocalAABB()
+        centers, radii = np.array([x.aabb_center for x in made]), np.array([x.aabb_radius for x in made])
+        places = [self.bodies(x) for x in bodies]
+        seen = [x[:, :3, :3] @ c + x[:, :3, 3] for x, c in zip(places, centers, strict=True)]
+        usual = world["clearances"]["obstacles"] if "clearance" in head["claims"] else 0.0
+        for i, one in enumerate(bodies):
+            for j in range(i + 1, len(bodies)):
+                two = bodies[j]
+                if one["kind"] == "obstacle" or one["name"] == two["name"]:
+                    continue
+                if frozenset((one["name"], two["name"])) in left_out:
+                    continue
+                least = head["self_clearance"]
+                if two["kind"] == "obstacle":
+                    least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
+                far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
+                for k in np.flatnonzero(far < least):
+                    a, b = (coal.Transform3s(places[x][k, :3, :3], places[x][k, :3, 3]) for x in (i, j))
+                    away = coal.distance(made[i], a, made[j], b, coal.DistanceRequest(), coal.DistanceResult())
+                    if away < least - SLACK:
+                        return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, not {least}"
+                if two["kind"] != "link" and (why := self.contained(i, j, places, centers)):
+                    return why
+        return ""
+
+    def contained(self, i: int, j: int, places: list[Any], centers: Any) -> str:
+        """Whether one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
+        bodies = self.world["bodies"]
+        for x, y in ((i, j), (j, i)):
+            corners = triangles_of(bodies[y]["shape"])
+            if corners is not None:
+                own = triangles_of(bodies[x]["shape"])
+                point = own[0, 0] if own is not None else centers[x]
+                one, two = places[x][0], places[y][0]
+                if inside(two[:3, :3].T @ (one[:3, :3] @ point + one[:3, 3] - two[:3, 3]), corners):
+                    return f"{bodies[x]['name']} within {bodies[y]['name']}"
+        return ""
+
+    def claimed(self, head: World, whole: bool) -> str:
+        """A claim beside clearances that is not so."""
+        world, claims = self.world, {*head["claims"]}
+        limits = world["limits"]
+        wanted = {"start", "goal", "limits", *(x for x in limits if x != "position")}
+        wanted |= {"path"} if world["path"] else set()
+        wanted |= {"duration"} if world["duration"] is not None else set()
+        if whole and (not wanted <= claims or world["also"]):
+            return f"whole, without {wanted - claims}"
+        if "limits" in claims:
+            low, high = np.array([[y if x is None else x for x, y in zip(r, (-np.inf, np.inf), strict=True)]
+                                  for r in limits["position"]], dtype=float).T  # fmt: skip
+            if ((self.q < low - SLACK) | (self.q > high + SLACK)).any():
+                return "position limits"
+        for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+            most = np.array([np.inf if x is None else x for x in limits.get(name, [])], dtype=float)
+            if name in claims and (np.abs(self.values[order]) > most * (1 + SLACK) + SLACK).any():
+                return name
+        if "torque" in claims:
+            most = np.array([np.inf if x is None else x for x in limits["torque"]], dtype=float)
+            for q, v, a in zip(*self.values[:3], strict=True):
+                if (np.abs(pin.rnea(self.model, self.data, q, v, a)) > most * (1 + SLACK) + SLACK).any():
+                    return "torque"
+        if (
+            "duration" in claims
+            and abs(world["motion"]["times"][-1] - world["motion"]["times"][0] - world["duration"]) > 2 * SLACK
+        ):
+            return "duration"
+        for end, k in (("start", 0), ("goal", -1)):
+            if end in claims and not any(self.there(x, end, k) for x in world[end]):
+                return end
+        return self.off_path() if "path" in claims else ""
+
+    def there(self, target: World, end: str, k: int) -> bool:
+        """Whether the motion is at a target at its end."""
+        world = self.world
+        if "poses" in target:
+            tolerances = ("position_tolerance", "orientation_tolerance", "free")
+            good = (self.near(self.link(x["link"], k), se3(x), *(x[y] for y in tolerances)) for x in target["poses"])
+            return end == "goal" and all(good)
+        lead = [i for i, x in enumerate(world["joints"]) if x["follows"] is None]
+        names = {x["name"]: self.q[k][i] for i, x in enumerate(world["joints"])} | world["held"]
+        off = np.abs(self.q[k][lead] - target["joints"])
+        for n, i in enumerate(lead):
+            if (
+                world["limits"]["position"][i] == [None, None]
+                and world["joints"][i]["kind"] == "revolute"
+                and end == "goal"
+            ):
+                off[n] = abs((off[n] + np.pi) % (2 * np.pi) - np.pi)
+        return bool((off < 2 * SLACK).all()) and all(abs(names[x] - y) < 2 * SLACK for x, y in target["others"].items())
+
+    def near(self, frame: pin.SE3, to: pin.SE3, off: float, angle: float, free: str) -> bool:
+        """Whether a frame is at another one, within tolerances."""
+        if np.linalg.norm(frame.translation - to.translation) > off + SLACK:
+            return False
+        if free == "none":
+            return bool(np.linalg.norm(pin.log3(to.rotation.T @ frame.rotation)) <= angle + SLACK)
+        if free == "all":
+            return True
+        i = "xyz".index(free)
+        return bool(np.arccos(np.clip(frame.rotation[:, i] @ to.rotation[:, i], -1, 1)) <= angle + SLACK)
+
+    def off_path(self) -> str:
+        """A path constraint that is not kept."""
+        for said in self.world["path"]:
+            first = None
+            for k in range(len(self.at)):
+                frame = self.link(said["link"], k)
+                if said["kind"] == "upright":
+                    up = (frame.rotation @ np.array(said["axis"], dtype=float))[2]
+                    good = np.arccos(np.clip(up, -1, 1)) <= said["tolerance"] + SLACK
+                elif said["kind"] == "position":
+                    inner = se3(said).actInv(frame.act(np.array(said["point"], dtype=float)))
+                    good = all(s is None or abs(x) <= s / 2 + SLACK for x, s in zip(inner, said["size"], strict=True))
+                else:
+                    relative = self.link(said["to"], k).actInv(frame)
+                    first = first or (relative if said["frame"] is None else se3(said["frame"]))
+                    good = self.near(relative, first, said["position_tolerance"], said["orientation_tolerance"], "none")
+                if not good:
+                    return f"path.{said['kind']} at {self.at[k]}"
+        return ""
+
+
+def judged(world: World, head: World, whole: bool) -> str:
+    """What is false of an accepted proof in a world; nothing for what is true."""
+    judge = Judge(world)
+    return judge.claimed(head, whole) or judge.too_close(head)
+
+
+# --- proofs and worlds ------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Case:
+    """A world and a proof in it, taken apart."""
+
+    world: World
+    head: World
+    cuts: dict[str, Any]
+    counts: Any  # of leaves, of each pair
+    depths: Any
+    normals: Any
+    rows: Any  # where hulls are apart
+    ways: Any
+
+    @classmethod
+    def of(cls, scene: str) -> Case:
+        """Plan and prove a shipped scene."""
+        with tempfile.TemporaryDirectory() as folder:
+            hdplan.plan(hdplan.load_scene(scene), time_limit=60).save(Path(folder) / "motion.json")
+            data = hdplan.prove(scene, Path(folder) / "motion.json").data
+            world = check(find_scene(scene), Path(folder) / "motion.json", data)[1]
+        first, _, rest = zlib.decompress(data[len(MAGIC) :]).split(b"\n", 2)
+        head, at = json.loads(first), 0
+        sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
+        sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
+        arrays = []
+        for count, kind in sizes:
+            arrays.append(np.frombuffer(rest, kind, count, at).astype(np.int64))
+            at += count * int(kind[2])
+        *groups, counts, depths, normals, rows, ways = arrays
+        cuts = dict(zip(head["cuts"], groups, strict=True))
+        return cls(
+            json.loads(json.dumps(world)), head, cuts, counts, depths, normals.reshape(-1, 3), rows, ways.reshape(-1, 3)
+        )
+
+    def packed(self) -> bytes:
+        """The proof's file, whose head counts what there is."""
+        head = {**self.head, "cuts": {k: len(x) for k, x in self.cuts.items()}, "pairs": len(self.counts)}
+        head |= {"leaves": len(self.depths), "once": len(self.rows)}
+        parts = [(x, "<u2") for x in self.cuts.values()]
+        parts += [
+            (self.counts, "<u4"),
+            (self.depths, "<u1"),
+            (self.normals, "<i4"),
+            (self.rows, "<u4"),
+            (self.ways, "<i4"),
+        ]
+        lines = f"{json.dumps(head)}\nnull\n".encode()
+        return MAGIC + zlib.compress(lines + b"".join(x.astype(kind).tobytes() for x, kind in parts), 1)
+
+
+Place = tuple[Any, Any, str]  # a list or mapping, a key of it, and the path to it
+
+
+def places(value: Any, path: str = "") -> Iterator[Place]:
+    """All entries of a world; of long lists of numbers some."""
+    keys = [*value] if isinstance(value, dict) else list(range(len(value)))
+    if isinstance(value, list) and len(keys) > 60:
+        keys = keys[:: len(keys) // 30]
+    for key in keys:
+        yield value, key, f"{path}.{key}"
+        if isinstance(value[key], (dict, list)):
+            yield from places(value[key], f"{path}.{key}")
+
+
+def chosen(rng: Random, world: World, kinds: tuple[type, ...], within: str = "") -> Place:
+    """A random entry of some kinds: first of the world's keys, so that none is drowned."""
+    for _ in range(100):
+        top = str(rng.choice(within.split() or [*world]))
+        found = [x for x in places({top: world[top]}) if type(x[0][x[1]]) in kinds]
+        if found:
+            holder, key, path = found[int(rng.integers(len(found)))]
+            return (world, key, path) if holder is not world and path == f".{top}" else (holder, key, path)
+    raise ValueError(within)
+
+
+def number(case: Case, rng: Random) -> None:
+    """Change a number, a little or a lot."""
+    holder, key, _ = chosen(rng, case.world, (float,))
+    scale = 10.0 ** rng.uniform(-12, 1)
+    holder[key] += float(scale * rng.normal())
+
+
+def geometry(case: Case, rng: Random) -> None:
+    """Change a number of bodies, joints, motions or rows a little."""
+    holder, key, _ = chosen(rng, case.world, (float,), "bodies bodies joints motion motions")
+    holder[key] += float(10.0 ** rng.uniform(-5, -1) * rng.choice([-1, 1]))
+
+
+def moved(case: Case, rng: Random) -> None:
+    """Move or turn a body, a link or a joint as a whole."""
+    group = case.world[str(rng.choice(["bodies", "joints"]))]
+    said = group[int(rng.integers(len(group)))]
+    step = 10.0 ** rng.uniform(-5, -0.3)
+    turn = Rotation.from_rotvec(rng.normal(size=3) * step * rng.integers(2)).as_matrix()
+    said["rotation"] = (turn @ np.reshape(said["rotation"], (3, 3))).ravel().tolist()
+    said["position"] = (np.array(said["position"]) + rng.normal(size=3) * step).tolist()
+    said["off"] = max(said["off"], 1e-14)
+
+
+def resized(case: Case, rng: Random) -> None:
+    """Make a shape larger or smaller."""
+    shape = case.world["bodies"][int(rng.integers(len(case.world["bodies"])))]["shape"]
+    factor = 1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-5, 0)
+    for key in ("size", "radius", "radii", "length", "points"):
+        if key in shape:
+            shape[key] = (np.array(shape[key]) * factor).tolist()
+
+
+def sign(case: Case, rng: Random) -> None:
+    """Turn the sign of a number."""
+    holder, key, _ = chosen(rng, case.world, (float,))
+    holder[key] = -holder[key]
+
+
+def signs(case: Case, rng: Random) -> None:
+    """Turn an axis, a row of a rotation, a position or a velocity."""
+    holder, key, _ = chosen(rng, case.world, (list,), "joints bodies motions links path goal")
+    if all(type(x) in (int, float) for x in holder[key]):
+        holder[key] = [-x for x in holder[key]]
+
+
+def index(case: Case, rng: Random) -> None:
+    """Change a whole number: a parent, a carrier, a corner, a follower's leader."""
+    holder, key, _ = chosen(rng, case.world, (int,))
+    holder[key] += int(rng.choice([-2, -1, 1, 2]))
+
+
+def word(case: Case, rng: Random) -> None:
+    """Exchange a word for another one of the world."""
+    holder, key, _ = chosen(rng, case.world, (str,))
+    _, _, other = chosen(rng, case.world, (str,))
+    words = [h[k] for h, k, _ in places(case.world) if type(h[k]) is str]
+    holder[key] = str(rng.choice([*words, "prismatic", "revolute", "obstacle", "none", "linear", "", other]))
+
+
+def drop(case: Case, rng: Random) -> None:
+    """Leave out an entry of a list or mapping."""
+    holder, key, _ = chosen(rng, case.world, (dict, list, str, float, int))
+    del holder[key]
+
+
+def double(case: Case, rng: Random) -> None:
+    """Repeat an entry of a list, or another one's value."""
+    holder, key, _ = chosen(rng, case.world, (dict, list, float, int))
+    if isinstance(holder, list):
+        holder.insert(int(rng.integers(len(holder) + 1)), copy.deepcopy(holder[key]))
+    else:
+        holder[str(rng.choice([*holder]))] = copy.deepcopy(holder[key])
+
+
+def exchange(case: Case, rng: Random) -> None:
+    """Exchange two entries of a list or mapping: joints, bodies, rows, numbers."""
+    holder, key, _ = chosen(rng, case.world, (dict, list, float))
+    other = [*holder][int(rng.integers(len(holder)))] if isinstance(holder, dict) else int(rng.integers(len(holder)))
+    holder[key], holder[other] = holder[other], holder[key]
+
+
+def limit(case: Case, rng: Random) -> None:
+    """Narrow a limit, a tolerance, a range or a clearance, or change a target."""
+    keys = [x for x in ("limits", "path", "goal", "start", "clearances", "loads") if case.world.get(x)]
+    holder, key, _ = chosen(rng, case.world, (float,), " ".join(keys))
+    holder[key] *= float(1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, 0))
+
+
+def excused(case: Case, rng: Random) -> None:
+    """Leave a pair out, or compare one more, with or without its leaves."""
+    listed, names = case.world["not_compared"], [x["name"] for x in case.world["bodies"]]
+    if listed and rng.random() < 0.5:
+        del listed[int(rng.integers(len(listed)))]
+    else:
+        reasons = [x[2] for x in listed] + ["the SRDF", "neighbours", "moving as one", "both stand still"]
+        listed.append([*sorted(rng.choice(names, 2).tolist()), str(rng.choice(reasons))])
+    if rng.random() < 0.5:
+        pair = int(rng.integers(len(case.counts)))
+        first = int(case.counts[:pair].sum())
+        gone = np.arange(first, first + int(case.counts[pair]))
+        case.depths, case.normals = np.delete(case.depths, gone), np.delete(case.normals, gone, axis=0)
+        case.counts = np.delete(case.counts, pair)
+
+
+def wild(case: Case, rng: Random) -> None:
+    """Put something else in the place of a value."""
+    holder, key, _ = chosen(rng, case.world, (dict, list, str, float, int, bool))
+    some: list[Any] = [
+        None,
+        True,
+        False,
+        0,
+        1,
+        -1,
+        10**9,
+        1e300,
+        1e-320,
+        "",
+        "x",
+        [],
+        {},
+        [[]],
+        [0.0, 0.0, 0.0],
+        float("nan"),
+    ]
+    holder[key] = some[int(rng.integers(len(some)))]
+
+
+def clearance(case: Case, rng: Random) -> None:
+    """Claim another clearance."""
+    key = str(rng.choice(["clearance", "self_clearance"]))
+    if case.head[key] is not None:
+        case.head[key] *= float(1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-8, 0.5))
+
+
+def claims(case: Case, rng: Random) -> None:
+    """Claim something else, something more or less."""
+    said = {*case.head["claims"]} ^ {*rng.choice(sorted(CLAIMS), int(rng.integers(1, 3))).tolist()}
+    case.head["claims"] = sorted(said)
+
+
+def head(case: Case, rng: Random) -> None:
+    """Change a value of the head."""
+    some: list[Any] = [None, True, 0, -1, 0.5, 1e-9, "x", [], {}, ["limits", "limits"]]
+    case.head[str(rng.choice([*case.head]))] = some[int(rng.integers(len(some)))]
+
+
+def direction(case: Case, rng: Random) -> None:
+    """Turn directions of leaves, exchange or turn them round."""
+    for _ in range(int(rng.integers(1, 4))):
+        i, j = rng.integers(len(case.normals), size=2)
+        size = np.linalg.norm(case.normals[i])
+        match int(rng.integers(3)):
+            case 0:
+                case.normals[i] = np.rint(case.normals[i] + rng.normal(size=3) * size * 10.0 ** rng.uniform(-6, 0.5))
+            case 1:
+                case.normals[i] = -case.normals[i]
+            case _:
+                case.normals[[i, j]] = case.normals[[j, i]]
+    case.normals = case.normals.clip(-(2**31), 2**31 - 1)
+
+
+def leaf(case: Case, rng: Random) -> None:
+    """Drop, repeat or unite leaves, or change their depths."""
+    i = int(rng.integers(len(case.depths)))
+    pair = int(np.searchsorted(np.cumsum(case.counts), i, side="right"))
+    if (way := int(rng.integers(4))) == 0:
+        case.depths, case.normals = np.delete(case.depths, i), np.delete(case.normals, i, axis=0)
+        case.counts[pair] -= 1
+    elif way == 1:
+        case.depths = np.insert(case.depths, i, case.depths[i])
+        case.normals = np.insert(case.normals, i, case.normals[i], axis=0)
+        case.counts[pair] += 1
+    elif way == 2 and i + 1 < len(case.depths) and case.depths[i] == case.depths[i + 1] > 0:  # two halves as one
+        case.depths, case.normals = np.delete(case.depths, i), np.delete(case.normals, i, axis=0)
+        case.depths[i] -= 1
+        case.counts[pair] -= 1
+    else:
+        case.depths[i] = int(rng.integers(60))
+
+
+def groups(case: Case, rng: Random) -> None:
+    """Divide a mesh otherwise, or name another body; or other rows and directions where hulls are apart."""
+    names = [*case.cuts]
+    if names and rng.random() < 0.7:
+        name = str(rng.choice(names))
+        if rng.random() < 0.2:
+            case.cuts[str(rng.choice([x["name"] for x in case.world["bodies"]]))] = case.cuts.pop(name)
+        else:
+            said, labels = case.cuts[name], np.unique(case.cuts[name])
+            if rng.random() < 0.3:  # other numbers of the same groups
+                case.cuts[name] = rng.permutation(labels.max() + 3)[said]
+            else:
+                rows = rng.integers(len(said), size=int(rng.integers(1, 5)))
+                said[rows] = rng.choice([*labels, labels.max() + int(rng.integers(2))], size=len(rows))
+    elif len(case.rows):
+        i = int(rng.integers(len(case.rows)))
+        if rng.random() < 0.5:
+            case.rows[i] = int(rng.integers(60))
+        else:
+            case.ways[i] = -case.ways[i]
+    else:
+        leaf(case, rng)
+
+
+def order(case: Case, rng: Random) -> None:
+    """Exchange the leaves of two pairs."""
+    ends = np.cumsum(case.counts)
+    i, j = rng.integers(len(ends), size=2)
+    parts = [np.arange(e - n, e) for e, n in zip(ends, case.counts, strict=True)]
+    parts[i], parts[j] = parts[j], parts[i]
+    case.counts[[i, j]] = case.counts[[j, i]]
+    rows = np.concatenate(parts)
+    case.depths, case.normals = case.depths[rows], case.normals[rows]
+
+
+CHANGES: dict[str, Callable[[Case, Random], None]] = {
+    f"world: {x.__name__}": x
+    for x in (number, geometry, moved, resized, sign, signs, index, word, drop, double, exchange, limit, excused, wild)
+}
+CHANGES |= {f"proof: {x.__name__}": x for x in (clearance, claims, head, direction, leaf, groups, order)}
+
+
+def outcome(case: Case, known: dict[str, str]) -> str:
+    """What the kernel says of a changed world and proof, and the judge of what it accepts."""
+    try:
+        _, whole = accept(case.world, case.packed())
+    except RejectedError:
+        return "rejected"
+    key = json.dumps([case.world, case.head["claims"], case.head["clearance"], case.head["self_clearance"], whole])
+    if key not in known:
+        known[key] = judged(case.world, case.head, whole)
+    return f"false: {known[key]}" if known[key] else "true"
+
+
+def main() -> None:
+    """Run the campaign from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=np.inf, help="of a processor, after which no more is changed")
+    parser.add_argument("--scene", action="append", help=f"by default {', '.join(SCENES)}")
+    options = parser.parse_args()
+    cases, found = [Case.of(x) for x in options.scene or SCENES], {kind: Counter[str]() for kind in CHANGES}
+    kept = [pickle.dumps(x) for x in cases]
+    known, teeth, began = dict[str, str](), Counter[str](), time.process_time()
+    for case, name in zip(cases, options.scene or SCENES, strict=True):
+        if (verdict := outcome(case, known)) != "true":
+            sys.exit(f"{name}: unchanged, {verdict}")
+    for n in range(options.count):
+        if time.process_time() - began > options.seconds:
+            break
+        rng = np.random.default_rng([options.seed, n])
+        kind, i = list(CHANGES)[n % len(CHANGES)], int(rng.integers(len(cases)))
+        case = pickle.loads(kept[i])
+        try:
+            CHANGES[kind](case, rng)
+            if rng.random() < 0.2:  # and another one
+                CHANGES[str(rng.choice([*CHANGES]))](case, rng)
+            case.packed()
+        except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError):
+            found[kind]["not made"] += 1
+            continue
+        try:
+            verdict = outcome(case, known)
+        except Exception as error:
+            verdict = f"error: {type(error).__name__}: {error}"
+        if verdict == "rejected" and n % 10 == 0:
+            try:
+                teeth["false" if judged(case.world, case.head, False) else "true"] += 1
+            except Exception:
+                teeth["no world"] += 1
+        found[kind][verdict.partition(":")[0]] += 1
+        if ":" in verdict:
+            print(n, kind, (options.scene or SCENES)[i], verdict, file=sys.stderr, flush=True)
+    columns = ("rejected", "true", "false", "error", "not made")
+    found["all"] = sum(found.values(), Counter[str]())
+    rows: list[dict[str, str | int]] = [
+        {"changed": k, "changes": x.total(), **{c: x[c] for c in columns}} for k, x in found.items()
+    ]
+    print(markdown_text(rows))
+    print(f"of those rejected, the judge finds: {dict(teeth)}; {time.process_time() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

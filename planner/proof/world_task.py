@@ -1,0 +1,96 @@
+"""What a scene wants of a motion, as a world writes it: path constraints, start and goal."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from hdplan.planner.proof.world_values import Plain, bounds, frame_of, numbers, off
+from hdplan.planner.robot.link_frame import end_effector
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import naming
+from hdplan.scenes.path_constraints import AXES, PathConstraint, Relative, Upright, Within
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+
+
+def plain_path(setup: Setup) -> list[Plain]:
+    """Return the path constraints."""
+    return [_constraint(each) for each in setup.scene.path.asked.values()]
+
+
+def _constraint(asked: PathConstraint) -> Plain:
+    match asked:
+        case Upright():
+            exact = asked.axis in AXES.values()
+            return {
+                "kind": "upright",
+                "link": asked.link,
+                "axis": numbers(asked.axis),
+                "off": 0.0 if exact else off(asked.axis),
+                "tolerance": asked.tolerance,
+            }
+        case Within():
+            place = {"point": numbers(asked.point), "size": bounds(asked.size), **frame_of(asked.pose)}
+            return {"kind": "position", "link": asked.link, **place}
+        case Relative():
+            return {
+                "kind": "relative",
+                "link": asked.link,
+                "to": asked.to,
+                "frame": None if asked.pose is None else frame_of(asked.pose),
+                "position_tolerance": asked.position_tolerance,
+                "orientation_tolerance": asked.orientation_tolerance,
+            }
+        case _:
+            assert_never(asked)
+
+
+def plain_start(setup: Setup) -> list[Plain]:
+    """Return the start. Raises InputError for one that does not fit the robot."""
+    scene = setup.scene
+    with naming(scene.source):
+        return [_values(setup, scene.start, scene.from_request)]
+
+
+def plain_goal(setup: Setup) -> list[Plain]:
+    """Return the targets of the goal, one of which is to be reached. Raises InputError for one that does not fit the
+    robot."""
+    scene = setup.scene
+    with naming(scene.source):
+        match goal := scene.goal:
+            case JointTarget():
+                return [_values(setup, goal, scene.from_request)]
+            case Goals():
+                return [_target(setup, each) for each in goal.targets]
+            case _:
+                assert_never(goal)
+
+
+def _target(setup: Setup, target: JointTarget | PoseTarget | AllOf) -> Plain:
+    match target:
+        case JointTarget():
+            return _values(setup, target)
+        case PoseTarget() | AllOf():
+            return {"poses": [_pose(setup.robot, each) for each in target.poses]}
+        case _:
+            assert_never(target)
+
+
+def _values(setup: Setup, target: JointTarget, from_request: bool = False) -> Plain:
+    """Return joint values, and those that the target has for joints that are held or follow; where `robot.locked` says
+    where a joint stands, a named state does not."""
+    robot = setup.robot
+    named = target.by_name or robot.named_states.get(target.state or "", {})
+    said = setup.scene.robot.locked if target.state is not None else {}
+    others = {x: at for x, at in named.items() if x in (*robot.locked, *robot.followers) and x not in said}
+    return {"joints": numbers(robot.configuration(target, from_request)), "others": others}
+
+
+def _pose(robot: Robot, target: PoseTarget) -> Plain:
+    return {
+        "link": end_effector(robot, target.field) if target.link is None else target.link,
+        **frame_of(target.pose),
+        "position_tolerance": target.position_tolerance,
+        "orientation_tolerance": target.orientation_tolerance,
+        "free": target.free_rotation,
+    }

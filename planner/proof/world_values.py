@@ -1,0 +1,103 @@
+"""Numbers, frames and shapes as a world writes them: plain lists, each group of worked-out numbers with its bound.
+
+The bound: hdplan takes quaternions within 1e-12 (`poses.EXACT`) of unit length as they are, so that a rotation is off
+by 4e-12 at most, a robot on a base by as much times its distance from there, an inertia turned twice by 8e-12 of it;
+urdfdom, Pinocchio and trimesh add some hundreds of roundings of 1.1e-16. So a group is within BOUND times 1 + its
+largest number, where what it was made from was not far larger.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import coal
+import numpy as np
+
+from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.coal_shapes import mesh_of
+from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
+from hdplan.planner.geometry.shapes import operations, shape_of
+from hdplan.planner.geometry.voxel_grids import boxes_in
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.obstacles import Seen
+from hdplan.scenes.poses import IDENTITY, Pose
+from hdplan.scenes.shapes import Shape, own_fields
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
+
+Plain = dict[str, Any]
+
+BOUND = 2e-11
+
+
+def numbers(values: Any) -> Any:
+    """Return an array or a row of numbers, or a number, as plain lists."""
+    return np.asarray(values, dtype=np.float64).tolist()
+
+
+def bounds(values: Iterable[float]) -> list[float | None]:
+    """Return numbers of which infinite ones bound nothing, and are None."""
+    return [None if math.isinf(value) else float(value) for value in values]
+
+
+def off(*values: Any) -> float:
+    """Return the bound on the error of a group's numbers."""
+    return BOUND * (1.0 + max(float(np.abs(each).max()) for each in values))
+
+
+def frame(rotation: Array, position: Array, *others: Any) -> Plain:
+    """Return a frame that was worked out, in one group with `others`."""
+    return {
+        "rotation": numbers(np.ravel(rotation)),
+        "position": numbers(position),
+        "off": off(rotation, position, *others),
+    }
+
+
+def frame_of(pose: Pose) -> Plain:
+    """Return a scene's pose: exact if it is not turned."""
+    turned = pose.quaternion_xyzw != IDENTITY.quaternion_xyzw
+    found = frame(pose.matrix[:3, :3], np.array(pose.position))
+    return found if turned else {**found, "off": 0.0}
+
+
+def plain_shape(shape: Shape | Seen) -> Plain:
+    """Return the shape of an obstacle or a held object whose file was read."""
+    if isinstance(shape, Cloud):
+        balls = balls_in(shape).array
+        return {"type": "balls", "points": numbers(balls[:, :3]), "radii": numbers(balls[:, 3])}
+    if isinstance(shape, Voxels | OctoMap):
+        boxes = boxes_in(shape).array
+        return {"type": "boxes", "low": numbers(boxes[:, :3]), "high": numbers(boxes[:, 3:])}
+    operations(shape)  # refuses what it does not know
+    if isinstance(shape, ReadMesh):
+        return plain_mesh(shape.mesh)
+    sizes = {name: numbers(value) for name, value in own_fields(shape).items()}
+    return {"type": type(shape).__name__.lower(), **sizes}
+
+
+def plain_geometry(geometry: Any) -> Plain:
+    """Return the collision geometry of a link, as coal has it: hierarchies keep the order of their triangles."""
+    if isinstance(geometry, coal.BVHModelBase):
+        return plain_mesh(mesh_of(geometry))
+    shape = shape_of(geometry)
+    if shape is None:
+        raise TypeError(f"nothing is known of coal's {type(geometry).__name__}")
+    return plain_shape(shape)
+
+
+def plain_mesh(mesh: TriangleMesh) -> Plain:
+    """Return a mesh, its points in the order in which its triangles name them."""
+    used, first, corner = np.unique(mesh.triangles, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    points = mesh.vertices[used[order]]
+    return {
+        "type": "mesh",
+        "points": points.tolist(),
+        "triangles": place[corner.reshape(-1, 3)].tolist(),
+        "off": off(points),
+    }

@@ -1,0 +1,423 @@
+# ruff: noqa: D105
+"""What a proof may claim beside clearances: limits, torques, path constraints, start and goal; and the statement.
+
+Values and rates of the joints are polynomials; on a part of the motion each is m + b s + r with |s| <= 1 (`Line`).
+Parts are halved until a limit is kept for sure. Bonds are lengths of vectors that move as bodies do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, Decimal
+from typing import Any
+
+import numpy as np
+
+from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
+from .kernel import ASSUMES, AT_ONCE, INSTANT, Motion
+from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of
+
+SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
+RATE_NAMES = ("velocity", "acceleration", "jerk")
+
+
+@dataclass(eq=False)
+class Line:
+    """Numbers m + b s + r, |s| <= 1 the same for all, |r| <= `rad`; arrays of one shape, the first axis for parts."""
+
+    mid: Any
+    slope: Any
+    rad: Any
+
+    def __add__(self, other: Line) -> Line:
+        mid, slope = self.mid + other.mid, self.slope + other.slope
+        return Line(mid, slope, up(self.rad + other.rad + EPS * (np.abs(mid) + np.abs(slope))))
+
+    @property
+    def size(self) -> Any:
+        """An upper bound of the absolute values."""
+        return up(np.abs(self.mid) + np.abs(self.slope) + self.rad)
+
+
+def still(x: Ball) -> Line:
+    """What does not depend on s."""
+    return Line(x.mid, np.zeros_like(x.mid), x.rad)
+
+
+def times(spec: str, a: Line, b: Line) -> Line:
+    """einsum of two, sums of at most 9 products: what is quadratic in s goes to the radius."""
+
+    def sums(x: Any, y: Any) -> Any:
+        return np.einsum(spec, x, y)
+
+    one, two = np.abs(a.mid) + np.abs(a.slope), np.abs(b.mid) + np.abs(b.slope)
+    rad = sums(np.abs(a.slope), np.abs(b.slope)) + sums(one, b.rad + 16 * EPS * two) + sums(a.rad, two + b.rad)
+    return Line(sums(a.mid, b.mid), sums(a.mid, b.slope) + sums(a.slope, b.mid), up(rad))
+
+
+def wedge(a: Line, b: Line) -> Line:
+    """a x b of vectors (k, 3)."""
+    parts = (
+        np.einsum("ijk,pk->pij", x, y) for x, y in zip((CROSS, CROSS, np.abs(CROSS)), vars(a).values(), strict=True)
+    )
+    return times("pij,pj->pi", Line(*parts), b)
+
+
+def line_of(control: Ball) -> Line:
+    """Polynomials (k, n) by their control points (k, d + 1, n), -1 <= s <= 1: those of m + b s are m + b (2 i / d - 1),
+    and a curve is no farther from it than its control points are from these."""
+    slope = (control.mid[:, -1] - control.mid[:, 0]) / 2
+    degree = control.mid.shape[1] - 1
+    line = Ball(2 * np.arange(degree + 1) / max(degree, 1) - 1, 4 * EPS)[None, :, None] * slope[:, None]
+    over = control - line
+    mid = (over.mid.max(axis=1) + over.mid.min(axis=1)) / 2
+    return Line(mid, slope, (over - mid[:, None]).size.max(axis=1))
+
+
+# --- limits -----------------------------------------------------------------------------------------------------------
+
+
+def limits_of(limits: dict[str, Any], name: str, count: int) -> Any:
+    """The world's limits (n,) of a rate, or of torques; infinite where there is none."""
+    need(name in limits, f"limits.{name}: the world has none")
+    most = limits[name]
+    need(type(most) is list and len(most) == count, f"limits.{name}: one for every joint is expected")
+    found = numbers([0.0 if x is None else x for x in most], (count,), f"limits.{name}")
+    need((found >= 0).all(), f"limits.{name}: is negative")
+    return np.where([x is None for x in most], np.inf, found)
+
+
+def ranges_of(limits: dict[str, Any], count: int) -> tuple[Any, Any]:
+    """The ranges of all joints, low and high (n,); infinite where there is none."""
+    spans: Any = limits.get("position")
+    need(type(spans) is list and len(spans) == count, "limits.position: a range for every joint is expected")
+    filled = [[y if x is None else x for x, y in zip(each, (-np.inf, np.inf), strict=True)] for each in spans]
+    numbers([x for each in filled for x in each if abs(x) < np.inf], (-1,), "limits.position")
+    low, high = np.array(filled, dtype=np.float64).T
+    return low, high
+
+
+def rates_of(world: World, name: str, order: int) -> list[Ball]:
+    """The control points of the joints' values and of their time derivatives, as far as they exist: a motion is
+    smooth enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
+    need(world.clock is not None, f"limits.{name}: the motion has no times")
+    share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
+    need(world.curve.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
+    rates = [world.curve]
+    for k in range(order):
+        last = rates[-1]
+        at_rest = max(last[0, 0].size.max(), last[-1, -1].size.max()) <= SAME or k == 0
+        need(at_rest, f"limits.{name}: the motion begins or ends with a jump")
+        rates.append((last[:, 1:] - last[:, :-1]) * (float(last.mid.shape[1] - 1) * share))
+    return rates
+
+
+def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
+    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion of `count` intervals.
+    Where that is not sure parts are halved, until it is so at the middle of one."""
+    spans = np.arange(float(count))[:, None] + [0, 1]
+    while True:
+        spans = spans[np.concatenate([beyond(x).any(axis=1) for x in np.array_split(spans, 1 + len(spans) // 5000)])]
+        middle = spans.mean(axis=1)[:, None]
+        if not len(spans):
+            return
+        surely: Any = beyond(np.concatenate([middle, middle + INSTANT], axis=1)[:5000])
+        finest = bool(len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20)
+        for row, column in np.argwhere(surely | finest)[:1]:
+            where = f"{of[column]} is beyond it, or too close to it to be shown"
+            raise RejectedError(f"{name}: {where}, after row {spans[row, 0]:.6g}")
+        ends = [spans[:, :1], middle], [middle, spans[:, 1:]]
+        spans = np.concatenate([np.concatenate(each, axis=1) for each in ends])
+
+
+def parts_of(control: Ball, spans: Any) -> Line:
+    """Polynomials, known by their control points, on parts (k, 2) of the motion."""
+    row = np.floor(spans[:, 0]).astype(int)
+    return line_of(blossom(control[row], *((x - row)[:, None, None] for x in spans.T)))
+
+
+def check_rates(world: World, limits: dict[str, Any], name: str) -> None:
+    """Check a limit on a time derivative of the joints' values."""
+    bound, rates = limits_of(limits, name, world.own), rates_of(world, name, RATE_NAMES.index(name) + 1)[-1]
+    names = [f"joint '{x.name}'" for x in world.joints]
+    everywhere(f"limits.{name}", names, len(rates.mid), lambda x: ~(parts_of(rates, x).size <= bound * (1 + ROUNDED)))
+
+
+def check_ranges(world: World, limits: dict[str, Any]) -> None:
+    """Check that the joints stay within their ranges."""
+    low, high = ranges_of(limits, world.own)
+
+    def outside(spans: Any) -> Any:
+        q = parts_of(world.curve, spans)
+        reach = up(np.abs(q.slope) + q.rad)
+        return ~((-above(-q.mid, reach) >= low - ROUNDED) & (above(q.mid, reach) <= high + ROUNDED))
+
+    everywhere("limits.position", [f"joint '{x.name}'" for x in world.joints], len(world.curve.mid), outside)
+
+
+def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
+    """Check the limits of torques: inverse dynamics (Luh, Walker and Paul 1980) of numbers that are linear in s but for
+    a radius, from the joints' values and rates on parts of the motion. Gravity is 9.81 m/s^2 along -z."""
+    joints = world.joints[: world.own]
+    need(
+        not any(x.follows for x in joints),
+        "limits.torque: nothing says how joints share a load that follow one another",
+    )
+    most, rates = limits_of(limits, "torque", world.own), rates_of(world, "torque", 2)
+    need(type(said) is list and len(said) == len(joints), "loads: one for every joint is expected")
+    loads = []
+    for i, each in enumerate(said):
+        mass, moment, inertia, off = keys_of(each, f"loads[{i}]", "mass moment inertia off")
+        need(number(mass, f"loads[{i}].mass") >= 0, f"loads[{i}]: a mass below 0")
+        e, six = off_of(off, f"loads[{i}]"), numbers(inertia, (6,), f"loads[{i}]")
+        first, matrix = numbers(moment, (3,), f"loads[{i}]"), six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+        loads.append([Ball(numbers(mass, (), f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
+
+    def beyond(spans: Any) -> Any:
+        lines = [parts_of(each, spans) for each in rates]
+        return ~(torques(joints, loads, *lines) <= most * (1 + ROUNDED))
+
+    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
+
+
+def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
+    """Upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
+    k = len(q.mid)
+    zero = Line(*np.zeros((3, k, 3)))
+    known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
+    frames, moved = [], []  # of each joint: rotation (k, 3, 3) and origin in the frame of the joint before
+    force, torque = [], []
+    for j, joint in enumerate(joints):
+        qj, vj, aj = (Line(x.mid[:, j], x.slope[:, j], x.rad[:, j]) for x in (q, v, a))
+        along = [times("p,i->pi", x, still(joint.axis)) for x in (qj, vj, aj)]
+        turn, at = joint.pose
+        origin_, frame = Line(*(np.tile(x, (k, 1)) for x in vars(still(at)).values())), still(turn[None])
+        if joint.turns:
+            cos, sin = cos_sin(qj.mid)
+            off = up(qj.slope * qj.slope / 2 + qj.rad)  # of first-order expansion
+            cross_ = dot("ijk,k->ij", CROSS, joint.axis)
+            ways = turn, dot("ij,jk->ik", turn, cross_), dot("ij,jk->ik", turn, dot("ij,jk->ik", cross_, cross_))
+            c, s = (Line(x.mid, d, up(x.rad + off + up(y.rad * np.abs(qj.slope)) + EPS * np.abs(d)))
+                    for x, y, d in ((cos, sin, -sin.mid * qj.slope), (sin, cos, cos.mid * qj.slope)))  # fmt: skip
+            less = Line(1.0 - c.mid, -c.slope, up(c.rad + EPS))
+            frame = (
+                still(ways[0][None]) + times("p,ij->pij", s, still(ways[1])) + times("p,ij->pij", less, still(ways[2]))
+            )
+        else:
+            origin_ = origin_ + times("ij,pj->pi", still(turn), along[0])
+        w, dw, acc = (
+            known[joint.parent] if joint.parent >= 0 else (zero, zero, zero + Line(np.array([[0, 0, 9.81]]), 0.0, 0.0))
+        )
+        acc = acc + wedge(dw, origin_) + wedge(w, wedge(w, origin_))
+        w, dw, acc = (times("pij,pi->pj", frame, x) for x in (w, dw, acc))
+        if joint.turns:
+            dw, w = dw + wedge(w, along[1]) + along[2], w + along[1]
+        else:
+            swerve = wedge(w, along[1])
+            acc = acc + swerve + swerve + along[2]
+        known.append((w, dw, acc))
+        frames.append(frame)
+        moved.append(origin_)
+        mass, first, inert = (still(x[None]) for x in loads[j])
+        first = Line(*(np.tile(x, (k, 1)) for x in vars(first).values()))
+        force.append(times("q,pi->pi", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
+        spin = times("qij,pj->pi", inert, w)
+        torque.append(wedge(first, acc) + times("qij,pj->pi", inert, dw) + wedge(w, spin))
+    sizes = []
+    for j in reversed(range(len(joints))):
+        sizes.append(times("pi,i->p", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
+        if (parent := joints[j].parent) >= 0:
+            pull, twist = (times("pij,pj->pi", frames[j], x) for x in (force[j], torque[j]))
+            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
+    return np.stack(sizes[::-1], axis=1)
+
+
+# --- poses and path constraints ---------------------------------------------------------------------------------------
+
+
+def chord(angle: float) -> float:
+    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle (of at most pi) apart."""
+    sin = cos_sin(min(angle, 4.0) / 2 + ROUNDED / 2)[1]
+    return np.inf if angle > 3.15 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
+
+
+def link_of(world: World, name: Any) -> tuple[int, Pose]:
+    """The joint that carries a link, and where the link is in its frame."""
+    need(name in world.links, f"'{name}' is no link of the world")
+    return world.links[name]
+
+
+def number(value: Any, what: str) -> float:
+    """A number of the world."""
+    return float(numbers(value, (), what))
+
+
+def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[Bond]:
+    """What keeps the path constraints; `begins` says whether the motion begins at the start."""
+    found = list[Bond]()
+    for each in said:
+        kind = each.get("kind")
+        what = f"path.{kind}"
+        if kind == "upright":
+            _, link, axis, off, tolerance = keys_of(each, what, "kind link axis off tolerance")
+            joint, pose = link_of(world, link)
+            way = Ball(numbers(axis, (3,), what), off_of(off, what))
+            local = dot("ij,j->i", pose[0], way)[None]
+            found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what)), True))
+        elif kind == "position":
+            _, link, point, size, *place = keys_of(each, what, "kind link point size rotation position off")
+            (joint, pose), (turn, centre) = link_of(world, link), frame(place, what)
+            local = (dot("ij,j->i", pose[0], numbers(point, (3,), what)) + pose[1])[None]
+            need(len(size) == 3, f"{what}.size: three numbers are expected")
+            for i, edge in enumerate(size):
+                if edge is not None:
+                    most = number(edge, what) / 2 + ROUNDED
+                    found.append(Bond(what, joint, local, -1, centre[None], most, along=turn[:, i]))
+        else:
+            need(kind == "relative", f"{what}: is not known")
+            _, link, to, place, off, angle = keys_of(
+                each, what, "kind link to frame position_tolerance orientation_tolerance"
+            )
+            one, other = link_of(world, link), link_of(world, to)
+            if place is None:
+                need(begins(), f"{what}: the motion does not begin at the start")
+                begin = Motion(world, np.array([[0.0, INSTANT]]))
+                a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
+                there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
+            else:
+                there = frame(keys_of(place, what, "rotation position off"), what)
+            found += bonds_of_pose(what, one, (other[0], compose(other[1], there)), (off, angle, "none"))
+    return found
+
+
+def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said: tuple[Any, Any, Any]) -> list[Bond]:
+    """What keeps a link's frame at another one, within tolerances; about one of its axes it may be free."""
+    (joint, pose), (other, target), free = link, to, said[2]
+    off, angle = (number(x, what) for x in said[:2])
+    bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
+    need(free in ("none", "x", "y", "z", "all"), f"{what}: free '{free}'")
+    if free != "all":
+        axes = [0, 1, 2] if free == "none" else ["xyz".index(free)]
+        one, two = (Ball(x[0].mid.T, x[0].rad.T)[axes] for x in (pose, target))
+        # the columns of two rotations an angle apart differ by 2 sqrt(2) sin(angle / 2) in all
+        most = chord(angle) * (1.4142135623730950 if free == "none" else 1.0)
+        bonds.append(Bond(what, joint, one, other, two, most, True))
+    return bonds
+
+
+def check_path(world: World, said: Any, begins: Callable[[], bool]) -> None:
+    """Check the path constraints on the whole motion."""
+    for bond in bonds_of_path(world, said, begins):
+
+        def off(spans: Any, bond: Bond = bond) -> Any:
+            return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
+
+        everywhere(bond.what, ["the link"], len(world.control.mid), off)
+
+
+def reached(world: World, limits: dict[str, Any], targets: Any, end: str) -> bool:
+    """Whether the motion begins at one of the targets, or ends there."""
+    need(type(targets) is list and targets, f"{end}: targets are expected")
+    found = False
+    for each in targets:
+        if "poses" in each:
+            (poses,) = keys_of(each, end, "poses")
+            found |= end == "goal" and len(poses) > 0 and all(at_pose(world, x) for x in poses)
+        else:
+            found |= at_values(world, limits, each, end)
+    return found
+
+
+def at_pose(world: World, said: Any) -> bool:
+    """Whether the motion ends at a pose of a link."""
+    link, rotation, position, off, one, two, free = keys_of(
+        said, "goal", "link rotation position off position_tolerance orientation_tolerance free"
+    )
+    count = float(len(world.control.mid))
+    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame([rotation, position, off], "goal"))
+    bonds = bonds_of_pose("goal", link_of(world, link), to, (one, two, free))
+    return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
+
+
+def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool:
+    """Whether the motion's end is at joint values, and all other joints that a target names at theirs; at a goal,
+    joints that turn without limits, and that nothing follows, may be whole turns away."""
+    values, others = keys_of(said, end, "joints others")
+    low, high = ranges_of(limits, world.own)
+    row, lead = world.rows[0 if end == "start" else -1], world.lead
+    off = row - numbers(values, (len(lead),), end)
+    followed = {x.follows[0] for x in world.joints if x.follows}
+    free = [world.joints[i].turns and i not in followed and np.isinf(low[i]) and np.isinf(high[i]) for i in lead]
+    off = off - 2 * np.pi * np.rint(off / (2 * np.pi)) * (np.array(free) & (end == "goal"))
+    at = world.curve[-1, -1] if end == "goal" else world.curve[0, 0]
+    here = dict(world.held)
+    here |= {x.name: float(at.mid[i]) for i, x in enumerate(world.joints[: world.own]) if x.follows}
+    need({*others} <= {*here}, f"{end}: names a joint that is none")
+    more = [here[name] - number(value, end) for name, value in others.items()]
+    return bool((np.abs([*off, *more]) <= SAME).all())
+
+
+# --- the statement ----------------------------------------------------------------------------------------------------
+
+
+def millimetres(metres: float) -> str:
+    """A length, rounded down to the nanometre."""
+    return f"{(Decimal(metres) * 1000).quantize(Decimal('1e-6'), ROUND_DOWN).normalize():f} mm"
+
+
+def wanted(world: World) -> list[str]:
+    """What a world wants beside clearances, by what a proof may claim."""
+    limits, path, _, _, duration, _ = world.rest
+    need(type(limits) is dict and {*limits} <= {"position", "torque", *RATE_NAMES}, "limits: of what is not known")
+    found = ["limits", "start", "goal", *(x for x in limits if x != "position")]
+    return found + ["path"] * bool(path) + ["duration"] * (duration is not None)
+
+
+def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
+    """Check what a proof claims beside clearances; say what is proven and what is not, and whether that is all."""
+    limits, path, start, goal, duration, also = world.rest
+    claims = [str(x) for x in head["claims"]]
+    targets = {"start": start, "goal": goal}
+
+    def begins() -> bool:
+        return reached(world, limits, start, "start")
+
+    for name in RATE_NAMES:
+        if name in claims:
+            check_rates(world, limits, name)
+    if "torque" in claims:
+        check_torques(world, limits, world.loads)
+    if "path" in claims:
+        check_path(world, path, begins)
+    if "limits" in claims:
+        check_ranges(world, limits)
+    for end in targets:
+        if end in claims:
+            need(reached(world, limits, targets[end], end), f"{end}: the motion's end is elsewhere")
+    if "duration" in claims:
+        took = world.clock[-1] - world.clock[0] if world.clock is not None else np.nan
+        need(abs(took - number(duration, "duration")) <= SAME, f"duration: the motion takes {took:g} s")
+    missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in also]
+    for key, clearance, where in (("clearance", world.usual, "obstacles"), ("self_clearance", world.among, "links")):
+        if (head[key] or clearance) < clearance and key not in claims:
+            missing.append(f"a clearance of {1e3 * clearance:g} mm ({where})")
+    lines = [f"accepted in part; NOT proven by this file: {', '.join(missing)}"] * bool(missing) or ["accepted"]
+    lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
+    usual = world.usual if "clearance" in claims else 0.0
+    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.name not in world.robot}
+    own = "".join(f"; {millimetres(x)} from {name}" for name, x in least.items() if x > (head["clearance"] or 0.0))
+    for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
+        if head[key]:
+            more = own if key == "clearance" else ""
+            lines.append(f"  links and held objects are at least {millimetres(head[key])} {what}{more}")
+    lines += [f"  also proven: {', '.join(claims)}"] * bool(claims)
+    for reason in dict.fromkeys(world.left_out.values()):
+        pairs = sorted({"-".join(sorted(x)) for x, why in world.left_out.items() if why == reason})
+        lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
+    rules = [(x.name, *x.follows) for x in world.joints if x.follows]
+    following = (f"{name} at {k:g} x {world.joints[i].name} + {add:g}" for name, i, k, add in rules)
+    lines += [f"  following: {', '.join(following)}"] * bool(rules)
+    lines += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
+    assumed = ["  if:", *(f"    {line}" for line in ASSUMES.splitlines())]
+    return "\n".join([*map(shown, lines), *assumed]), not missing

@@ -1,0 +1,340 @@
+"""The kernel: check a proof that a robot's motion is free, in a world that somebody has read. NumPy alone.
+
+    python -m hdplan.verify.kernel WORLD.json MOTION.proof
+
+A world (`docs/world.md`) is joints, bodies, pairs and motion in plain numbers. A proof (`docs/proof.md`) holds no
+geometry, only, for every pair of convex pieces, a binary tree of intervals of the motion with a direction n at every
+leaf. "Accepted" is a theorem about real numbers; what it rests on is printed with it (`ASSUMES`).
+
+Numbers are enclosed (`balls`); every bound is rounded outward.
+
+Leaves. On a leaf, -1 <= s <= 1, the joints are at q(s) = q_m + s d + e(s), |e_j| <= eps_j: the control points of the
+motion's polynomials differ by at most eps from those of the straight line, so the curve does. Seen from the last body
+that carries both pieces, a point x of a piece is at x + s (W x x + V) + r(s), with W and V the sums over the joints j
+beyond that body of d_j z_j and d_j o_j x z_j (or d_j z_j, if j slides); z_j is the joint's axis, o_j a point on it, at
+q_m. With rho_j the greatest distance of the piece from axis j (1 if j slides), |d2x / dq_i dq_j| <= rho_j for i at or
+before j, and 0 if i slides, so that
+
+    |r| <= R = 1/2 sum_j |d_j| rho_j (|d_j| [j turns] + 2 sum_(i<j, turns) |d_i|) + sum_j eps_j rho_j.
+
+rho_j is at most the distance of axis j from the centre of a ball around the piece at q_m, plus its radius, plus what
+the joints after j move the piece: sum_(k>j) (|d_k| + eps_k) rho_k. What is linear in s is least at s = -1 or 1, so that
+
+    |n| distance >= min_(s = -1, 1) [min_(a in A) n.(a + s a') - max_(b in B) n.(b + s b')] - (R_A + R_B) |n|,
+
+where least and greatest values over a piece are those over its corners, and of the ellipsoid that sweeps them.
+
+Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle, whatever the groups. Two
+surfaces that never meet do not let one body into the other: if the hulls around both are apart once, neither ever lies
+within the other. That no link lies within another one of the same robot is assumed.
+"""
+
+from __future__ import annotations
+
+import sys
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .balls import (
+    EPS,
+    Ball,
+    Pose,
+    RejectedError,
+    above,
+    cos_sin,
+    cross,
+    dot,
+    need,
+    norm,
+    rejecting,
+    shown,
+    stack,
+    turned,
+    up,
+)
+from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
+
+MAGIC, VERSION = b"hdplan proof\n", 2
+MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
+DEEPEST = 50  # of a proof's trees
+NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
+AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
+CLAIMS = frozenset(
+    ["clearance", "limits", "start", "goal", "path", "duration", "velocity", "acceleration", "jerk", "torque"]
+)
+
+ASSUMES = """the world is the robot and its surroundings: links are rigid, and their bodies; joints have no play
+the robot follows the curve of the motion, without rounding its corners
+obstacles are what and where the world says, and move as it says; what a link holds is fixed to it
+joints that do not move stay where the world says
+links and held objects that need not be compared, for the reasons listed, may touch
+a mesh is its triangles and what they enclose; no link of the robot lies within another one, apart from its surface
+the computer's + - x / and square root are those of IEEE 754, rounded to nearest
+Python and NumPy work"""
+
+
+# --- leaves -----------------------------------------------------------------------------------------------------------
+
+
+def half(a: float, b: float) -> float:
+    """Where an interval of the motion is cut: between two rows if it has any within, or else in its middle."""
+    return float(np.floor((a + b) / 2)) if b - a > 1 else (a + b) / 2
+
+
+def leaves(depths: Sequence[int], rows: int) -> Iterator[tuple[float, float]]:
+    """Yield the intervals of the leaves of a binary tree over [0, rows], whose depths stand in order."""
+    waiting = [(0.0, float(rows), 0)]
+    for wanted in depths:
+        need(waiting, "there are more leaves than the motion needs")
+        a, b, depth = waiting.pop()
+        while depth < wanted <= DEEPEST:
+            middle, depth = half(a, b), depth + 1
+            waiting.append((middle, b, depth))
+            b = middle
+        need(depth == wanted and b - a >= NARROWEST, f"the leaves' depths make no tree at {a:g} of {rows}")
+        yield a, b
+    need(not waiting, f"no leaf covers the motion from {waiting[-1][0] if waiting else 0:g} on, of {rows}")
+
+
+class Motion:
+    """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
+
+    def __init__(self, world: World, spans: Any) -> None:
+        """Compute them for `spans` (k, 2) of the rows, exact numbers."""
+        self.world, (low, high), degree = world, spans.T, world.control.mid.shape[1] - 1
+        first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
+        counts = np.ceil(high).astype(int) - first
+        begins = np.cumsum(counts) - counts
+        row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
+        start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
+        part = blossom(world.control[row], start, end)
+        self.step: Any = (part.mid[begins + counts - 1, -1] - part.mid[begins, 0]) / 2  # any numbers will do, as for
+        place = (row - low[span])[:, None] + start[:, 0] + (end - start)[:, 0] * np.arange(degree + 1) / degree
+        line = Ball(2 * place / (high - low)[span, None] - 1, 16 * EPS)[:, :, None] * self.step[span, None]
+        over = part.mid - line.mid
+        edges = np.maximum.reduceat(over.max(axis=1), begins), np.minimum.reduceat(over.min(axis=1), begins)
+        self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
+        self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
+        self.most: Any = up(np.abs(self.step) + self.off)
+        still: Pose = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
+        frames = [still] * (count + 1)  # the last is the world's
+        cos, sin = cos_sin(self.middle)
+        for j, joint in enumerate(world.joints):
+            turn, at = frames[joint.parent]
+            turn, at = dot("kij,jl->kil", turn, joint.pose[0]), dot("kij,j->ki", turn, joint.pose[1]) + at
+            if joint.turns:
+                frames[j] = dot("kij,kjl->kil", turn, turned(joint.axis, cos[:, j], sin[:, j])), at
+            else:
+                frames[j] = turn, dot("kij,kj->ki", turn, joint.axis * self.middle[:, j, None]) + at
+        self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
+        self.turning = np.array([x.turns for x in world.joints])
+        self.axis = dot("knij,nj->kni", self.turn[:, :-1], stack([x.axis for x in world.joints]))
+        arm, turns = cross(self.at[:, :-1], self.axis), self.turning[:, None]
+        self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
+        own = [g for g, x in enumerate(world.pieces) if x.joint >= 0]
+        self.slot = np.zeros(len(world.pieces), dtype=int)  # of each piece that moves, among those
+        self.slot[own], ends = np.arange(len(own)), [Ball(np.zeros((k, 3)))] * (not own)
+        for g in own:
+            piece = world.pieces[g]
+            local = dot("ij,j->i", piece.pose[0], world.centers[g]) + piece.pose[1]
+            ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
+        carried = world.carried[[world.pieces[g].joint for g in own] or [-1]]
+        self.reach = self.reaches(stack(ends, 1), world.radii[own] if own else 0.0, carried)
+
+    def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
+        """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
+        reach, after = np.zeros((*ends.mid.shape[:2], carried.shape[1])), np.zeros(ends.mid.shape[:2])
+        for j in reversed(range(carried.shape[1])):
+            away = norm(cross(ends - self.at[:, j, None], self.axis[:, j, None]).size)
+            far = up(away + radii + after) if self.turning[j] else np.ones_like(after)
+            reach[:, :, j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + self.most[:, j, None] * reach[:, :, j])
+        return reach
+
+    def rest(self, step: Any, reach: Any, off: Any) -> Any:
+        """Return R."""
+        angle = np.abs(step) * self.turning
+        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
+        return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
+
+    def apart(self, bond: Bond) -> Any:
+        """Return upper bounds (k,) of how far a bond's points are from where they are to be, as one vector's length:
+        that is convex in s, so greatest at s = -1 or 1. What carries both ends changes no length."""
+        carried, joints = self.world.carried[[bond.joint, bond.other]], (bond.joint, bond.other)
+        x, rate, rests = [], [], 0.0
+        for joint, local, moves in zip(joints, (bond.local, bond.target), carried & ~carried[::-1], strict=True):
+            step = self.step * moves
+            at = dot("kij,mj->kmi", self.turn[:, joint], local)
+            at = at if bond.turns else at + self.at[:, joint, None]
+            turned = cross(dot("kn,kni->ki", step * self.turning, self.axis)[:, None], at)
+            slide = dot("kn,kni->ki", step, self.moment)[:, None]
+            reach = (
+                self.turning[None]
+                if bond.turns
+                else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
+            )
+            x.append(at)
+            rate.append(turned if bond.turns else turned + slide)
+            rests = rests + self.rest(step, reach * moves, self.off)
+        gap, change = x[0] - x[1], rate[0] - rate[1]
+        if bond.along is not None:
+            gap, change = (dot("kmi,i->km", each, bond.along) for each in (gap, change))
+        ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
+        return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
+
+    def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
+        """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
+        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
+        directions = np.concatenate([-normal, normal])
+        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
+        length = norm(np.abs(normal))
+        both = above(most[:, :count], most[:, count:]).max(axis=0)
+        least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
+        return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
+
+    def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
+        """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
+        world, step = self.world, self.step[node] * moves
+        turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
+        slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
+        rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
+        joint = np.array([x.joint for x in world.pieces])[body]
+        way = stack([turned + d, d - turned])
+        base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
+        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
+        order = np.argsort(body, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
+            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
+        return value, rest
+
+
+def support(piece: Piece, d: Ball) -> Any:
+    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
+    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
+    size = np.abs(piece.corners).max(axis=0)
+    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
+    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
+    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
+    value = above(most, up(error + norm(piece.sweep * local.size)))
+    return above(value, above(shift.mid, shift.rad))
+
+
+# --- the proof --------------------------------------------------------------------------------------------------------
+
+Trees = tuple[Any, Any, Any, Any, Any]
+"""Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
+where hulls around several pieces are apart."""
+
+
+def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
+    """Head, world of who wrote it, groups of triangles by mesh, and trees of a proof's file."""
+    need(data.startswith(MAGIC), "the file is not a proof")
+    inflate = zlib.decompressobj()
+    line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
+    world, _, rest = rest.partition(b"\n")
+    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    need(max(len(line), len(world)) <= MOST_LINE, "the proof's head or world is too long")
+    head, at, arrays = loads(line), 0, list[Any]()
+    need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")
+    keys_of(head, "the proof's head", "version files clearance self_clearance cuts pairs leaves once claims")
+    good = type(head["files"]) is type(head["cuts"]) is dict and type(head["claims"]) is list
+    good = good and all(type(x) is str for x in head["claims"]) and {*head["claims"]} <= CLAIMS
+    need(good, "the proof's head: files, cuts or claims")
+    sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
+    sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
+    for count, kind in sizes:
+        need(type(count) is int and 0 <= count <= 5 * MOST_LEAVES, "the proof counts more than is allowed")
+        array = np.frombuffer(rest[at : at + count * int(kind[2])], dtype=kind)
+        need(len(array) == count, "the proof is shorter than its head says")
+        arrays.append(array.astype(np.int64))
+        at += array.nbytes
+    need(at == len(rest), "the proof is longer than its head says")
+    *groups, counts, depths, normals, rows, ways = arrays
+    trees = counts, depths, normals.reshape(-1, 3).astype(np.float64), rows, ways.reshape(-1, 3).astype(np.float64)
+    return head, loads(world), dict(zip(head["cuts"], groups, strict=True)), trees
+
+
+def least_distances(world: World, head: dict[str, Any]) -> Any:
+    """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
+    kinds = ("clearance", "self_clearance")
+    claimed = {key: float(numbers(head[key], (), key)) for key in kinds if head[key] is not None}
+    kind = [kinds[int(x)] for x in world.within]
+    need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
+    usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
+    others = [world.pieces[b].name for b in world.pairs[:, 1]]
+    own = [0.0 if x else world.clearances.get(name, usual) for x, name in zip(world.within, others, strict=True)]
+    return np.maximum([claimed[k] for k in kind], own)
+
+
+def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
+    """Check that the leaves cover the motion and keep the pairs apart."""
+    counts, depths, normals, rows, ways = trees
+    pieces, least = world.pieces, least_distances(world, head)
+    need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
+    need(len(rows) == len(world.once) and rows.max(initial=0) < len(world.control.mid), "rows where hulls are apart")
+    need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
+    need(normals.any(axis=1).all() and ways.any(axis=1).all(), "a direction is 0")
+    spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
+    bodies = np.concatenate([world.pairs[pair], world.once])
+    for p, end in enumerate(ends.tolist()):
+        try:
+            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
+        except RejectedError as error:
+            raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
+    spans += [(float(row), float(row) + NARROWEST) for row in rows.tolist()]
+    floor, normals = np.append(least[pair], np.full(len(rows), 1e-9)), np.concatenate([normals, ways])
+    distinct, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
+    order = np.argsort(node.ravel(), kind="stable")
+    parts = np.append(0, np.cumsum(np.ceil(distinct[:, 1]) - np.floor(distinct[:, 0])))[:-1]  # before each interval
+    count = len(world.joints)
+    at_once = max(1, min(AT_ONCE, 10_000_000 // ((len(pieces) + 10) * (count + 12))))
+    most_parts = min(MOST_PARTS, 500_000 // max(count, 1))
+    chunk = parts[node.ravel()[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
+    for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
+        used, local = np.unique(node.ravel()[chosen], return_inverse=True)
+        found = Motion(world, distinct[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
+        for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:
+            leaf, (low, high) = chosen[i], spans[chosen[i]]
+            where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.control.mid)} intervals"
+            short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
+            raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
+
+
+def accept(said: Any, proof: bytes) -> tuple[str, bool]:
+    """What a proof's content proves in a world, and whether that is all that the world asks for. Raises RejectedError,
+    which names leaf, pair and reason."""
+    from .effects import statement
+
+    with rejecting():
+        head, _, cuts, trees = unpack(proof)
+        world = World(said, cuts)
+        need({*cuts} <= {*world.parts}, "the proof divides what there is not")
+        check_apart(world, head, trees)
+        return statement(world, head)
+
+
+def main() -> int:
+    """Check a proof in a world, from the command line."""
+    if len(sys.argv) != 3:
+        sys.exit("usage: python -m hdplan.verify.kernel WORLD.json MOTION.proof")
+    if lacking := [name for name in sys.argv[1:] if not Path(name).is_file()]:
+        print(f"{shown(lacking[0])}: no such file", file=sys.stderr)
+        return 2
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
+    try:
+        with rejecting():
+            words, whole = accept(loads(Path(sys.argv[1]).read_bytes()), Path(sys.argv[2]).read_bytes())
+    except RejectedError as error:
+        print(f"rejected: {error}")
+        return 1
+    print(words)
+    return 0 if whole else 4
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""The rows of a motion's file, JSON or CSV, for the joints that lead; what else the file says must agree with the
+world."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .balls import need
+from .text import DECIMAL, mapping, values
+from .world import loads, unique
+
+SAME = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
+RATES = ("positions", "velocities", "accelerations")
+KINDS = (".json", ".csv")
+
+
+class Rows:
+    """What a motion's file says."""
+
+    def __init__(self, path: Path, data: bytes) -> None:
+        need(path.suffix.lower() in KINDS, f"{path}: motions of this kind cannot be checked (json and csv can)")
+        said: Any = self._json(path, data) if path.suffix.lower() == ".json" else self._csv(path, data)
+        self.path, self.locked = path, mapping(said.get("locked") or {}, "locked", " ".join(said.get("locked") or {}))
+        self.names: Any = said.get("joint_names")
+        need(type(self.names) is list and all(type(x) is str for x in self.names), f"{path}: joint_names")
+        need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint stands twice, or there is none")
+        given = [said[key] for key in RATES if said.get(key) is not None]
+        need(all(type(x) is list and all(type(y) is list for y in x) for x in given), f"{path}: lists of rows")
+        self.given = [np.array([values(x, len(self.names), RATES[i]) for x in rows]) for i, rows in enumerate(given)]
+        self.times = said.get("times")
+        rated = [said.get(x) is not None for x in ("times", *RATES[1:])]
+        need(said.get("positions") is not None, f"{path}: has no positions")  # else rates would stand for them
+        need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
+        self.rule = ("", "linear", "cubic", "quintic")[len(self.given)]
+        need(said.get("interpolation", self.rule) == self.rule, f"{path}: its interpolation is not that of its rows")
+
+    @staticmethod
+    def _json(path: Path, data: bytes) -> dict[str, Any]:
+        keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(RATES)}"
+        said = mapping(loads(data), str(path), keys)
+        need(said.get("hdplan_trajectory") == 1, f"{path}: not a hdplan trajectory, version 1")
+        return said
+
+    @staticmethod
+    def _csv(path: Path, data: bytes) -> dict[str, Any]:
+        head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
+        cells = [[x.strip() for x in line] for line in lines]
+        need(all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells), f"{path}: a cell is no number")
+        columns = unique(
+            [(x.strip(), [float(y) for y in each]) for x, each in zip(head, zip(*cells, strict=True), strict=True)]
+        )
+        ends = ("", ".velocity", ".acceleration")
+        names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
+        said: dict[str, Any] = {"joint_names": names} | ({"times": columns.pop("time")} if "time" in columns else {})
+        for rate, end in zip(RATES, ends, strict=True):
+            if any(x.endswith(end) for x in columns):
+                said[rate] = [list(x) for x in zip(*(columns.pop(name + end) for name in names), strict=True)]
+                columns = {x: y for x, y in columns.items() if end or x not in names}
+        need(not columns, f"{path}: columns of other kinds, {', '.join(columns)}")
+        return said
+
+    def of(self, joints: list[Any], held: dict[str, float]) -> dict[str, Any]:
+        """The motion of a world with these joints; those that are held, or that follow, must be there where the file
+        has them, too."""
+        lead = [x["name"] for x in joints if x["follows"] is None]
+        missing = [x for x in lead if x not in self.names]
+        need(not missing, f"{self.path}: has no column of joint '{missing[0] if missing else ''}', which moves")
+        known = {x["name"]: x for x in joints}
+        for name, at in self.locked.items():
+            need(name in held, f"{self.path}: locked: '{name}' is no joint that is held")
+            off = abs(float(values(at, 1, f"locked.{name}")[0]) - held[name])
+            need(off <= SAME, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
+        for i, name in enumerate(self.names):
+            if name in lead:
+                continue
+            need(name in held or name in known, f"{self.path}: '{name}' is no joint of the robot")
+            for k, rows in enumerate(self.given):
+                if name in held:
+                    wanted: Any = held[name] if k == 0 else 0.0
+                else:
+                    other, factor, add = known[name]["follows"]
+                    leader = rows[:, self.names.index(joints[other]["name"])]
+                    wanted = factor * leader + (add if k == 0 else 0.0)
+                need((np.abs(rows[:, i] - wanted) <= SAME).all(), f"{self.path}: '{name}' moves otherwise in the world")
+        order = [self.names.index(x) for x in lead]
+        rates = zip(RATES, (rows[:, order].tolist() for rows in self.given), strict=False)
+        return {"rule": self.rule, "times": self.times, **dict(rates)}

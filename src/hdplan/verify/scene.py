@@ -1,0 +1,211 @@
+"""The sections of a scene file that need no robot: poses, shapes, obstacles and their motions, what is wanted.
+
+Every key is known here, or the scene is rejected.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .balls import CROSS, EPS, HERE, Pose, dot, need, unit
+from .meshes import KINDS as MESHES
+from .meshes import triangles
+from .robot import decimal, rpy
+from .text import Files, listing, mapping, values, yaml_of
+
+SECTIONS = "hdplan robot obstacles attached start goal from_request self_collision limits payload path timing planner"
+PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
+SHAPES = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
+SHAPES |= {"capsule": "radius length", "points": "points", "mesh": "file"}
+SEEN = ("cloud", "depth", "octomap", "voxels")  # of which the proof has the balls and boxes
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+POSE = "position rpy quaternion_xyzw"
+
+
+def read_scene(path: Path, files: Files) -> dict[str, Any]:
+    """The sections of a scene file."""
+    top = mapping(yaml_of(files.read("scene", path)), str(path), SECTIONS)
+    need(top.get("hdplan") == 1 and type(top["hdplan"]) is int, f"{path}: not a hdplan scene, version 1")
+    need("robot" in top and "start" in top and "goal" in top, f"{path}: has no robot, start or goal")
+    need(type(top.get("from_request", False)) is bool, "from_request: true or false is expected")
+    mapping(top.get("planner", {}), "planner", PLANNER)
+    mapping(top.get("timing", {}), "timing", "duration scale rate")
+    return top
+
+
+def one(value: Any, what: str) -> float:
+    """A number."""
+    need(type(value) in (int, float), f"{what}: a number is expected")
+    return float(values(value, 1, what)[0])
+
+
+def word(value: Any, what: str) -> str:
+    """A text."""
+    need(type(value) is str and value, f"{what}: a word is expected")
+    return str(value)
+
+
+def pose_of(value: Any, what: str, more: str = "") -> Pose:
+    """A pose of a scene, some of the keys of a mapping; what is missing is 0."""
+    keys, turn = mapping(value or {}, what, f"{POSE} {more}"), HERE[0]
+    need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
+    if "quaternion_xyzw" in keys:
+        given = values(keys["quaternion_xyzw"], 4, what)
+        need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
+        q = unit(decimal(given))
+        k = dot("ijk,k->ij", CROSS, q[:3])
+        turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+    elif "rpy" in keys:
+        need(type(keys["rpy"]) is list, f"{what}.rpy: three numbers are expected")
+        turn = rpy(values(keys["rpy"], 3, what))
+    need(type(keys.get("position", [])) is list, f"{what}.position: three numbers are expected")
+    return turn, decimal(values(keys.get("position", [0.0] * 3), 3, what))
+
+
+def frame(pose: Pose) -> dict[str, Any]:
+    """A pose as a world has it."""
+    off = float(max(pose[0].rad.max(), pose[1].rad.max()))
+    return {"rotation": pose[0].mid.ravel().tolist(), "position": pose[1].mid.tolist(), "off": off}
+
+
+def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> dict[str, Any]:
+    """A shape of a scene as a world has it; a mesh of a kind that the checker does not read as the proof has it."""
+    said = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
+    kind = str(said.pop("type", ""))
+    need(kind in SHAPES, f"{what}: a shape '{kind}'")
+    need(
+        {*said} - {*(["scale"] * (kind == "mesh"))} == {*SHAPES[kind].split()},
+        f"{what}: a shape '{kind}' of other keys",
+    )
+    if kind == "mesh":
+        scale = values(said.get("scale", 1), 3, what)
+        need(scale.min() > 0, f"{what}: scale: must be above 0")
+        path = folder / word(said["file"], what)
+        if path.suffix.lower() not in MESHES:
+            files.read(f"mesh {path.parent.name}/{path.name}", path)
+            return told.shape(what, 0, f"{path.name} ({what})")
+        return mesh(path, scale, files, upright=True)
+    if kind == "points":
+        return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
+    sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
+    sizes |= {x: values(y, 3, what).tolist() for x, y in said.items() if x in ("size", "radii")}
+    small = [x for x in np.hstack([*sizes.values()]).tolist() if x <= 0]
+    need(not small or (kind == "capsule" and small == [0.0] and sizes["length"] == 0), f"{what}: a size is not above 0")
+    return {"type": kind, **sizes}
+
+
+class Told:
+    """Bodies of the proof's own world, for what the checker does not read: they are named in what it says."""
+
+    def __init__(self, world: Any) -> None:
+        self._bodies = list((world or {}).get("bodies", []))
+        self.taken = dict[str, None]()
+
+    def shape(self, name: str, number: int, what: str) -> dict[str, Any]:
+        """The shape of a body of a name, one of several."""
+        own = [x["shape"] for x in self._bodies if x["name"] == name]
+        need(number < len(own), f"{what}: cannot be read by the checker, and the proof has none")
+        self.taken[what] = None
+        return dict(own[number])
+
+
+def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
+    """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
+    equal corners left out; named backwards where the scale mirrors."""
+    found = triangles(path, files.read(f"mesh {path.parent.name}/{path.name}", path), upright)
+    corners = found.mid * scale
+    off = float((found.rad * np.abs(scale) + (found.rad > 0) * EPS * np.abs(corners)).max())
+    flat = corners.reshape(-1, 3)
+    distinct, index = np.unique(flat, axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3)
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    faces = faces[:, ::-1] if np.prod(np.sign(scale)) < 0 else faces
+    need(len(faces), f"{path}: has no triangles")
+    used, first = np.unique(faces.ravel(), return_index=True)
+    order = used[np.argsort(first)]
+    where = np.zeros(index.max() + 1, dtype=np.int64)
+    where[order] = np.arange(len(order))
+    return {"type": "mesh", "points": distinct[order].tolist(), "triangles": where[faces].tolist(), "off": off}
+
+
+def obstacles(
+    top: dict[str, Any], folder: Path, files: Files, told: Told
+) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
+    """Bodies of the obstacles, their motions, and their own clearances."""
+    bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
+    for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
+        what = f"obstacles[{i}]"
+        said = mapping(entry, what, f"name shape pose clearance motion {' '.join(SEEN)}")
+        name = word(said.get("name", f"obstacle{i}"), what)
+        pose = pose_of(said.get("pose"), name)
+        if "motion" in said:
+            need("pose" not in said or "times" not in said["motion"], f"{what}: has two poses")
+            motions[name], pose = motion(said["motion"], pose, name), HERE
+        kinds = [x for x in ("shape", *SEEN) if x in said]
+        need(len(kinds) == 1, f"{what}: one of shape, {', '.join(SEEN)} is expected")
+        if kinds == ["shape"]:
+            shape = shape_of(said["shape"], name, folder, files, told)
+        else:
+            shape = told.shape(name, 0, f"{name} ({kinds[0]})")
+        bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
+        if "clearance" in said:
+            own[name] = one(said["clearance"], f"{what}.clearance")
+    return bodies, motions, own
+
+
+def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
+    """How an obstacle moves."""
+    said = mapping(value, f"{name}: motion", "velocity spin times poses")
+    if "times" in said or "poses" in said:
+        need({*said} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")
+        times = values(listing(said["times"], name), len(said["times"]), name).tolist()
+        return {"times": times, "frames": [frame(pose_of(x, name)) for x in listing(said["poses"], name)]}
+    rates = {key: values(said.get(key, [0.0] * 3), 3, name).tolist() for key in ("velocity", "spin")}
+    return {**rates, **frame(pose)}
+
+
+def path_of(top: dict[str, Any]) -> list[Any]:
+    """The path constraints as a world has them."""
+    said, found = mapping(top.get("path") or {}, "path", "upright position relative"), list[Any]()
+    if "upright" in said:
+        keys = mapping(said["upright"], "path.upright", "link axis tolerance")
+        axis = keys.get("axis", "z")
+        need(type(axis) is not str or axis in AXES, f"path.upright.axis: one of {', '.join(AXES)}, or three numbers")
+        way = unit(decimal(values(list(AXES[axis]) if type(axis) is str else axis, 3, "path.upright")))
+        tolerance = one(keys.get("tolerance", 0.1), "path.upright")
+        direction = {"axis": way.mid.tolist(), "off": float(way.rad.max())}
+        found.append({"kind": "upright", "link": word(keys.get("link"), "path"), **direction, "tolerance": tolerance})
+    if "position" in said:
+        keys = mapping(said["position"], "path.position", f"link size point {POSE}")
+        point = values(keys.get("point", [0.0] * 3), 3, "path.position").tolist()
+        size = listing(keys.get("size"), "path.position.size")
+        size = [None if x == np.inf else one(x, "path.position.size") for x in size]
+        pose = pose_of({x: keys[x] for x in POSE.split() if x in keys}, "path.position")
+        box = {"link": word(keys.get("link"), "path"), "point": point, "size": size, **frame(pose)}
+        found.append({"kind": "position", **box})
+    if "relative" in said:
+        keys = mapping(said["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
+        place = frame(pose_of(keys["pose"], "path.relative")) if "pose" in keys else None
+        usual = {"position_tolerance": 5e-3, "orientation_tolerance": 0.05}
+        more = {key: one(keys.get(key, x), "path.relative") for key, x in usual.items()}
+        links = {key: word(keys.get(key), "path.relative") for key in ("link", "to")}
+        found.append({"kind": "relative", **links, "frame": place, **more})
+    return found
+
+
+def pose_goal(value: Any, what: str, end_effector: Any) -> dict[str, Any]:
+    """A goal pose as a world has it; `end_effector` gives the link where none is named."""
+    said = mapping(value, what, f"link {POSE} position_tolerance orientation_tolerance free_rotation")
+    free = said.get("free_rotation", "none")
+    need(free in ("none", "x", "y", "z", "all") and "position" in said, f"{what}: free_rotation or position")
+    turned = {*said} & {"rpy", "quaternion_xyzw"}
+    need(bool(turned) != (free == "all"), f"{what}: has no orientation, or one that does not matter")
+    need(free != "all" or "orientation_tolerance" not in said, f"{what}: a tolerance that does not matter")
+    usual = {"position_tolerance": 1e-3, "orientation_tolerance": 1e-2}
+    more = {key: one(said.get(key, x), what) for key, x in usual.items()}
+    link = word(said["link"], what) if "link" in said else end_effector()
+    pose = pose_of({x: said[x] for x in POSE.split() if x in said}, what)
+    return {"link": link, **frame(pose), **more, "free": free}

@@ -1,0 +1,421 @@
+# ruff: noqa: D102
+"""A world (`docs/world.md`) as the kernel holds it: pieces, pairs, and the joints' polynomials. No file is read here.
+
+Obstacles that move do so by joints of their own, which follow the time. A mesh becomes the hull of its points, or the
+hulls of groups of its triangles, which a proof chooses: whatever the groups, their hulls contain every triangle.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .balls import CROSS, EPS, HERE, Ball, Pose, compose, cos_sin, dot, inverse, length, need, norm, stack, unit, up
+
+MOST_PAIRS = 1_000_000  # of pieces
+OFF = 1e-6  # most that a number of a world may be off
+LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less has a rotation that is off by as much
+RATES = ("velocities", "accelerations")
+RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
+REASONS: tuple[str, ...] = (
+    "self_collision: false",
+    "moving as one",
+    "both stand still",
+    "robot.ignore_pairs",
+    "the SRDF",
+    "neighbours",
+)
+REASONS += ("touch_links", "the MJCF")  # for which pairs are not compared
+KINDS = ("link", "held", "obstacle")
+FRAME = "joint rotation position off"
+
+
+def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
+    """The finite numbers of a list of lists, as an array; -1 stands for any length."""
+    try:
+        found = np.array(value, dtype=object)
+        good = found.ndim == len(shape) and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
+        good = good and all(type(x) in (int, float) and abs(x) < 1e9 for x in found.ravel().tolist())
+    except ValueError:  # rows of several lengths
+        good = False
+    need(good, f"{what}: {shape or 'one'} finite numbers are expected")
+    return found.astype(np.float64)
+
+
+def keys_of(value: Any, what: str, keys: str) -> list[Any]:
+    """The values of a mapping that has just these keys."""
+    names = keys.split()
+    need(type(value) is dict and {*value} == {*names}, f"{what}: a mapping with the keys {', '.join(names)}")
+    return [value[name] for name in names]
+
+
+def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A mapping in which no key stands twice."""
+    need(len(pairs) == len({key for key, _ in pairs}), f"a key stands twice among {[key for key, _ in pairs][:9]}")
+    return dict(pairs)
+
+
+def loads(text: str | bytes) -> Any:
+    """The content of JSON text without keys that stand twice."""
+    return json.loads(text, object_pairs_hook=unique, parse_constant=lambda word: need(False, f"{word} is no number"))
+
+
+def off_of(value: Any, what: str) -> float:
+    """By how much numbers may be wrong."""
+    off = float(numbers(value, (), f"{what}.off"))
+    need(0 <= off <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
+    return off
+
+
+def frame(place: list[Any], what: str) -> Pose:
+    """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
+    rotation, position, off = place
+    r, at, e = numbers(rotation, (9,), what).reshape(3, 3), numbers(position, (3,), what), off_of(off, what)
+    slack = 20 * e + 1e-14
+    need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
+    return Ball(r, e), Ball(at, e)
+
+
+@dataclass(eq=False)
+class Joint:
+    """A joint that moves; its pose is that of its frame at 0, in the frame of the joint before it (-1: the world)."""
+
+    name: str
+    parent: int
+    pose: Pose
+    axis: Ball
+    turns: bool
+    follows: tuple[int, float, float] | None = None  # another joint, at factor times its value + offset
+
+
+@dataclass(eq=False)
+class Piece:
+    """The hull of corners, swept by an ellipsoid, in a frame that is fixed in that of a joint (-1: the world)."""
+
+    name: str  # of the link, held object or obstacle
+    joint: int
+    pose: Pose
+    key: str  # of its body, which several pieces may cover
+    corners: Any  # (m, 3)
+    off: float = 0.0  # by how much the corners' numbers may be wrong
+    sweep: Any = field(default_factory=lambda: np.zeros(3))  # (3,) semi-axes of the ellipsoid, along the frame's axes
+    cover: bool = False  # whether it is only the hull around several pieces of its body
+
+
+@dataclass(eq=False)
+class Bond:
+    """Points (m, 3) in one joint's frame, or directions (`turns`), that are to be where others are in another's, off by
+    at most `most`: the length of all differences as one vector, or of their parts `along` a direction."""
+
+    what: str
+    joint: int
+    local: Ball
+    other: int
+    target: Ball
+    most: float
+    turns: bool = False
+    along: Ball | None = None
+
+
+def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
+    """Axis and angle of a rotation M that is neither too small nor near a half turn. M - M^T is 2 sin(angle) times the
+    cross product's matrix of the axis, and its trace 1 + 2 cos(angle). With w near the angle, e = sin(angle) cos w -
+    cos(angle) sin w is sin(angle - w), so that |angle - w| <= 1.01 |e| where |e| <= 0.1. A direction v off by r is
+    off by at most 2 r / |v| once it has length 1."""
+    v = dot("ijk,ij->k", CROSS, matrix) * 0.5
+    m = float(np.sqrt((v.mid * v.mid).sum()))
+    cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
+    r = norm(v.rad)
+    w = float(np.arctan2(m, cos.mid))
+    one, two = cos_sin(w)
+    e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
+    good = m > 1e-6 and m > 1e3 * r and e < 0.1 and near
+    need(good, "an obstacle turns by half a turn, or by less than its numbers are off, from one pose to the next")
+    axis = unit(v.mid * 2.0**10)
+    return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
+
+
+def track(times: list[float], values: list[Ball], now: float) -> Ball:
+    """What is linear between times and constant outside of them."""
+    if not times[0] < now < times[-1]:
+        return values[0] if now <= times[0] else values[-1]
+    i = max(k for k, x in enumerate(times) if x <= now)
+    return values[i] + (values[i + 1] - values[i]) * ((Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i]))
+
+
+def blossom(control: Ball, start: Any, end: Any) -> Ball:
+    """Control points (k, d + 1, n) of parts of polynomials from `start` to `end` (k, 1, 1): the values of their
+    blossoms."""
+    made, degree = [], control.mid.shape[1] - 1
+    for i in range(degree + 1):
+        points = control
+        for step in range(degree):
+            cut = end if step < i else start
+            points = points[:, :-1] * (1.0 - cut) + points[:, 1:] * cut
+        made.append(points[:, 0])
+    return stack(made, 1)
+
+
+class World:
+    """What is to be kept apart: pieces of the robot, of what it holds and of obstacles, their pairs, and the motion."""
+
+    def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
+        """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
+        keys = "joints held links bodies motions not_compared clearances motion limits path start goal duration also"
+        need(type(said) is dict, "the world: a mapping is expected")
+        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *self.rest, self.loads = keys_of(
+            {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
+        )
+        need(version == 1, "the world is not of version 1")
+        self.joints, self.cuts = list[Joint](), cuts
+        for i, each in enumerate(joints):
+            self.add_joint(f"joints[{i}]", each, len(joints))
+        leaders = [x.follows[0] for x in self.joints if x.follows]
+        need(all(self.joints[i].follows is None for i in leaders), "joints: one that is followed follows another one")
+        self.own = len(self.joints)  # joints of the robot; the others follow the time
+        numbers(list(self.held.values()), (-1,), "held")
+        self.links = {name: self.carried_frame(x, f"links.{name}") for name, x in links.items()}
+        self.read_motion(motion)
+        self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
+        self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
+        self.pieces, self.parts, kinds = list[Piece](), dict[str, Any](), dict[str, str]()
+        for i, each in enumerate(bodies):
+            self.add_body(f"bodies[{i}]", each, kinds)
+        need({*motions} <= {x for x, kind in kinds.items() if kind == "obstacle"}, "motions: of no obstacle")
+        self.robot = [name for name, kind in kinds.items() if kind != "obstacle"]
+        self.lay_tracks()
+        self.pair_up(apart, kinds)
+        usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
+        self.usual, self.among = (float(numbers(x, (), "clearances")) for x in (usual, among))
+        self.clearances = {name: float(numbers(x, (), f"clearances.own.{name}")) for name, x in own.items()}
+        need(all(kinds.get(x) == "obstacle" for x in self.clearances), "clearances.own: of no obstacle")
+
+    def add_joint(self, what: str, each: Any, count: int) -> None:
+        name, parent, kind, rotation, position, axis, off, follows = keys_of(
+            each, what, "name parent kind rotation position axis off follows"
+        )
+        good = type(name) is str and type(parent) is int and -1 <= parent < len(self.joints)
+        good = good and kind in ("revolute", "prismatic") and name not in self.held
+        need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
+        way = Ball(numbers(axis, (3,), what), off_of(off, what))
+        need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
+        if follows is not None:
+            need(type(follows) is list and len(follows) == 3 and type(follows[0]) is int, f"{what}.follows")
+            factor, add = numbers(follows[1:], (2,), what).tolist()
+            need(0 <= follows[0] < count and factor, f"{what}.follows: no joint of the world, or by the factor 0")
+            follows = (follows[0], factor, add)
+        pose = frame([rotation, position, off], what)
+        self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
+
+    def carried_frame(self, each: Any, what: str) -> tuple[int, Pose]:
+        """The joint that carries a frame, and the frame in the joint's."""
+        joint, *place = keys_of(each, what, FRAME)
+        need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
+        return joint, frame(place, what)
+
+    def add_body(self, what: str, each: Any, kinds: dict[str, str]) -> None:
+        """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
+        name, kind, shape, *place = keys_of(each, what, "name kind shape joint rotation position off")
+        need(type(name) is str and kind in KINDS and kinds.setdefault(name, kind) == kind, f"{what}: name or kind")
+        need(
+            KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
+        )
+        joint, pose = self.carried_frame(dict(zip(FRAME.split(), place, strict=True)), what)
+        if kind == "obstacle":
+            need(joint == -1, f"{what}: an obstacle is carried by no joint")
+            joint, turn = self.drifting.get(name, (-1, HERE[0]))
+            pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
+        count = len({x.key for x in self.pieces if x.name == name})
+        need(count == 0 or kind == "link", f"{what}: the name '{name}' is taken")
+        key = f"{name} {count}" if kind == "link" else name
+        need(key not in {x.key for x in self.pieces}, f"{what}: '{key}' stands for two bodies")
+        corners, off, sweep = self.shape(shape, what)
+        if corners.ndim == 2:
+            self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
+            return
+        self.parts[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
+        need(groups.shape == corners.shape[:1], f"{key}: has {len(corners)} parts, not {len(groups)}")
+        labels, inverse = np.unique(groups, return_inverse=True)
+        order = np.argsort(inverse, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
+            own = np.unique(corners[rows].reshape(-1, 3), axis=0)
+            size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
+            self.pieces.append(Piece(name, joint, pose, key, own, off, size))
+        if shape["type"] == "mesh" and len(labels) > 1:  # a surface: what it encloses is in none of its groups
+            every = np.unique(corners.reshape(-1, 3), axis=0)
+            self.pieces.append(Piece(name, joint, pose, key, every, off, sweep, True))
+
+    @staticmethod
+    def shape(value: Any, what: str) -> tuple[Any, float, Any]:
+        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each
+        part (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
+        kind: Any = value.get("type") if type(value) is dict else None
+        off = 0.0
+        sizes = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
+        sizes |= {"capsule": "radius length", "points": "points", "mesh": "points triangles off"}
+        sizes |= {"balls": "points radii", "boxes": "low high"}
+        need(kind in sizes, f"{what}: a shape of a kind that is not known")
+        _, *rest = keys_of(value, what, f"type {sizes[kind]}")
+        if kind in ("balls", "boxes"):
+            first = numbers(rest[0], (-1, 3), what)
+            need(len(first), f"{what}: is empty")
+            if kind == "balls":
+                radii = numbers(rest[1], (len(first),), what)
+                need(radii.min() >= 0, f"{what}: a radius is negative")
+                return first[:, None], off, np.repeat(radii[:, None], 3, axis=1)
+            last = numbers(rest[1], (len(first), 3), what)
+            choice = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=bool)
+            return np.where(choice, last[:, None], first[:, None]), off, np.zeros(3)
+        if kind in ("points", "mesh"):
+            points = numbers(rest[0], (-1, 3), what)
+            if kind == "points":
+                need(len(points), f"{what}: has no points")
+                return points, off, np.zeros(3)
+            faces = numbers(rest[1], (-1, 3), what)
+            need(len(faces) and (faces % 1 == 0).all() and (faces >= 0).all(), f"{what}: has no triangles")
+            need(faces.max() < len(points), f"{what}: a triangle has a point that is not there")
+            return points[faces.astype(int)], off_of(rest[2], what), np.zeros(3)
+        three = numbers(rest[0] if kind in ("box", "ellipsoid") else [rest[0]] * 3, (3,), what)
+        length = float(numbers(rest[-1], (), what)) if len(rest) == 2 else 0.0
+        need(three.min() >= 0 <= length, f"{what}: a size is negative")
+        if kind == "box":
+            return (
+                np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * three,
+                off,
+                np.zeros(3),
+            )
+        line = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length
+        return line, off, three * np.array([1.0, 1.0, float(kind != "cylinder")])
+
+    def read_motion(self, said: Any) -> None:
+        """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
+        rule: Any = said.get("rule") if type(said) is dict else None
+        need(rule in RULES, "motion.rule: linear, cubic or quintic")
+        names = ("positions", *RATES[: RULES[rule]])
+        times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
+        lead = [i for i, x in enumerate(self.joints) if x.follows is None]
+        given = [numbers(x, (-1, len(lead)), f"motion.{name}") for x, name in zip(rows, names, strict=True)]
+        count = len(given[0])
+        good = (
+            count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given) and (times or rule == "linear")
+        )
+        need(good, "motion: too few rows, or too many joints, or rates without times")
+        a, b = Ball(given[0][:-1]), Ball(given[0][1:])
+        control, self.rows, self.lead = [a, b], given[0], lead
+        self.times: Any = None
+        if times is not None:
+            self.times = numbers(times, (count,), "motion.times")
+            need((np.diff(self.times) > 0).all(), "motion.times: must increase")
+            width = (Ball(self.times[1:]) - self.times[:-1])[:, None]
+        if len(given) == 2:
+            v, w = (x * (width * Ball(1 / 3, EPS)) for x in (given[1][:-1], given[1][1:]))
+            control = [a, a + v, b - w, b]
+        if len(given) == 3:
+            v, w = (x * (width * Ball(0.2, EPS)) for x in (given[1][:-1], given[1][1:]))
+            x, y = (x * (width * width * Ball(0.05, EPS)) for x in (given[2][:-1], given[2][1:]))
+            control = [a, a + v, a + 2.0 * v + x, b - 2.0 * w + y, b - w, b]
+        made, columns = stack(control, 1), []
+        for i, joint in enumerate(self.joints):
+            other, factor, add = joint.follows or (i, 1.0, 0.0)
+            column = made[:, :, lead.index(other)]
+            columns.append(column * factor + add if joint.follows else column)
+        self.curve = self.control = stack(columns, 2)  # of the robot alone
+        self.clock: Any = self.times
+
+    def drift(self, name: str, said: Any) -> tuple[int, Ball]:
+        """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
+        turn has one of its own, the last turn first. Returns the last joint, and the obstacle's rotation in its
+        frame."""
+        what = f"motions.{name}"
+        need(self.times is not None and type(said) is dict, f"{what}: moves, and the motion has no times")
+        tracks: list[tuple[Ball, list[float], list[Ball]]] = []  # of the turns: axis, and angles at two times
+        if "times" in said:
+            stamps, frames = keys_of(said, what, "times frames")
+            times = numbers(stamps, (-1,), what).tolist()
+            poses = [frame(keys_of(x, what, "rotation position off"), what) for x in frames]
+            need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"{what}: times must increase")
+            places = stack([at for _, at in poses], 1)
+            still = 0.0
+            for i in range(len(times) - 1):
+                change = dot("ij,kj->ik", poses[i + 1][0], poses[i][0])
+                over = change - np.eye(3)  # of length 2 sqrt(2) sin(angle / 2): above the angle
+                if norm(np.abs(over.mid).ravel()) <= LEAST_TURN:
+                    still += float(norm(over.size.ravel()))
+                else:
+                    axis, angle = turn_of(change)
+                    tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
+            first = Ball(poses[0][0].mid, up(poses[0][0].rad + still))
+        else:
+            velocity, spin, *place = keys_of(said, what, "velocity spin rotation position off")
+            velocity, spin = (numbers(x, (3,), what) for x in (velocity, spin))
+            times, (first, at) = [float(self.times[0]), float(self.times[-1])], frame(place, what)
+            places = stack([at + Ball(velocity) * x for x in times], 1)
+            if spin.any():
+                tracks.append((unit(spin), times, [length(spin) * x for x in times]))
+        self.tracks += [(times, [places[i, k] for k in range(len(times))]) for i in range(3)]
+        ways = [(Ball(x), False) for x in np.eye(3)] + [(axis, True) for axis, _, _ in reversed(tracks)]
+        for i, (axis, turns) in enumerate(ways):
+            self.joints.append(Joint(f"{name} moves", len(self.joints) - 1 if i else -1, HERE, axis, turns))
+        self.tracks += [(span, angles) for _, span, angles in reversed(tracks)]
+        return len(self.joints) - 1, first
+
+    def lay_tracks(self) -> None:
+        """Add what obstacles do to the motion, whose intervals end where that changes; note what each joint carries."""
+        knots = {x for span, _ in self.tracks for x in span}
+        if self.tracks:
+            degree, inside = self.control.mid.shape[1] - 1, {x for x in knots if self.times[0] < x < self.times[-1]}
+            times, rows_at = np.array(sorted({*self.times.tolist(), *inside})), self.times
+            row: Any = np.searchsorted(rows_at, times[:-1], side="right") - 1
+            share = inverse(Ball(rows_at[row + 1]) - rows_at[row])
+            start, end = ((Ball(x) - rows_at[row]) * share for x in (times[:-1], times[1:]))
+            self.times = times
+            columns = [blossom(self.control[row], start[:, None, None], end[:, None, None])]
+            for span, values in self.tracks:
+                at = [track(span, values, x) for x in times.tolist()]
+                a, b = stack(at[:-1]), stack(at[1:])
+                rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
+                columns.append(stack(rows, 1)[:, :, None])
+            mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
+            self.control = Ball(mid, rad)
+        count = len(self.joints)
+        self.carried = np.zeros((count + 1, count), dtype=bool)  # by which joints; the last row: the world
+        for i, each in enumerate(self.joints):
+            self.carried[i] = self.carried[each.parent]
+            self.carried[i, i] = True
+
+    def pair_up(self, left_out: Any, kinds: dict[str, str]) -> None:
+        """List the pairs of pieces to be kept apart (P, 2), the pairs of hulls that have to be apart once (Q, 2)."""
+        joint, pieces = {x.name: x.joint for x in self.pieces}, self.pieces
+        need(all(joint[x.name] == x.joint for x in pieces), "bodies: those of one name are carried by one joint")
+        self.left_out = dict[tuple[str, str], str]()
+        for i, each in enumerate(left_out):
+            good = type(each) is list and len(each) == 3 and {*each[:2]} <= {*kinds} and each[2] in REASONS
+            need(good and each[0] != each[1], f"not_compared[{i}]: two names and a reason")
+            one, two, why = each
+            same = joint[one] == joint[two]
+            need(same or why not in ("moving as one", "both stand still"), f"not_compared[{i}]: the two do move")
+            need(
+                "obstacle" not in (kinds[one], kinds[two]) or (why == "both stand still"),
+                f"not_compared[{i}]: an obstacle",
+            )
+            self.left_out[one, two] = self.left_out[two, one] = why
+        own = sum(kinds[x.name] != "obstacle" for x in pieces)
+        need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
+        cover = {x.key: i for i, x in enumerate(pieces) if x.cover}
+        rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
+            one, two = pieces[a], pieces[b]
+            if one.cover or two.cover or one.name == two.name or (one.name, two.name) in self.left_out:
+                continue
+            rows.append((a, b))
+            whole = cover.get(one.key, a), cover.get(two.key, b)
+            if whole != (a, b) and not kinds[one.name] == kinds[two.name] == "link":  # of two links, ASSUMES has it
+                once[whole] = None
+        self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
+        self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
+        self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
+        away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]
+        self.radii = up(np.array(away) + [x.sweep.max() for x in pieces])  # of balls around the pieces

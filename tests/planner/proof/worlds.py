@@ -1,0 +1,50 @@
+"""Worlds and proofs for tests: files as the checker reads them, and proofs as whoever means harm packs them."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.world import world_of
+from hdplan.planner.robot.setup import Setup
+from hdplan.verify.checking import check
+from hdplan.verify.compare import check_equal
+from hdplan.verify.kernel import MAGIC
+from hdplan.verify.reading import read_world
+from hdplan.verify.world import World
+
+
+def words_of(scene: Path, motion: Path, proof: bytes) -> str:
+    """What a proof's content proves, in the checker's words. Raises RejectedError."""
+    return check(scene, motion, proof)[0].text
+
+
+def read(scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:
+    """The world that the checker reads, as its kernel holds it."""
+    with np.errstate(all="ignore"):
+        return World(read_world(scene, motion).world, cuts or {})
+
+
+def read_and_planned(setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:
+    """The same, equal to the world in which hdplan plans."""
+    with np.errstate(all="ignore"):
+        found = read_world(scene, motion).world
+        check_equal(found, world_of(setup, Trajectory.load(motion)))
+        return World(found, cuts or {})
+
+
+def unpacked(proof: bytes) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+    """Head, world and arrays of a proof's content."""
+    head, world, rest = zlib.decompress(proof[len(MAGIC) :]).split(b"\n", 2)
+    return json.loads(head), json.loads(world), rest
+
+
+def packed(head: dict[str, Any], world: Any, rest: bytes) -> bytes:
+    """A proof's content."""
+    lines = "".join(f"{json.dumps(each)}\n" for each in (head, world))
+    return MAGIC + zlib.compress(lines.encode() + rest, 1)
