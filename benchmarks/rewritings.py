@@ -183,7 +183,17 @@ def reworded(rng: Random, value: Any, key: str = "") -> Any:
 
 # --- XML --------------------------------------------------------------------------------------------------------------
 
-NUMERIC = "origin mass inertia box sphere cylinder limit axis mimic".split()  # elements that hold only numbers
+NUMERIC = [
+    "origin",
+    "mass",
+    "inertia",
+    "box",
+    "sphere",
+    "cylinder",
+    "limit",
+    "axis",
+    "mimic",
+]  # elements that hold only numbers
 SENSOR = '<sensor name="eye" type="camera"><origin xyz="1 2 3"/><update_rate>30</update_rate></sensor>'
 HARMLESS = {  # elements that may be added
     "link": [SENSOR, "<gravity>1</gravity>", "<visual><geometry><box size='1 1 1'/></geometry></visual>"],
