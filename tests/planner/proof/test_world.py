@@ -439,7 +439,8 @@ def test_the_first_reason_counts(tmp_path: Path) -> None:
         ["base", "d", "robot.ignore_pairs"],
         ["base", "foot", "moving as one"],
     ]
-    alone = not_compared(Setup.of(replace(scene, self_collision=SelfCollision(checked=False))))
+    nothing = replace(scene, robot=replace(spec, check_pairs=()), self_collision=SelfCollision(checked=False))
+    alone = not_compared(Setup.of(nothing))
     own = ["a", "a_tip", "b", "ball", "base", "c", "d", "foot"]
     assert alone == [
         *[["Box", link, "both stand still"] for link in ("base", "foot")],
