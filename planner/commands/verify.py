@@ -11,6 +11,7 @@ from hdplan.scenes.errors import naming
 from hdplan.scenes.files import check_file
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify.kernel import IN_PART
 
 
 def run_verify(scene: str, trajectory: Path, proof: Path, *, world: Path | None = None) -> int:
@@ -29,7 +30,7 @@ def run_verify(scene: str, trajectory: Path, proof: Path, *, world: Path | None 
     command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *files]
     # In a process group of its own: Ctrl-C is for this process, which ends the checker without a traceback.
     done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False, process_group=0)
-    ended = done.returncode in (0, 1, 4) and done.stdout
+    ended = done.returncode in (0, 1, IN_PART) and done.stdout
     said = (
         done.stdout.rstrip() if ended else "rejected: the checker was ended, it needs more memory or time than it may"
     )

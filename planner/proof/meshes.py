@@ -16,15 +16,14 @@ MOST_GROUPS = 1 << 16  # as a proof writes their numbers
 
 
 def groups_of(shape: dict[str, Any]) -> Rows | None:
-    """Return the group of each ball, or box, of a world's cloud, or map: those in one cube of a grid. None for other
-    shapes, which are divided only where that is needed."""
-    if shape["type"] not in ("balls", "boxes"):
-        return None
-    places = np.array(shape["points"] if shape["type"] == "balls" else shape["low"])
+    """Return the group of each ball of a world's cloud, those in one cube of a grid, or of each box of a map, which is
+    alone. None for other shapes, which are divided only where that is needed."""
     if shape["type"] == "boxes":
-        return np.arange(len(places)) % MOST_GROUPS
-    order, first = grouped(places, CELL)
-    found = np.empty(len(places), dtype=np.int64)
+        return np.arange(len(shape["low"])) % MOST_GROUPS
+    if shape["type"] != "balls":
+        return None
+    order, first = grouped(np.array(shape["points"]), CELL)
+    found = np.empty(len(order), dtype=np.int64)
     found[order] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(order)))) % MOST_GROUPS
     return found
 

@@ -31,7 +31,7 @@ from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import verdict_of
 from hdplan.verify.compare import check_equal
-from hdplan.verify.effects import statement, wanted
+from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
@@ -89,9 +89,9 @@ class _Writer:
     """The proof of one motion in the making."""
 
     def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
-        self.setup, self.planned, self.reading, self.read = setup, planned, reading, reading.world
+        self.setup, self.planned, self.reading = setup, planned, reading
         self.cuts: dict[str, Any] = {
-            body["name"]: cells for body in self.read["bodies"] if (cells := groups_of(body["shape"])) is not None
+            body["name"]: cells for body in reading.world["bodies"] if (cells := groups_of(body["shape"])) is not None
         }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
         self.shapes: dict[bytes, tuple[Any, float]] = {}
@@ -101,7 +101,7 @@ class _Writer:
         lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
         clearance, own = _less(bound, 0.0 if lower else asked), _less(certificate.self_clearance, least)
         for _ in range(MOST_ROUNDS):
-            world = World(self.read, self.cuts)
+            world = World(self.reading.world, self.cuts)
             claimed = {
                 "clearance": None if world.within.all() else clearance,
                 "self_clearance": own if world.within.any() else None,
@@ -174,7 +174,7 @@ class _Writer:
         }
         for claim in wanted(world):
             with contextlib.suppress(RejectedError):
-                statement(world, {**head, "claims": [claim]})
+                check_claim(world, claim)
                 head["claims"] = [*head["claims"], claim]
         parts = (
             *((groups, "<u2") for groups in self.cuts.values()),

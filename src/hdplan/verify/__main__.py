@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from .balls import RejectedError, shown
-from .checking import IN_PART, bounded, check
+from .checking import bounded, check
+from .kernel import IN_PART
 
 USAGE = "usage: python -m hdplan.verify [--world WORLD.json] SCENE MOTION PROOF"
 

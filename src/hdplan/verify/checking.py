@@ -13,14 +13,13 @@ from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
 from .compare import check_equal
-from .effects import statement
-from .kernel import check_apart, unpack
+from .effects import check_claims, in_words
+from .kernel import proven_world, unpack
 from .reading import Reading, read_world
 from .world import World
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
 MOST_TIME, MOST_WAIT = 30, 60  # [s] of a processor, and by the clock
-IN_PART = 4  # exit code
 
 READ = """the files read are those whose hashes are in the proof, and describe the robot and its surroundings
 Python's XML and JSON, and PyYAML, read what is written"""
@@ -48,15 +47,14 @@ def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, A
                 f"{key}: is not the file that was proven: its SHA-256 differs",
             )
         check_equal(read, told)
-        world = World(read, cuts)
-        need({*cuts} <= {*world.parts}, "the proof divides what there is not")
-        check_apart(world, head, trees)
+        world = proven_world(read, head, cuts, trees)
+        check_claims(world, head)
         return verdict_of(world, head, reading), read
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
-    """What the head of a proof claims beside clearances, checked, and in words with the files and what they rest on."""
-    text, whole = statement(world, head)
+    """What a proof proves by its head, whose claims were checked: in words, with the files and what they rest on."""
+    text, whole = in_words(world, head)
     files = "".join(
         f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in reading.hashes.items() if key != "motion"
     )

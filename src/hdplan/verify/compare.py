@@ -20,7 +20,7 @@ def check_equal(read: Any, told: Any) -> None:
 
 def _same(read: Any, told: Any, where: str, off: float) -> None:
     if isinstance(read, dict) and isinstance(told, dict):
-        need([*sorted(read)] == [*sorted(told)], f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
+        need(read.keys() == told.keys(), f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
         slack = _off(read, where) + _off(told, where) if "off" in read else 0.0
         for key in read:
             if key != "off":

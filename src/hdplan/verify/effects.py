@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
-from .kernel import ASSUMES, AT_ONCE, INSTANT, Motion
-from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of
+from .kernel import ASSUMES, AT_ONCE, CLAIMS, INSTANT, Motion
+from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of, symmetric
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -171,7 +171,7 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
         mass, moment, inertia, off = keys_of(each, f"loads[{i}]", "mass moment inertia off")
         need(number(mass, f"loads[{i}].mass") >= 0, f"loads[{i}]: a mass below 0")
         e, six = off_of(off, f"loads[{i}]"), numbers(inertia, (6,), f"loads[{i}]")
-        first, matrix = numbers(moment, (3,), f"loads[{i}]"), six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+        first, matrix = numbers(moment, (3,), f"loads[{i}]"), symmetric(six)
         loads.append([Ball(numbers(mass, (), f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
 
     def beyond(spans: Any) -> Any:
@@ -368,37 +368,48 @@ def millimetres(metres: float) -> str:
 
 def wanted(world: World) -> list[str]:
     """What a world wants beside clearances, by what a proof may claim."""
-    limits, path, _, _, duration, _ = world.rest
+    limits = world.limits
     need(type(limits) is dict and {*limits} <= {"position", "torque", *RATE_NAMES}, "limits: of what is not known")
     found = ["limits", "start", "goal", *(x for x in limits if x != "position")]
-    return found + ["path"] * bool(path) + ["duration"] * (duration is not None)
+    return found + ["path"] * bool(world.path) + ["duration"] * (world.duration is not None)
+
+
+def check_claim(world: World, claim: str) -> None:
+    """Check what a proof may claim beside clearances."""
+    limits = world.limits
+    if claim in RATE_NAMES:
+        check_rates(world, limits, claim)
+    elif claim == "torque":
+        check_torques(world, limits, world.loads)
+    elif claim == "path":
+        check_path(world, world.path, lambda: reached(world, limits, world.start, "start"))
+    elif claim == "limits":
+        check_ranges(world, limits)
+    elif claim == "duration":
+        took = world.clock[-1] - world.clock[0] if world.clock is not None else np.nan
+        need(abs(took - number(world.duration, "duration")) <= SAME, f"duration: the motion takes {took:g} s")
+    else:
+        targets = {"start": world.start, "goal": world.goal}[claim]
+        need(reached(world, limits, targets, claim), f"{claim}: the motion's end is elsewhere")
+
+
+def check_claims(world: World, head: dict[str, Any]) -> None:
+    """Check all that a proof claims beside clearances."""
+    for claim in CLAIMS:
+        if claim in head["claims"] and claim != "clearance":
+            check_claim(world, claim)
 
 
 def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     """Check what a proof claims beside clearances; say what is proven and what is not, and whether that is all."""
-    limits, path, start, goal, duration, also = world.rest
+    check_claims(world, head)
+    return in_words(world, head)
+
+
+def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
+    """What is proven and what is not, once it was checked, and whether that is all."""
     claims = [str(x) for x in head["claims"]]
-    targets = {"start": start, "goal": goal}
-
-    def begins() -> bool:
-        return reached(world, limits, start, "start")
-
-    for name in RATE_NAMES:
-        if name in claims:
-            check_rates(world, limits, name)
-    if "torque" in claims:
-        check_torques(world, limits, world.loads)
-    if "path" in claims:
-        check_path(world, path, begins)
-    if "limits" in claims:
-        check_ranges(world, limits)
-    for end in targets:
-        if end in claims:
-            need(reached(world, limits, targets[end], end), f"{end}: the motion's end is elsewhere")
-    if "duration" in claims:
-        took = world.clock[-1] - world.clock[0] if world.clock is not None else np.nan
-        need(abs(took - number(duration, "duration")) <= SAME, f"duration: the motion takes {took:g} s")
-    missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in also]
+    missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in world.also]
     for key, clearance, where in (("clearance", world.usual, "obstacles"), ("self_clearance", world.among, "links")):
         if (head[key] or clearance) < clearance and key not in claims:
             missing.append(f"a clearance of {1e3 * clearance:g} mm ({where})")

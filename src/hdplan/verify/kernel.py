@@ -61,10 +61,12 @@ from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
 MAGIC, VERSION = b"hdplan proof\n", 2
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 50  # of a proof's trees
+IN_PART = 4  # exit code
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
-CLAIMS = frozenset(
-    ["clearance", "limits", "start", "goal", "path", "duration", "velocity", "acceleration", "jerk", "torque"]
+CLAIMS = (  # of a proof: clearances, and what `effects` checks, in this order
+    *("clearance", "velocity", "acceleration", "jerk", "torque", "path"),
+    *("limits", "start", "goal", "duration"),
 )
 
 ASSUMES = """the world is the robot and its surroundings: links are rigid, and their bodies; joints have no play
@@ -243,7 +245,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")
     keys_of(head, "the proof's head", "version files clearance self_clearance cuts pairs leaves once claims")
     good = type(head["files"]) is type(head["cuts"]) is dict and type(head["claims"]) is list
-    good = good and all(type(x) is str for x in head["claims"]) and {*head["claims"]} <= CLAIMS
+    good = good and all(type(x) is str for x in head["claims"]) and {*head["claims"]} <= {*CLAIMS}
     need(good, "the proof's head: files, cuts or claims")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
     sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
@@ -305,6 +307,14 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
 
 
+def proven_world(said: Any, head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> World:
+    """The world whose bodies a proof keeps apart."""
+    world = World(said, cuts)
+    need({*cuts} <= {*world.parts}, "the proof divides what there is not")
+    check_apart(world, head, trees)
+    return world
+
+
 def accept(said: Any, proof: bytes) -> tuple[str, bool]:
     """What a proof's content proves in a world, and whether that is all that the world asks for. Raises RejectedError,
     which names leaf, pair and reason."""
@@ -312,10 +322,7 @@ def accept(said: Any, proof: bytes) -> tuple[str, bool]:
 
     with rejecting():
         head, _, cuts, trees = unpack(proof)
-        world = World(said, cuts)
-        need({*cuts} <= {*world.parts}, "the proof divides what there is not")
-        check_apart(world, head, trees)
-        return statement(world, head)
+        return statement(proven_world(said, head, cuts, trees), head)
 
 
 def main() -> int:
@@ -333,7 +340,7 @@ def main() -> int:
         print(f"rejected: {error}")
         return 1
     print(words)
-    return 0 if whole else 4
+    return 0 if whole else IN_PART
 
 
 if __name__ == "__main__":

@@ -59,7 +59,6 @@ class Rows:
         for rate, end in zip(RATES, ends, strict=True):
             if any(x.endswith(end) for x in columns):
                 said[rate] = [list(x) for x in zip(*(columns.pop(name + end) for name in names), strict=True)]
-                columns = {x: y for x, y in columns.items() if end or x not in names}
         need(not columns, f"{path}: columns of other kinds, {', '.join(columns)}")
         return said
 

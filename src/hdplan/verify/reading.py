@@ -14,11 +14,11 @@ import numpy as np
 
 from . import scene as scenes
 from .balls import HERE, Ball, Pose, compose, dot, need, rejecting, up
-from .meshes import KINDS
 from .motion import Rows
 from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
 from .text import Files, listing, mapping, row, values
+from .world import symmetric
 
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
 ROOM = 0.1  # [rad or m] by which a named state or a request may lie beyond limits: descriptions of a robot differ
@@ -152,10 +152,7 @@ class Reader:
             scale = row(said.get("scale", "1 1 1"), 3, where)
             need(scale.all(), f"{where}: a mesh of scale 0")
             path = self.mesh_file(said.get("filename", ""), where)
-            if path.suffix.lower() not in KINDS:
-                self.files.read(f"mesh {path.parent.name}/{path.name}", path)
-                return self.told.shape(link, number, f"{path.name} ({where})")
-            return scenes.mesh(path, scale, self.files, upright=False)
+            return scenes.mesh_of(path, scale, self.files, self.told, (link, number, where), upright=False)
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
@@ -167,12 +164,11 @@ class Reader:
         scheme, told, rest = address.partition("://")
         packaged = bool(told) and scheme in ("package", "model")
         name = rest.lstrip("/") if packaged else rest or scheme
-        inner = name.partition("/")[2]
-        places = [x / y for x in self.folders for y in (name, inner)] if packaged else [self.urdf.parent / name]
-        own = self.folder if not packaged else None
-        found = [x for x in [*places, *([own / name] if own else [])] if x.is_file()]
+        inner, beside = name.partition("/")[2], (self.urdf.parent / name, self.folder / name)
+        places = [x / y for x in self.folders for y in (name, inner)] if packaged else beside
+        found = next((x for x in places if x.is_file()), None)
         need(found, f"{where}: mesh '{name}' is not found")
-        return found[0]
+        return Path(found or "")
 
     # --- the world ---
 
@@ -375,7 +371,7 @@ class Reader:
             mass, com = scenes.one(said.get("mass"), "payload"), values(said.get("com", [0.0] * 3), 3, "payload.com")
             need(mass >= 0, "payload: a mass below 0")
             six = values(said.get("inertia", [0.0] * 6), 6, "payload.inertia")
-            about = six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+            about = symmetric(six)
             need(said.get("link") in self.at, "payload: its link is not known")
             carry(said["link"], mass, (HERE[0], Ball(com)), Ball(about))
         for i, entry in enumerate(listing(self.top.get("attached"), "attached")):
@@ -453,7 +449,7 @@ class Reader:
         }
         last = [x for x in self.moving if moved[x] == lead]
         carrier = {link: self.moving[at[0]] if at[0] >= 0 else None for link, at in self.at.items()}
-        hands = sorted({link for link, _ in self.semantics.hands if carrier.get(link) in last})
+        hands = sorted({link for link in self.semantics.hands if carrier.get(link) in last})
         if last and not hands:
             whole = [{*own} for own in self.semantics.groups.values() if lead <= {*own} and not {*own} & {*self.held}]
             behind = [x for x in tree.order if carrier[tree.joints[x].child] == last[0]]

@@ -5,6 +5,7 @@ Every element and attribute that counts is known here, or rejected; of visuals n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 
 from .balls import EPS, HERE, Ball, Pose, compose, dot, need, rotation, unit
 from .text import attributes, children, number, row, strict_xml, values
+from .world import symmetric
 
 # of these nothing is read; not <collision_checking>, by which Pinocchio takes capsules for cylinders
 LINK = "contact surface gravity kinematic self_collide self_collision_checking self_filter sensor"
@@ -35,6 +37,13 @@ def rpy(angles: Any) -> Ball:
 def decimal(x: Any) -> Ball:
     """The decimals that are nearest to doubles."""
     return Ball(x, EPS * np.abs(x))
+
+
+def upward(above: dict[str, tuple[str, str]], link: str) -> Iterator[tuple[str, str]]:
+    """The joints from a link to the root, each with the link above it."""
+    while link in above:
+        joint, link = above[link]
+        yield joint, link
 
 
 def origin(element: Any, where: str) -> Pose:
@@ -179,20 +188,12 @@ class Tree:
 
     def way(self, joint: str) -> list[str]:
         """The joints that move from the root to one, with itself."""
-        found, link = [joint], self.joints[joint].parent
-        while link in self.above:
-            above, link = self.above[link]
-            found.append(above)
+        found = [joint, *(above for above, _ in upward(self.above, self.joints[joint].parent))]
         return [x for x in found if self.joints[x].kind != "fixed"]
 
     def between(self, one: str, two: str) -> set[str]:
         """The links on the way from one link to another, without the two."""
-        ways = []
-        for link in (one, two):
-            way = [link]
-            while way[-1] in self.above:
-                way.append(self.above[way[-1]][1])
-            ways.append(way)
+        ways = [[link, *(above for _, above in upward(self.above, link))] for link in (one, two)]
         meeting = next(x for x in ways[0] if x in ways[1])
         return ({*ways[0]} ^ {*ways[1]} | {meeting}) - {one, two}
 
@@ -221,7 +222,7 @@ class Tree:
             said = attributes(part["inertia"], where, "ixx ixy ixz iyy iyz izz")
             six = [number(said.get(key), where) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
             need(mass >= 0, f"{where}: a mass below 0")
-            found.append((link, mass, origin(each, where), np.array(six)[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]))
+            found.append((link, mass, origin(each, where), symmetric(np.array(six))))
         return found
 
 

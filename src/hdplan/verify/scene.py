@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from .balls import CROSS, EPS, HERE, Pose, dot, need, unit
-from .meshes import KINDS as MESHES
-from .meshes import triangles
+from .meshes import KINDS, triangles
 from .robot import decimal, rpy
 from .text import Files, listing, mapping, values, yaml_of
 
@@ -48,9 +47,9 @@ def word(value: Any, what: str) -> str:
     return str(value)
 
 
-def pose_of(value: Any, what: str, more: str = "") -> Pose:
+def pose_of(value: Any, what: str) -> Pose:
     """A pose of a scene, some of the keys of a mapping; what is missing is 0."""
-    keys, turn = mapping(value or {}, what, f"{POSE} {more}"), HERE[0]
+    keys, turn = mapping(value or {}, what, POSE), HERE[0]
     need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
@@ -83,11 +82,7 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
     if kind == "mesh":
         scale = values(said.get("scale", 1), 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        path = folder / word(said["file"], what)
-        if path.suffix.lower() not in MESHES:
-            files.read(f"mesh {path.parent.name}/{path.name}", path)
-            return told.shape(what, 0, f"{path.name} ({what})")
-        return mesh(path, scale, files, upright=True)
+        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, 0, what), upright=True)
     if kind == "points":
         return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
@@ -112,10 +107,21 @@ class Told:
         return dict(own[number])
 
 
-def mesh(path: Path, scale: Any, files: Files, upright: bool) -> dict[str, Any]:
+def mesh_of(
+    path: Path, scale: Any, files: Files, told: Told, body: tuple[str, int, str], upright: bool
+) -> dict[str, Any]:
+    """A mesh as a world has it; of a kind that the checker does not read as the proof has it. `body`: the name of its
+    body, which one of several of that name it is, and what it is called."""
+    data, (name, number, what) = files.read(f"mesh {path.parent.name}/{path.name}", path), body
+    if path.suffix.lower() not in KINDS:
+        return told.shape(name, number, f"{path.name} ({what})")
+    return mesh(path, data, scale, upright)
+
+
+def mesh(path: Path, data: bytes, scale: Any, upright: bool) -> dict[str, Any]:
     """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
     equal corners left out; named backwards where the scale mirrors."""
-    found = triangles(path, files.read(f"mesh {path.parent.name}/{path.name}", path), upright)
+    found = triangles(path, data, upright)
     corners = found.mid * scale
     off = float((found.rad * np.abs(scale) + (found.rad > 0) * EPS * np.abs(corners)).max())
     flat = corners.reshape(-1, 3)

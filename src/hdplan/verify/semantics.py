@@ -11,7 +11,8 @@ import re
 from typing import Any
 
 from .balls import need
-from .text import attributes, children, listing, number, strict_xml
+from .robot import Tree, upward
+from .text import attributes, children, number, strict_xml
 
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF's group that moves, where it has several
@@ -48,7 +49,7 @@ class Semantics:
         need(len(self._groups) == len(root.findall("group")), "SRDF: two groups of one name")
         self.groups = {name: self._joints(name, ()) for name in self._groups}
         self.passive = {x.get("name", "") for x in root.findall("passive_joint")}
-        self.hands = [(x.get("parent_link", ""), x.get("name", "")) for x in root.findall("end_effector")]
+        self.hands = [x.get("parent_link", "") for x in root.findall("end_effector")]  # the links that carry them
         self._states: dict[str, dict[str, dict[str, float]]] = {}  # by name and group
         for state in root.findall("group_state"):
             for joint in state.findall("joint"):
@@ -79,17 +80,10 @@ class Semantics:
                 found += self._joints(link, (*within, name))
         return list(dict.fromkeys(found))
 
-    def _upward(self, link: str) -> list[str]:
-        joints = list[str]()
-        while link in self.above:
-            joint, link = self.above[link]
-            joints.append(joint)
-        return joints
-
     def _chain(self, tip: str, base: str) -> list[str]:
         """The joints from base to tip, as MoveIt has them: down from where the two ways to the root meet, whose own
         joint is in it if the base is not above the tip."""
-        one, two = self._upward(tip), self._upward(base)
+        one, two = ([joint for joint, _ in upward(self.above, link)] for link in (tip, base))
         shared = [x for x in one if x in two]
         down = [x for x in one if x not in shared]
         up_ = [x for x in two if x not in shared]
@@ -97,16 +91,13 @@ class Semantics:
         return [*up_[::-1], *reversed([*down, *meeting])]
 
 
-def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[list[str], str | None]:
+def moving(spec: dict[str, Any], tree: Tree, words: Semantics) -> tuple[list[str], str | None]:
     """The joints that a scene's robot section moves, in the order of the tree, and the SRDF's group of theirs."""
-    joints, locked = tree.movable, listing(list(spec.get("locked") or {}), "robot.locked")
-    rules = tree.rules(joints)
-    passive = words.passive if words else set()
-    leader = {x: rules[x][0] if x in rules else tree.joints[x].mimic[0] for x in joints if tree.joints[x].mimic}
-    leader |= {x: y.mimic[0] for x, y in tree.joints.items() if y.mimic and x not in leader}
+    joints, locked, rules = tree.movable, spec["locked"], tree.rules(tree.movable)
+    leader = {x: y.mimic[0] for x, y in tree.joints.items() if y.mimic} | {x: rule[0] for x, rule in rules.items()}
     followed = {rule[0] for rule in rules.values()}
     rooms = {x: tree.room(x, rules) for x in joints if not tree.joints[x].mimic}
-    candidates = [x for x, (low, high) in rooms.items() if (low < high or x not in followed) and x not in passive]
+    candidates = [x for x, (low, high) in rooms.items() if (low < high or x not in followed) and x not in words.passive]
     group = spec.get("group")
     if isinstance(group, list):
         need(
@@ -114,7 +105,7 @@ def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[li
             "robot.group: a joint cannot move",
         )
         return [x for x in joints if x in group], None
-    groups = {name: [x for x in candidates if x in own] for name, own in (words.groups if words else {}).items()}
+    groups = {name: [x for x in candidates if x in own] for name, own in words.groups.items()}
     if group is not None:
         names = (str(group), *(str(group).removeprefix(f"{x}_") for x in (spec.get("name") or tree.stem, tree.name)))
         name = next((x for x in names if x in groups), "")
@@ -122,7 +113,7 @@ def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[li
         planned = [x for x in groups[name] if x not in locked]
         need(planned, f"robot.group: '{group}' has no joint that moves")
         return planned, name
-    movable = [x for x in joints if not tree.joints[x].mimic and x not in passive]
+    movable = [x for x in joints if not tree.joints[x].mimic and x not in words.passive]
     hands = _hands(tree, movable, leader)
     candidates = [x for x in candidates if x not in hands]
     groups = {name: left for name, own in groups.items() if (left := [x for x in own if x not in hands])}
@@ -135,7 +126,7 @@ def moving(spec: dict[str, Any], tree: Any, words: Semantics | None) -> tuple[li
     return planned, chosen
 
 
-def _hands(tree: Any, movable: list[str], leader: dict[str, str]) -> set[str]:
+def _hands(tree: Tree, movable: list[str], leader: dict[str, str]) -> set[str]:
     """The joints that drive a hand: those with followers of which one has a finger's name, or none of which carries
     another joint of the arm."""
     followers = {x: [y for y in leader if leader[y] == x] for x in movable}
@@ -149,15 +140,14 @@ def _hands(tree: Any, movable: list[str], leader: dict[str, str]) -> set[str]:
     return found
 
 
-def held_at(joint: str, spec: dict[str, Any], tree: Any, words: Semantics | None) -> float:
+def held_at(joint: str, spec: dict[str, Any], tree: Tree, words: Semantics) -> float:
     """Where a joint stands that does not move: where the scene says, or where it follows another one, or at the first
     named state's value, or as near to 0 as its limits allow."""
-    locked = spec.get("locked") or {}
-    if joint in locked:
-        return float(locked[joint])
+    if joint in spec["locked"]:
+        return float(spec["locked"][joint])
     each = tree.joints[joint]
     if each.mimic and each.mimic[0] in tree.joints:
         other, factor, offset = each.mimic
         return float(factor * (held_at(other, spec, tree, words) if other in tree.movable else 0.0) + offset)
-    at = next((x[joint] for x in (words.states(None) if words else {}).values() if joint in x), 0.0)
+    at = next((x[joint] for x in words.states(None).values() if joint in x), 0.0)
     return at if each.kind == "continuous" else float(min(max(at, each.low), each.high))

@@ -20,15 +20,10 @@ OFF = 1e-6  # most that a number of a world may be off
 LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less has a rotation that is off by as much
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
-REASONS: tuple[str, ...] = (
-    "self_collision: false",
-    "moving as one",
-    "both stand still",
-    "robot.ignore_pairs",
-    "the SRDF",
-    "neighbours",
+REASONS = (  # for which pairs are not compared
+    *("self_collision: false", "moving as one", "both stand still", "robot.ignore_pairs"),
+    *("the SRDF", "neighbours", "touch_links", "the MJCF"),
 )
-REASONS += ("touch_links", "the MJCF")  # for which pairs are not compared
 KINDS = ("link", "held", "obstacle")
 FRAME = "joint rotation position off"
 
@@ -61,6 +56,11 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def loads(text: str | bytes) -> Any:
     """The content of JSON text without keys that stand twice."""
     return json.loads(text, object_pairs_hook=unique, parse_constant=lambda word: need(False, f"{word} is no number"))
+
+
+def symmetric(six: Any) -> Any:
+    """The symmetric matrix (3, 3) of xx, xy, xz, yy, yz, zz."""
+    return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
 
 
 def off_of(value: Any, what: str) -> float:
@@ -166,9 +166,10 @@ class World:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
         keys = "joints held links bodies motions not_compared clearances motion limits path start goal duration also"
         need(type(said) is dict, "the world: a mapping is expected")
-        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *self.rest, self.loads = keys_of(
+        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *rest, self.loads = keys_of(
             {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
+        self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
         need(version == 1, "the world is not of version 1")
         self.joints, self.cuts = list[Joint](), cuts
         for i, each in enumerate(joints):
@@ -177,7 +178,9 @@ class World:
         need(all(self.joints[i].follows is None for i in leaders), "joints: one that is followed follows another one")
         self.own = len(self.joints)  # joints of the robot; the others follow the time
         numbers(list(self.held.values()), (-1,), "held")
-        self.links = {name: self.carried_frame(x, f"links.{name}") for name, x in links.items()}
+        self.links = {
+            name: self.carried_frame(keys_of(x, f"links.{name}", FRAME), f"links.{name}") for name, x in links.items()
+        }
         self.read_motion(motion)
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
@@ -210,20 +213,20 @@ class World:
         pose = frame([rotation, position, off], what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
-    def carried_frame(self, each: Any, what: str) -> tuple[int, Pose]:
-        """The joint that carries a frame, and the frame in the joint's."""
-        joint, *place = keys_of(each, what, FRAME)
+    def carried_frame(self, values: list[Any], what: str) -> tuple[int, Pose]:
+        """The joint that carries a frame, and the frame in the joint's, by the values of FRAME."""
+        joint, *place = values
         need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
         return joint, frame(place, what)
 
     def add_body(self, what: str, each: Any, kinds: dict[str, str]) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
-        name, kind, shape, *place = keys_of(each, what, "name kind shape joint rotation position off")
+        name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
         need(type(name) is str and kind in KINDS and kinds.setdefault(name, kind) == kind, f"{what}: name or kind")
         need(
             KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
         )
-        joint, pose = self.carried_frame(dict(zip(FRAME.split(), place, strict=True)), what)
+        joint, pose = self.carried_frame(place, what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")
             joint, turn = self.drifting.get(name, (-1, HERE[0]))

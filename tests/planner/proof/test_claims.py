@@ -68,12 +68,12 @@ def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
 
 def torques_kept(world: World) -> None:
     """Check the torques of a world by its own limits."""
-    check_torques(world, world.rest[0], world.loads)
+    check_torques(world, world.limits, world.loads)
 
 
 def bonds_of(world: World) -> list[Bond]:
     """What keeps the path constraints of a world."""
-    return bonds_of_path(world, world.rest[1], lambda: True)
+    return bonds_of_path(world, world.path, lambda: True)
 
 
 def bounds(world: World, spans: np.ndarray) -> np.ndarray:
@@ -123,7 +123,7 @@ def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accep
     names = [x.name for x in world.joints]
     for joint in (1, 5):
         for share, good in ((1.01, True), (0.99, False)):
-            world.rest[0]["torque"] = [float(x) * (share if i == joint else 1.01) for i, x in enumerate(peak)]
+            world.limits["torque"] = [float(x) * (share if i == joint else 1.01) for i, x in enumerate(peak)]
             if good:
                 torques_kept(world)
             else:
@@ -257,7 +257,7 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
         }  # fmt: skip
 
     def met(*targets: list[dict]) -> bool:
-        return reached(world, world.rest[0], [{"poses": each} for each in targets], "goal")
+        return reached(world, world.limits, [{"poses": each} for each in targets], "goal")
 
     for _ in range(20):
         inside = goal(2e-3 * (1 - 1e-6), 0.3 * (1 - 1e-6))

@@ -18,10 +18,10 @@ import pytest
 from hdplan import cli
 from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.verify import RejectedError, kernel
-from hdplan.verify.checking import IN_PART, check
+from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
 from hdplan.verify.effects import millimetres, statement
-from hdplan.verify.kernel import VERSION, Motion, accept, half
+from hdplan.verify.kernel import IN_PART, VERSION, Motion, accept, half
 from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
 from hdplan.verify.world import OFF, REASONS, World

@@ -121,7 +121,7 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
     found = world(scene, tmp_path)
     robot = hdplan.load_robot(spec)
     assert tuple(joint.name for joint in found.joints) == robot.joint_names
-    assert found.rest[0]["position"][:3] == [[-2, 2], [-1, 3], [-3, 3]]
+    assert found.limits["position"][:3] == [[-2, 2], [-1, 3], [-3, 3]]
     motion = Motion(found, np.array([[0.0, 1.0]]))
     turn = rotation(Ball([0.0, 0.0, 1.0]), 1.105).mid
     assert np.allclose(motion.at.mid[0, 2], [1.305, -0.195, 0.2], atol=1e-12)
