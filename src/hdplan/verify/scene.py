@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Pose, dot, need, unit
+from .balls import CROSS, EPS, HERE, Pose, dot, named, need, unit
 from .meshes import KINDS as MESHES
 from .meshes import triangles
 from .robot import decimal, rpy
@@ -86,7 +86,7 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
         path = folder / word(said["file"], what)
         if path.suffix.lower() not in MESHES:
             files.read(f"mesh {path.parent.name}/{path.name}", path)
-            return told.shape(what, 0, f"{path.name} ({what})")
+            return told.shape(what, 0, f"{named(path.name)} ({named(what)})")
         return mesh(path, scale, files, upright=True)
     if kind == "points":
         return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
@@ -149,7 +149,7 @@ def obstacles(
         if kinds == ["shape"]:
             shape = shape_of(said["shape"], name, folder, files, told)
         else:
-            shape = told.shape(name, 0, f"{name} ({kinds[0]})")
+            shape = told.shape(name, 0, f"{named(name)} ({kinds[0]})")
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
         if "clearance" in said:
             own[name] = one(said["clearance"], f"{what}.clearance")
