@@ -9,6 +9,8 @@ not a number passes no comparison.
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -28,6 +30,11 @@ class RejectedError(Exception):
 def shown(line: str) -> str:
     """A line without characters by which a name in a file could look like several."""
     return "".join(x if x.isprintable() else "?" for x in line)
+
+
+def named(name: str) -> str:
+    """A name of a file as it stands among others: in quotes if it could be read as more than a name."""
+    return name if re.fullmatch(r"[\w./]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 @contextmanager

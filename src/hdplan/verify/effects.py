@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, shown, up
+from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, named, need, shown, up
 from .kernel import ASSUMES, AT_ONCE, CLAIMS, INSTANT, Motion
 from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of, symmetric
 
@@ -417,18 +417,20 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
     usual = world.usual if "clearance" in claims else 0.0
     least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.name not in world.robot}
-    own = "".join(f"; {millimetres(x)} from {name}" for name, x in least.items() if x > (head["clearance"] or 0.0))
+    own = "".join(
+        f"; {millimetres(x)} from {named(name)}" for name, x in least.items() if x > (head["clearance"] or 0.0)
+    )
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
         if head[key]:
             more = own if key == "clearance" else ""
             lines.append(f"  links and held objects are at least {millimetres(head[key])} {what}{more}")
     lines += [f"  also proven: {', '.join(claims)}"] * bool(claims)
     for reason in dict.fromkeys(world.left_out.values()):
-        pairs = sorted({"-".join(sorted(x)) for x, why in world.left_out.items() if why == reason})
+        pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
-    following = (f"{name} at {k:g} x {world.joints[i].name} + {add:g}" for name, i, k, add in rules)
+    following = (f"{named(name)} at {k:g} x {named(world.joints[i].name)} + {add:g}" for name, i, k, add in rules)
     lines += [f"  following: {', '.join(following)}"] * bool(rules)
-    lines += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
+    lines += [f"  held: {', '.join(f'{named(name)} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
     assumed = ["  if:", *(f"    {line}" for line in ASSUMES.splitlines())]
     return "\n".join([*map(shown, lines), *assumed]), not missing

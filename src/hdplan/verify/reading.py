@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import scene as scenes
-from .balls import HERE, Ball, Pose, compose, dot, need, rejecting, up
+from .balls import HERE, Ball, Pose, compose, dot, named, need, rejecting, up
 from .motion import Rows
 from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
@@ -21,7 +21,7 @@ from .text import Files, listing, mapping, row, values
 from .world import symmetric
 
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
-ROOM = 0.1  # [rad or m] by which a named state or a request may lie beyond limits: descriptions of a robot differ
+ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
 RATES = ("velocity", "acceleration", "jerk", "torque")
 
 
@@ -57,7 +57,7 @@ class Reader:
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.tree: Any = None
         if urdf.suffix.lower() in (".xacro", ".xml"):
-            self.told.taken[f"the robot ({urdf.name}) with what it holds, its limits, start and goal"] = None
+            self.told.taken[f"the robot ({named(urdf.name)}) with what it holds, its limits, start and goal"] = None
             return
         need(not self.spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         self.tree = Tree(urdf, data, self.base_joints())
@@ -114,6 +114,9 @@ class Reader:
         if isinstance(start, dict):  # values of the start hold joints that do not move
             spec["locked"] = {x: scenes.one(y, f"start: '{x}'") for x, y in start.items() if x in resting} | locked
         self.held = {x: held_at(x, spec, tree, self.semantics) for x in resting}
+        for x, at in self.held.items():
+            near = tree.joints[x].low - ROOM <= at <= tree.joints[x].high + ROOM
+            need(near, f"joint '{x}' is held at {at:g}, more than {ROOM} beyond its limits")
 
     def joints(self) -> list[Any]:
         """The joints that move, as a world has them."""
@@ -152,7 +155,8 @@ class Reader:
             scale = row(said.get("scale", "1 1 1"), 3, where)
             need(scale.all(), f"{where}: a mesh of scale 0")
             path = self.mesh_file(said.get("filename", ""), where)
-            return scenes.mesh_of(path, scale, self.files, self.told, (link, number, where), upright=False)
+            body = (link, number, f"link {named(link)}")
+            return scenes.mesh_of(path, scale, self.files, self.told, body, upright=False)
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
@@ -177,7 +181,7 @@ class Reader:
         top, files, folder = self.top, self.files, self.folder
         joints = self.joints()
         bodies, held = self.link_bodies(), []
-        names = {x["name"]: "link" for x in bodies}
+        names = dict.fromkeys(self.tree.links, "link")
         self.touching = dict[frozenset[str], None]()
         for i, entry in enumerate(listing(top.get("attached"), "attached")):
             what = f"attached[{i}]"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Pose, dot, need, unit
+from .balls import CROSS, EPS, HERE, Pose, dot, named, need, unit
 from .meshes import KINDS, triangles
 from .robot import decimal, rpy
 from .text import Files, listing, mapping, values, yaml_of
@@ -82,7 +82,7 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
     if kind == "mesh":
         scale = values(said.get("scale", 1), 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, 0, what), upright=True)
+        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, 0, named(what)), upright=True)
     if kind == "points":
         return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
@@ -114,7 +114,7 @@ def mesh_of(
     body, which one of several of that name it is, and what it is called."""
     data, (name, number, what) = files.read(f"mesh {path.parent.name}/{path.name}", path), body
     if path.suffix.lower() not in KINDS:
-        return told.shape(name, number, f"{path.name} ({what})")
+        return told.shape(name, number, f"{named(path.name)} ({what})")
     return mesh(path, data, scale, upright)
 
 
@@ -155,7 +155,7 @@ def obstacles(
         if kinds == ["shape"]:
             shape = shape_of(said["shape"], name, folder, files, told)
         else:
-            shape = told.shape(name, 0, f"{name} ({kinds[0]})")
+            shape = told.shape(name, 0, f"{named(name)} ({kinds[0]})")
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
         if "clearance" in said:
             own[name] = one(said["clearance"], f"{what}.clearance")

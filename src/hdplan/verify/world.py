@@ -226,6 +226,7 @@ class World:
         need(
             KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
         )
+        need((name in self.links) == (kind == "link"), f"{what}: '{name}' is a link, or is to be one")
         joint, pose = self.carried_frame(place, what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")

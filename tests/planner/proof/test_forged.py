@@ -392,6 +392,41 @@ def test_a_pair_that_is_not_compared_for_a_reason_that_does_not_hold_is_a_differ
             check_equal(said, other)
 
 
+TIP = '<link name="tip"/><joint name="t" type="fixed"><parent link="hand"/><child link="tip"/></joint></robot>'
+TOOL: Said = {"name": "tool", "link": "hand", "shape": {"type": "box", "size": [0.01] * 3}}
+
+
+@pytest.mark.parametrize("name", ["fore", "tip", "tool", "o", "fore 0"])
+@pytest.mark.parametrize("kind", ["obstacles", "attached"])
+def test_no_name_stands_for_two_of_links_held_objects_and_obstacles(kind: str, name: str, tmp_path: Path) -> None:
+    """Nor for a link that has no geometry; whoever writes the world."""
+    scene: Said = {"obstacles": [BALL], "attached": [TOOL]}
+    urdf = URDF.replace("</robot>", TIP)
+    honest = read_world(*files(tmp_path, scene, {}, urdf)).world
+    World(honest, {})
+    (body,) = [x for x in honest["bodies"] if x["kind"] == ("obstacle" if kind == "obstacles" else "held")]
+    last = honest["bodies"].index(body) + 1
+    bodies = [*honest["bodies"][:last], {**body, "name": name}, *honest["bodies"][last:]]
+    with pytest.raises(RejectedError, match=r"bodies\[\d\]: .*(taken|two bodies|a link|name or kind)"):
+        World({**honest, "bodies": bodies}, {})
+    with pytest.raises(RejectedError, match=r"taken|two bodies"):
+        World(
+            read_world(
+                *files(tmp_path, {**scene, kind: [*scene[kind], {**scene[kind][0], "name": name}]}, {}, urdf)
+            ).world,
+            {},
+        )
+
+
+@pytest.mark.parametrize("robot", [{"locked": {"g": -50}}, {"locked": {"g": 2.11}}, {"locked": {"g": -2.11}}, {}])
+def test_a_joint_that_is_held_far_beyond_its_limits_is_refused(robot: Said, tmp_path: Path) -> None:
+    """Wherever the scene says so."""
+    start = {"start": {"joints": {"a": 0, "b": 0, "g": 2.11}}} if not robot else {}
+    with pytest.raises(RejectedError, match=r"joint 'g' is held at .*, more than 0\.1 beyond its limits"):
+        read_world(*files(tmp_path, {"robot": {**ROBOT, **robot}, **start}))
+    assert read_world(*files(tmp_path, {"robot": {**ROBOT, "locked": {"g": 2.09}}})).world["held"] == {"g": 2.09}
+
+
 # --- what is said -----------------------------------------------------------------------------------------------------
 
 
@@ -435,6 +470,22 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
     text, _ = statement(world, {"clearance": 0.029999999999, "self_clearance": 0.0123456789, "claims": []})
     assert "at least 29.999999 mm from every obstacle; 123.456789 mm from o\n" in text
     assert "at least 12.345678 mm from one another\n" in text
+
+
+def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
+    """Not another obstacle's clearance, nor another pair."""
+    said = json.dumps(honest[1])
+    for name in ("o; 900 mm from p", "base-fore, o", 'o"; 900 mm from "p', "o\n  links and held objects", "o from p"):
+        other = json.loads(said.replace('"o"', json.dumps(name)))
+        text, _ = statement(World(other, {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []})
+        (own,) = re.findall("10 mm from every obstacle; (.*)", text)
+        quoted = kernel.shown(json.dumps(name))
+        assert own == f"20 mm from {quoted}"
+        (still,) = re.findall("not compared, both stand still: (.*)", text)
+        assert f"base-{quoted}" in still
+        assert text.count("\n") == statement(
+            World(honest[1], {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []}
+        )[0].count("\n")
 
 
 def test_what_stands_still_is_listed_beside_obstacles(tmp_path: Path) -> None:
