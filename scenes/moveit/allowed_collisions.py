@@ -1,9 +1,10 @@
 """The allowed collision matrix of a MoveIt scene: every entry is kept, or a note names it.
 
-Two links that it says to check are checked, also where the robot's SRDF disables them (`robot.check_pairs`). What it
-allows to touch is still kept apart, beside what the SRDF and `touch_links` allow: that is stricter, and noted.
-Obstacles are checked against each other neither here nor in MoveIt. A pair without an entry goes by the defaults of its
-names, and by the SRDF if they have none.
+Two links that it says to check are checked, also where the robot's SRDF disables them (`robot.check_pairs`), unless the
+scene names another robot: its links have other shapes, so that a pair which is free there may touch wherever this
+robot stands. What the matrix allows to touch is still kept apart, beside what the SRDF and `touch_links` allow: that is
+stricter, and noted. Obstacles are checked against each other neither here nor in MoveIt. A pair without an entry goes
+by the defaults of its names, and by the SRDF if they have none.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ def read_allowed(
     robot: RobotSpec,
     objects: Collection[str],
     attached: Sequence[Attached],
+    another: bool,
 ) -> tuple[LinkPair, ...]:
     """Return the pairs of links to check that would not be checked otherwise, and note what is allowed and still kept
     apart, what `robot.ignore_pairs` leaves out, and names that nothing has. `objects` are the names of the obstacles.
+    Where the scene names `another` robot, such pairs are noted instead.
 
     Raises:
         InputError: the number of rows or columns is not that of the names.
@@ -61,7 +64,11 @@ def read_allowed(
     ignored = {link_pair(a, b) for a, b in robot.ignore_pairs}
     if unheard := [f"{a}-{b}" for a, b in sorted(ignored) if _says(a, b, allowed, defaults) is False]:
         section.note(f"asks to check what robot.ignore_pairs leaves out, and is not checked: {', '.join(unheard)}")
-    return tuple(sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False))
+    asked = sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False)
+    if asked and another:
+        pairs = ", ".join(f"{a}-{b}" for a, b in asked)
+        section.note(f"is another robot's; pairs that it checks and this robot's description does not: {pairs}")
+    return () if another else tuple(asked)
 
 
 def _entries(section: Field, keys: Mapping[str, Field]) -> dict[LinkPair, bool]:

@@ -71,7 +71,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         name, _, srdf, _ = description_of(robot)
         tree, semantics = read_words(source_of(robot), srdf)
     model = scene_keys.get("robot_model_name")
-    if model and model.value != "" and model.text() not in (name, tree.name):
+    another = model is not None and model.value != "" and model.text() not in (name, tree.name)
+    if model and another:
         model.note(f"names the robot {model.value!r}, not {name}")
     if "group_name" in request_keys:
         robot = _of_group(robot, request_keys["group_name"], semantics, (name, tree.name))
@@ -87,7 +88,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
         matrix = scene_keys["allowed_collision_matrix"]
-        added = read_allowed(matrix, tree, semantics, robot, obstacles, attached)
+        added = read_allowed(matrix, tree, semantics, robot, obstacles, attached, another)
         robot = dataclasses.replace(robot, check_pairs=tuple(dict.fromkeys((*robot.check_pairs, *added))))
     if clearance := read_padding(scene_keys, tree):
         obstacles = {name: dataclasses.replace(each, clearance=clearance) for name, each in obstacles.items()}

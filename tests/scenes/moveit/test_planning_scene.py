@@ -307,6 +307,20 @@ def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_checked(files:
     assert files.edit("scene", MATRIX, defaults).load().robot.check_pairs == ()
 
 
+def test_pairs_that_the_matrix_of_another_robot_checks_are_named_not_checked(files: Files) -> None:
+    """Its links have other shapes; whichever pairs the matrix names, kept are those of the SRDF."""
+    names = ["panda_link0", "panda_link1", "panda_link5", "panda_link7"]
+    files.edit("scene", MATRIX, matrix(names, [("panda_link5", "panda_link7")]))
+    own = files.load()
+    other = files.edit("scene", "robot_model_name", "panda_with_another_hand").load()
+    assert own.robot.check_pairs == (("panda_link0", "panda_link1"),)
+    assert other.robot.check_pairs == ()
+    named, why = other.notes
+    assert "panda_with_another_hand" in named
+    end = "pairs that it checks and this robot's description does not: panda_link0-panda_link1"
+    assert why.endswith(end)
+
+
 def test_what_the_robots_own_file_ignores_stays_ignored_and_is_named(files: Files) -> None:
     own = files.scene_file.with_name("robot.yaml")
     own.write_text("robot: {name: panda, ignore_pairs: [[panda_link7, panda_link5]]}")
