@@ -258,7 +258,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
     group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
     planned: mimic joints move with the joint that they follow, where that is planned.
-    All other joints are held: at the scene's value (even beyond the limits), or else at the value of the first named
+    All other joints are held: at the scene's value (at most ROOM beyond the limits), or else at the value of the first named
     state that has one, or else at 0, or as near to it as their limits allow.
 
     Raises:
@@ -286,6 +286,13 @@ def load_robot(robot: str | RobotSpec) -> Robot:
                 "only joints with one coordinate can be planned"
             )
     ranges = {joint: range_of(full, joint) for joint in joints}
+    for joint, value in spec.locked.items():
+        low, high = ranges[joint]
+        if not low - ROOM <= value <= high + ROOM:
+            raise InputError(
+                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {ROOM:g} beyond its limits "
+                f"[{low:g}, {high:g}]"
+            )
     planned, group, notes = planned_joints(full, ranges, spec, tree, semantics, name)
     if spec.base_joints is not None:
         planned += [joint for joint in BASE_JOINTS if joint not in (*planned, *spec.locked)]

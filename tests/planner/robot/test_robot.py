@@ -124,7 +124,7 @@ def test_fingers_are_held_by_default_and_named(panda: Robot) -> None:
     assert any("panda_finger_joint1" in note for note in panda.notes)
 
 
-def test_locked_joints_take_the_value_even_beyond_limits() -> None:
+def test_locked_joints_take_the_value_even_a_little_beyond_limits() -> None:
     full = pin.buildModelFromUrdf(str(robot_names()["panda"].urdf))
     robot = load_robot(RobotSpec(name="panda", locked={**FINGERS, "panda_joint3": 0.4}))
     assert robot.n == 6
@@ -136,6 +136,19 @@ def test_locked_joints_take_the_value_even_beyond_limits() -> None:
     for link in robot.links:
         a, b = reduced.oMf[robot.model.getFrameId(link)], complete.oMf[full.getFrameId(link)]
         np.testing.assert_allclose(a.homogeneous, b.homogeneous, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [-50.0, 3.01, -3.01])
+def test_a_joint_held_where_it_cannot_be_is_refused(value: float) -> None:
+    """In robot.locked, and where a scene's start holds it."""
+    words = rf"joint 'panda_joint1' is to be held at {value:g}, more than 0\.1 beyond its limits"
+    with pytest.raises(InputError, match=words):
+        load_robot(RobotSpec(name="panda", locked={"panda_joint1": value}))
+    others = tuple(f"panda_joint{i}" for i in range(2, 8))
+    start = JointTarget("start", by_name={"panda_joint1": value} | dict.fromkeys(others, -0.5))
+    scene = Scene(robot=RobotSpec(name="panda", group=others), start=start, goal="default")
+    with pytest.raises(InputError, match=words):
+        load_scene_robot(scene)
 
 
 def test_a_mimic_joint_follows_the_joint_that_is_held() -> None:
