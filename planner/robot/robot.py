@@ -258,8 +258,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
     group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
     planned: mimic joints move with the joint that they follow, where that is planned.
-    All other joints are held: at the scene's value (at most ROOM beyond the limits), or else at the value of the first named
-    state that has one, or else at 0, or as near to it as their limits allow.
+    All other joints are held: at the scene's value (at most ROOM beyond the limits), or else at the value of the first
+    named state that has one, or else at 0, or as near to it as their limits allow.
 
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
@@ -290,8 +290,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         low, high = ranges[joint]
         if not low - ROOM <= value <= high + ROOM:
             raise InputError(
-                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {ROOM:g} beyond its limits "
-                f"[{low:g}, {high:g}]"
+                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {ROOM:g} beyond its "
+                f"limits [{low:g}, {high:g}]"
             )
     planned, group, notes = planned_joints(full, ranges, spec, tree, semantics, name)
     if spec.base_joints is not None:
