@@ -20,13 +20,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled.cache import cache_dir, content_key, write_whole
 from hdplan.distance.compiled.compile_time import compiling
 from hdplan.scenes.deadline import check_time, most_seconds
-from hdplan.scenes.once import read_only
 
 # None of these changes a value: without the last, machines with a fused multiply-add would round differently. With the
 # first two loops run as fast as with -O3, which takes twice as long to compile. No interposition and no errno let the
@@ -94,61 +92,11 @@ def c_library(name: str, source: str) -> ctypes.CDLL | None:
         return _loaded(name, source)
 
 
-def c_functions(name: str, source: str) -> ctypes.CDLL | None:
-    """Return the library of our own source, every function in it declared with the types of its arguments, for `call`.
-
-    Those that take addresses (`*`), whole numbers (`long long`) and numbers (`double`) are found; a `static` one is
-    not.
-    """
-    found = c_library(name, source)
-    if found is not None:
-        for result, function, given in re.findall(r"^(void|long long|double) (\w+)\((.*?)\) {", source, re.M | re.S):
-            declared = getattr(found, function)
-            declared.restype = {"void": None, "long long": ctypes.c_longlong, "double": ctypes.c_double}[result]
-            declared.argtypes = [_type(argument) for argument in given.split(",")]
-    return found
-
-
-def _type(argument: str) -> type:
-    if "*" in argument:
-        return ctypes.c_void_p
-    return ctypes.c_longlong if "long long" in argument else ctypes.c_double
-
-
-class Record:
-    """A C struct of whole numbers, and of arrays and other structs, which stay alive with it; another process makes its
-    own."""
-
-    def __init__(self, *fields: int | NDArray[Any] | Record) -> None:
-        """Take the fields in the struct's order."""
-        kept = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in fields]
-        self._struct = np.array([_passed(each) for each in kept], np.int64)
-        self.fields = tuple(read_only(each) if isinstance(each, np.ndarray) else each for each in kept)
-        self.address = address(self._struct)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the fields: addresses are of this process."""
-        return Record, self.fields
-
-
 def address(array: NDArray[Any]) -> int:
     """Return the address of a contiguous array's values; for most in a fifth of the time that NumPy takes to tell."""
     if array.flags.writeable and array.size:
         return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
     return int(array.__array_interface__["data"][0])
-
-
-def call(function: Any, *arguments: float | NDArray[Any] | Record | None) -> Any:
-    """Call a C function with numbers, structs, and arrays, which it takes as contiguous; None is no address."""
-    given = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in arguments]
-    return function(*[_passed(each) for each in given])
-
-
-def _passed(argument: Any) -> Any:
-    """Return what C gets: of an array or a struct its address."""
-    if isinstance(argument, np.ndarray):
-        return address(argument)
-    return argument.address if isinstance(argument, Record) else argument
 
 
 def _loaded(name: str, source: str) -> ctypes.CDLL | None:

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, best_direction, directions
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
@@ -115,7 +115,7 @@ class Bounds:
         a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
         row, other = nodes.row(items.node, a), nodes.row(items.node, b)
         drift = 0.0 if nodes.drift is None else nodes.drift.first[row] + nodes.drift.first[other]
-        if loops := bounds_loop.library():
+        if loops := library():
             bound, normal = bounds_loop.by_ball(loops, self._world, nodes.record, items.node, items.pair)
             return bound - drift - ROUNDING, normal
         rotation = nodes.rotation[other]
@@ -145,7 +145,7 @@ class Bounds:
     def by_plane(self, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array, Array]:
         """Return gap(n) at the midpoint, the bound over the interval (module's head) and how far the two bodies move
         against each other at most [m]; `normal` (i, 3) is unit."""
-        if loops := bounds_loop.library():
+        if loops := library():
             gap, bound, travel = bounds_loop.by_plane(loops, self._world, nodes.record, items.node, items.pair, normal)
             return gap, bound - ROUNDING, travel
         pairs, node = self.pairs, items.node

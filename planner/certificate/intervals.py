@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve

@@ -14,7 +14,7 @@ from typing import Any
 import coal
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze, read_only
@@ -63,7 +63,7 @@ class Parts:
     @cached_property
     def record(self) -> Record:
         """The C struct of that name in `parts_loop`."""
-        return Record(self.first, self.last, self.corners, self.radius, self.size)
+        return Record("parts", self.corners, self.radius, self.size, self.first, self.last)
 
     def support(self, nodes: Rows, directions: Array) -> Array:
         """Return max d·x over each node's points x (k, nodes) for directions (k, 3) of any length, in the piece's

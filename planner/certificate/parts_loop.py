@@ -3,130 +3,15 @@ compiler: pairs of nodes that the directions settle, and pairs of single parts t
 
 from __future__ import annotations
 
-import ctypes
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record, c_functions, call
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.certificate.parts import MOST, Parts
 from hdplan.scenes.array_types import Array, Rows
 
 LATEST = 64  # directions kept when more are found: the walk goes on near where they were found
-
-SOURCE = (
-    f"#define MOST {MOST}\n"
-    """
-#include <math.h>
-
-typedef struct {
-  const long long *first, *last;
-  const double *corners, *radius, *size;
-} parts;
-
-/* One of the two bodies: its parts, if it has any; and for each direction and s = 0, 1, -1 the direction in the body's
-   frame, and how far along it the frame's origin is, or the whole body. */
-typedef struct {
-  const parts* of;
-  const double *ways, *offsets;
-} side;
-
-/* The least distance and bound of all settled pairs, what settles a pair, and how far the bodies move. */
-typedef struct {
-  double least, proven, known, within, enough, first, second;
-} state;
-
-static double reach(const side* body, long long node, long long row) {
-  const double *way = body->ways + 3 * row, *c;
-  double best, along;
-  int i;
-  if (!body->of) return body->offsets[row];
-  c = body->of->corners + 12 * node;
-  best = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
-  for (i = 1, c += 3; i < 4; ++i, c += 3) {
-    along = way[0] * c[0] + way[1] * c[1] + way[2] * c[2];
-    best = along > best ? along : best;
-  }
-  along = body->of->radius[node];
-  if (along) along *= sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
-  return body->offsets[row] + best + along;
-}
-
-/* The distance at the midpoint, and the bound over the interval, by one direction. */
-static double by(const side* a, const side* b, const state* is, long long i, long long j, long long k, double* bound) {
-  double gaps[3], low, high;
-  int s;
-  for (s = 0; s < 3; ++s) gaps[s] = -reach(a, i, 3 * k + s) - reach(b, j, 3 * k + s);
-  low = (gaps[1] < gaps[2] ? gaps[1] : gaps[2]) - is->second;
-  high = gaps[0] - is->first;
-  *bound = low > high ? low : high;
-  return gaps[0];
-}
-
-static int settled(const state* is, double distance, double bound) {
-  return (distance > is->within || distance >= is->known) && (bound >= is->enough || !(is->proven >= is->enough));
-}
-
-/* Take pairs of nodes from the end of `stack` until it is empty or `most` pairs of parts are left open; return how many
-   are. `at`: how many pairs are on it, and the direction that settled a pair last. */
-long long walk(const side* a, const side* b, long long count, state* is, long long* stack, long long* at,
-               long long most, long long* open) {
-  double values[MOST];
-  long long left = 0;
-  while (at[0] > 0 && left < most) {
-    long long i, j, tried, way = 0, begin, end, node, place;
-    double distance = -INFINITY, bound = -INFINITY;
-    int done = 0, larger;
-    --at[0];
-    i = stack[2 * at[0]];
-    j = stack[2 * at[0] + 1];
-    for (tried = -1; tried < count && !done; ++tried) {
-      long long k = tried < 0 ? at[1] : tried;
-      double low, value;
-      if (tried == at[1]) continue;
-      value = by(a, b, is, i, j, k, &low);
-      if (value > distance) distance = value, way = k;
-      if (low > bound) bound = low;
-      if (settled(is, distance, bound)) done = 1, at[1] = k;
-    }
-    if (done) {
-      is->least = distance < is->least ? distance : is->least;
-      is->proven = bound < is->proven ? bound : is->proven;
-      continue;
-    }
-    if ((!a->of || a->of->first[i] == i) && (!b->of || b->of->first[j] == j)) {
-      open[2 * left] = i;
-      open[2 * left + 1] = j;
-      ++left;
-      continue;
-    }
-    larger = a->of && (!b->of || a->of->size[i] > b->of->size[j]);
-    begin = larger ? a->of->first[i] : b->of->first[j];
-    end = larger ? a->of->last[i] : b->of->last[j];
-    for (node = begin; node < end; ++node) { /* the closest is looked at first */
-      double low, value = larger ? by(a, b, is, node, j, way, &low) : by(a, b, is, i, node, way, &low);
-      for (place = node - begin; place > 0 && values[place - 1] < value; --place) {
-        values[place] = values[place - 1];
-        stack[2 * (at[0] + place)] = stack[2 * (at[0] + place) - 2];
-        stack[2 * (at[0] + place) + 1] = stack[2 * (at[0] + place) - 1];
-      }
-      values[place] = value;
-      stack[2 * (at[0] + place)] = larger ? node : i;
-      stack[2 * (at[0] + place) + 1] = larger ? j : node;
-    }
-    at[0] += end - begin;
-  }
-  return left;
-}
-"""
-)
-
-
-@functools.cache
-def library() -> ctypes.CDLL | None:
-    """The compiled loop; None without a C compiler."""
-    return c_functions("parts", SOURCE)
 
 
 @dataclass
@@ -166,7 +51,7 @@ class Side:
     @property
     def record(self) -> Record:
         """The C struct of that name."""
-        return Record(0 if self.parts is None else self.parts.record, self.ways, self.offsets)
+        return Record("side", None if self.parts is None else self.parts.record, self.ways, self.offsets)
 
 
 class Walk:
@@ -207,8 +92,7 @@ class Walk:
         else:
             state = np.array([self.least, self.proven, self.known, self.within, self.enough, *self.moved])
             place = np.array([self.height, self.newest])
-            sides = self.a.record, self.b.record, len(self.a.ways)
-            left = call(loop.walk, *sides, state, self.stack, place, most, open_ones)
+            left = loop.walk(self.a.record.struct, self.b.record.struct, state, self.stack, place, open_ones)
             self.least, self.proven = state[:2].tolist()
             self.height, self.newest = place.tolist()
         return open_ones[:left]

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -77,9 +77,9 @@ class BodyPairs:
         body, and the box, enlarged by the margin along its axes, contains every point within the margin of the other
         body.
         """
-        if loops := close_pairs.library():
+        if loops := library():
             placements = kinematics.placements
-            sample, pair = close_pairs.close_rows(loops, self.tables, len(placements), placements)
+            sample, pair = close_pairs.close_rows(loops, self.tables, placements)
         else:
             centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
             found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
@@ -93,8 +93,8 @@ class BodyPairs:
         centres = _placed(kinematics, self._body_joints, self.centres)
         half = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0) / 2
         reach, centres = self.widest * (self.radii + half), (centres[:, 1:] + centres[:, :-1]) / 2
-        if loops := close_pairs.library():
-            interval, pair = close_pairs.close_rows(loops, self.tables, centres.shape[1], None, centres, reach)
+        if loops := library():
+            interval, pair = close_pairs.close_rows(loops, self.tables, None, centres, reach)
         else:
             interval, pair = self._close_to_standing(centres, reach)
         order = np.argsort(interval, kind="stable")
@@ -105,10 +105,9 @@ class BodyPairs:
         """For the loops in C: their struct of that name."""
         first, width, planes = self._planes
         return Record(
-            *(len(self.centres), len(self.boxes), len(self), int((self.joint_b == 0).sum()), self.vertex_slots),
-            *(int(width.max()), self._body_joints, self._box_joints, np.argsort(self.joint_b > 0, kind="stable")),
-            *(self.joint_a, self.joint_b, self.body, self.halfspace_body, first, width),
-            *(self.centres, self.widest * self.radii, self.boxes[:, :3, 3], self._balls),
+            *("tables", int((self.joint_b == 0).sum()), self._body_joints, self._box_joints),
+            *(np.argsort(self.joint_b > 0, kind="stable"), self.joint_a, self.joint_b, self.body, self.halfspace_body),
+            *(first, width, self.centres, self.widest * self.radii, self.boxes[:, :3, 3], self._balls),
             *(self.boxes, self.half_sizes, self.body_table, planes),
         )
 

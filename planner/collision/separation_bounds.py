@@ -33,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, store
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
@@ -90,7 +91,7 @@ class _Search:
         """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were evaluated: about
         `most` at most."""
         low, high = _ranges(self.robot, self.kinematics)
-        if loops := separation_loop.library():
+        if loops := library():
             a, b = (self.bodies[index] for index in self.pairs[pair])
             hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
             radii, moves = a.body.radius + b.body.radius, self.distance.pairs.moves[pair]

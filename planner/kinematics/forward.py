@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
@@ -101,7 +101,8 @@ class Kinematics:
             rotations.append(rotation)
             translations.append(translation)
         counts = (np.array(each, np.int64) for each in (parents, coordinates, turns))
-        self.tree = Record(self.nj, self.n, *counts, np.array(placed, np.float64), np.array(axes, np.float64))
+        places = (np.array(each, np.float64).reshape(self.nj - 1, -1) for each in (placed, axes))
+        self.tree = Record("tree", self.nj, self.n, *counts, *places)
         freeze(self)
         side_by_side, origins = ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*translations))
         self.function = ca.Function("placements", [q], [side_by_side, origins], ["q"], ["R", "t"])
@@ -121,10 +122,10 @@ class Kinematics:
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
         """Return the kinematics at values q (B, n) of all joints of the model, or at one (n,) as a batch of one; of a
         robot's configurations these are `Robot.expand`."""
-        values = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        values = np.atleast_2d(np.ascontiguousarray(q, dtype=np.float64))
         if values.shape[1] != self.n:  # the loops would read beyond it
             raise ValueError(f"{values.shape[1]} joint values, but the model has {self.n} joints")
-        if loops := forward_loop.library():
+        if loops := library():
             return KinematicsBatch(*forward_loop.forward(loops, self.tree, values, self.nj))
         count = len(values)
         capacity = 1 << max(count - 1, 0).bit_length()  # powers of two, so that there are few buffers

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
@@ -112,7 +112,7 @@ class Aim(NamedTuple):
 
 
 def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops | None:
-    functions, robot, arm = inverse_loop.library(), links[0].robot, links[0].arm
+    functions, robot, arm = library(), links[0].robot, links[0].arm
     if functions is None or robot.linkage is not None:
         return None
     joints = np.array([link.joint for link in links], np.int64)
@@ -121,10 +121,10 @@ def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops
         np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
         for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
     )
-    limits, rule = (tolerances, robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST])
+    limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST])
     moved = arm.supports[joints].astype(np.int64)
-    goal = Record(arm.tree, len(links), joints, freedoms, moved, placed, wanted, *limits, rule)
-    return inverse_loop.Loops(functions, goal, len(links), arm.n, arm.nj)
+    goal = Record("goal", arm.tree, joints, freedoms, moved, placed, wanted, *limits, rule)
+    return inverse_loop.Loops(functions, goal, len(links), arm.n)
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:

@@ -36,7 +36,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.motion import reach_loop
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.once import freeze
@@ -143,7 +143,7 @@ class Chain:
 
     def reach_around(self, joints: NDArray[np.int64], cylinders: Array, travel: Array) -> Array:
         """Return ρ (g, n) as `reach` does, for bodies on `joints` (g,) within cylinders (g, 3)."""
-        if loops := reach_loop.library():
+        if loops := library():
             return reach_loop.reach_around(loops, self._record, joints, cylinders, travel)
         rho = np.zeros((len(joints), len(self.axes)))
         for row, joint, (wide, low, high) in zip(rho, joints.tolist(), cylinders.tolist(), strict=True):
@@ -177,9 +177,8 @@ class Chain:
     def _record(self) -> Record:
         """For the loops in C: their struct `chain`."""
         parents = np.array(list(self.model.parents), np.int64)
-        return Record(
-            *(len(self.axes), parents, self.revolute.astype(np.int64), self.carried_by.astype(np.int64), self._inward)
-        )
+        revolute, carried = self.revolute.astype(np.int64), self.carried_by.astype(np.int64)
+        return Record("chain", revolute, parents, carried, self._inward)
 
     def frames(self, configurations: Array) -> tuple[Array, Array]:
         """Return rotations (k, joints, 3, 3) and origins (k, joints, 3) of all joints of the model, by Pinocchio.
@@ -210,7 +209,7 @@ class Chain:
         rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
         and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.
         """
-        if loops := reach_loop.library():
+        if loops := library():
             return reach_loop.local_reach(loops, self._record, joints, rho, (centers, radii, axes, origins, half))
         local = np.zeros((len(centers), *rho.shape))
         after = np.zeros(local.shape[:2])  # Σ_{k>j} (|δ_k| + ε_k) ρ_k

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -68,10 +68,13 @@ class PairTerm(Term):
 
     def _compiled(self, kinematics: KinematicsBatch, weight: Array | None) -> tuple[float, Array, Array, Array] | None:
         """The cost, gradient, curvature and depth of the samples in one loop of C, if everything in it is compiled."""
-        distance, found = self.distance, loops.library()
-        if found is None or not isinstance(distance, HdsdfPairs):
-            return None
-        return loops.penalties(found, self.pairs, distance, kinematics, weight)
+        found, of = library(), self._term
+        return None if found is None or of is None else loops.penalties(found, of, kinematics, weight)
+
+    @cached_property
+    def _term(self) -> Record | None:
+        """For the loops in C, if the distance is one of them."""
+        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
@@ -85,10 +88,10 @@ class PairTerm(Term):
 class Clearance(PairTerm):
     """The clearance of body pairs at the samples of a motion: Σ_samples w_s Σ_pairs ½ min(D, 0)²."""
 
-    @cached_property
+    @property
     def loop(self) -> Record | None:
         """The HD-SDF of standing bodies is one."""
-        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
+        return self._term
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
@@ -169,7 +170,7 @@ class Problem:
 
     def _penalty(self, positions: Array) -> MotionPenalty:
         """The same with waypoints (N, m) and derivatives of all joints of the model, which the terms are about."""
-        if compiled := loops.library():
+        if compiled := library():
             kinematics, found = self._at_samples(compiled, positions)
         else:
             kinematics = self.kinematics.evaluate(self.samples.configurations(positions))

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.problem import loops
 from hdplan.scenes.array_types import Array, Rows
 
@@ -52,7 +53,7 @@ class Samples:
     def to_waypoints(self, gradient: Array, curvature: Array) -> tuple[Array, Array, Array]:
         """Carry derivatives with respect to the samples, first (B, n) and second (B, n, n), back to the waypoints:
         gradient (N, n), diagonal blocks (N, n, n), blocks between k and k+1 (N−1, n, n)."""
-        if compiled := loops.library():
+        if compiled := library():
             return loops.to_waypoints(compiled, np.array(self.counts), self.fraction, gradient, curvature)
         n, fraction = gradient.shape[1], self.fraction[:, None]
         slope, diagonal = np.zeros((len(self.counts) + 1, n)), np.zeros((len(self.counts) + 1, n, n))

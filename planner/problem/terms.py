@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
+from hdplan.distance.compiled.loops import Record
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError

@@ -10,7 +10,7 @@ import weakref
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import bounds_loop
+from hdplan.planner.certificate import interval_bounds
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
@@ -111,7 +111,7 @@ def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytes
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[::7, 1] = np.nan  # nothing may pass for proven
     compiled = bounds.by_plane(intervals, items, normal)
-    monkeypatch.setattr(bounds_loop, "library", lambda: None)
+    monkeypatch.setattr(interval_bounds, "library", lambda: None)
     for found, expected in zip(compiled, bounds.by_plane(intervals, items, normal), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=SAME)
     for found in compiled[:2]:
@@ -142,7 +142,7 @@ def test_balls_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.Mo
     bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
     items = Items.all(4, np.arange(count))
     compiled = bounds.by_ball(intervals, items)
-    monkeypatch.setattr(bounds_loop, "library", lambda: None)
+    monkeypatch.setattr(interval_bounds, "library", lambda: None)
     plain = bounds.by_ball(intervals, items)
     known = ~np.isnan(plain[0])
     assert not known.all()

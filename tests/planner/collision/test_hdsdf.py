@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled.c_library import compiler
+from hdplan.distance.compiled.loops import library
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
-from hdplan.planner.collision import hdsdf_loop
+from hdplan.planner.collision import hdsdf
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import from_shape
 from hdplan.planner.collision.hdsdf import HdsdfPairs
@@ -25,7 +25,7 @@ ORDERS = (1, 2, 3, 4, 5, 7, 12, 32)  # gamma; 2 is compiled as a constant, the r
 ROUNDING = 1e-12
 COUNT = 400  # poses
 
-pytestmark = pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def everywhere(pairs: BodyPairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pytest.MonkeyPatch) -> None:
     kinematics, rows = poses(), everywhere(pairs)
     found = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
-    monkeypatch.setattr(hdsdf_loop, "library", lambda: None)
+    monkeypatch.setattr(hdsdf, "library", lambda: None)
     expected = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
     assert (expected[0] < 0).mean() > 0.2
     assert (expected[0] > 0).mean() > 0.2

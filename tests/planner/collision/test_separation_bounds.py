@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 
 from hdplan.distance.baselines.coal import coal_hull, signed_distance
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.collision import separation_bounds, separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
@@ -165,7 +166,7 @@ def test_no_long_search_gets_below_the_bound(name: str, folder: Path) -> None:
 
 def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Array) -> float:
     """The bound of the loop in C over one box."""
-    loops = separation_loop.library()
+    loops = library()
     assert loops is not None
     a, b = (model.bodies[index] for index in model.self_pairs[pair])
     hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
@@ -177,7 +178,7 @@ def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Ar
 def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
     """Polytopes, needles and plates, near, far and one in the other: exact where apart, never positive where not."""
     arm, rng = robot("ur5"), np.random.default_rng(seed)
-    model, loops = collision_model_of(arm, "fitted", "box"), separation_loop.library()
+    model, loops = collision_model_of(arm, "fitted", "box"), library()
     assert loops is not None
     for _ in range(25):
         flat = [np.where(rng.random(3) < 0.2, 0.0, 1.0) for _ in range(2)]
@@ -273,7 +274,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
 
     monkeypatch.setattr(separation_bounds._Search, "bound", counted)
     if way == "interpreted":
-        monkeypatch.setattr(separation_loop, "library", lambda: None)
+        monkeypatch.setattr(separation_bounds, "library", lambda: None)
     monkeypatch.setattr(separation_bounds, "known_result", lambda kind, key: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
     given = (

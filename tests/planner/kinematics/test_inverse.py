@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.distance.compiled.c_library import compiler
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.poses import Pose
@@ -36,7 +36,7 @@ def both_ways(aim: Aim, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], t
     return aim.linearized(q), aim._replace(loops=None).linearized(q)
 
 
-@pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("free", FREE_ROTATIONS)
 def test_the_loop_is_numpy(name: str, free: str) -> None:
@@ -54,7 +54,7 @@ def test_the_loop_is_numpy(name: str, free: str) -> None:
         np.testing.assert_allclose(jacobian, jacobian_numpy, atol=EXACT, rtol=0)
 
 
-@pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("free", ["none", "x", "y", "z"])
 def test_no_turn_and_a_half_turn_are_turns_to_the_target(free: str) -> None:
     robot = load_robot(RobotSpec(name="panda"))

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdplan.distance.compiled.c_library import compiler
-from hdplan.planner.motion import reach_loop
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.robot_spec import RobotSpec
 
 COUNT, INTERVALS = 40, 12  # bodies, intervals
 
-pytestmark = pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
 
 @pytest.mark.parametrize("name", ["panda", "tiago", "baxter", "ur5"])
@@ -30,7 +30,7 @@ def test_as_in_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rho = chain.reach_around(joints, cylinders, travel)
     local = chain.local_reach(rho, joints, *at)
     assert (local < rho).any()
-    monkeypatch.setattr(reach_loop, "library", lambda: None)
+    monkeypatch.setattr(motion_bounds, "library", lambda: None)
     np.testing.assert_allclose(rho, chain.reach_around(joints, cylinders, travel), rtol=1e-13)
     np.testing.assert_allclose(local, chain.local_reach(rho, joints, *at), rtol=1e-13, atol=1e-15)
 

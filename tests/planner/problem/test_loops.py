@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.c_library import compiler
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
-from hdplan.planner.collision import close_pairs, hdsdf_loop
-from hdplan.planner.kinematics import forward_loop
-from hdplan.planner.problem import loops
+from hdplan.planner.collision import broad_phase, hdsdf
+from hdplan.planner.kinematics import forward
+from hdplan.planner.problem import clearance, samples
+from hdplan.planner.problem import problem as problems
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.solvers import newton_step
@@ -24,12 +25,12 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative to the largest number of its kind: sums of a few hundred terms, in another order
 WEIGHT = 1e4  # of the penalty [1/m²]
-LIBRARIES = (close_pairs, forward_loop, hdsdf_loop, loops)
+LIBRARIES = (broad_phase, forward, hdsdf, clearance, problems, samples)
 PARTS = ("gradient", "diagonal", "coupling", "depth")
 # Turning and sliding joints, links against links, obstacles that move, bodies that are held, path constraints.
 SCENES = ("panda_corridor", "panda_conveyor", "planar_arm", "tiago_shelf", "baxter_bimanual_carry")
 
-pytestmark = pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
 
 @pytest.fixture(scope="module", params=SCENES)

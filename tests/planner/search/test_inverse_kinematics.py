@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.distance.compiled.c_library import compiler
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
-from hdplan.planner.kinematics import inverse_loop
+from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.search.inverse_kinematics import APART, reaching
 from hdplan.scenes.poses import Pose
@@ -29,7 +29,7 @@ def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
     return Pose(tuple(place.translation.tolist()), tuple(quaternion.tolist()))
 
 
-@pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("name", ROBOTS)
 def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name=name))
@@ -48,7 +48,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
         for goal in (target, both):
             found, missed = reaching(robot, goal, start, np.random.default_rng(number))
             with monkeypatch.context() as patch:
-                patch.setattr(inverse_loop, "library", lambda: None)
+                patch.setattr(inverse, "library", lambda: None)
                 expected, missed_too = reaching(robot, goal, start, np.random.default_rng(number))
             assert len(found) == len(expected) > 0
             np.testing.assert_allclose(found, expected, atol=SAME, rtol=0)
@@ -62,7 +62,7 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
 def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = load_robot(RobotSpec(name="ur5"))
     if not compiled:
-        monkeypatch.setattr(inverse_loop, "library", lambda: None)
+        monkeypatch.setattr(inverse, "library", lambda: None)
     target = PoseTarget("tool0", Pose((2.0, 0.0, 0.0)))
     found, (miss,) = reaching(robot, target, np.zeros(6), np.random.default_rng(0))
     assert found.shape == (0, 6)

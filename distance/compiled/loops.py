@@ -1,0 +1,57 @@
+"""The loops of C that hdplan was built with, `hdplan._loops`; None where it was installed without a C compiler.
+
+Every function there checks what it is given (`border.h`): an array of another type, shape or layout raises an error
+that names it. Each loop has a twin in NumPy, which serves where there are none, and to which laws hold it.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import warnings
+from functools import cached_property
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.scenes.once import read_only
+
+
+@functools.cache
+def library() -> ModuleType | None:
+    """Return the loops, or None, with a warning in each process."""
+    try:
+        return importlib.import_module("hdplan._loops")
+    except ImportError as error:
+        warnings.warn(
+            f"hdplan runs without its loops of C, with the same results but 50 to 100 times slower ({error}): install "
+            "a wheel, or install from source where there is a C compiler",
+            stacklevel=2,
+        )
+        return None
+
+
+class Record:
+    """A C struct of numbers, arrays and other structs, which stay alive with it; another process makes its own."""
+
+    def __init__(self, kind: str, *fields: float | NDArray[Any] | Record | tuple[Record, ...] | None) -> None:
+        """Take the fields in the order of the function `kind`, which makes the struct."""
+        kept = (read_only(np.ascontiguousarray(x)) if isinstance(x, np.ndarray) else x for x in fields)
+        self.kind, self.fields = kind, tuple(kept)
+
+    @cached_property
+    def struct(self) -> Any:
+        """The struct, made on first use. Raises ValueError for a field that is not as it should be."""
+        return getattr(library(), self.kind)(*map(_struct, self.fields))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the fields: addresses are of this process."""
+        return Record, (self.kind, *self.fields)
+
+
+def _struct(field: Any) -> Any:
+    if isinstance(field, tuple):
+        return tuple(map(_struct, field))
+    return field.struct if isinstance(field, Record) else field

@@ -1,0 +1,65 @@
+"""Builds the loops of C, `hdplan._loops`, into the wheel, or into src/hdplan for an editable install.
+
+Without a C compiler, or where one fails, hdplan is installed without them, and says so when it runs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+SOURCES = ("src/hdplan", "distance", "planner")
+# None of these changes a value: with fused products, machines that have them would round differently.
+FLAGS = ("-std=c11", "-O2", "-g0", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
+HIDDEN = ("-fvisibility=hidden",)
+
+
+class LoopsHook(BuildHookInterface[Any]):
+    """Compiles before a wheel is made; what it makes is the same for Python 3.11 and all later ones."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile, and tell the wheel what was made."""
+        if version != "editable":
+            build_data["force_include"][str(Path(self.root) / "cli.py")] = "hdplan/cli.py"
+        if os.environ.get("HDPLAN_BUILD_LOOPS") == "0":
+            return
+        built = compiled(Path(self.root), Path(self.root) / "src/hdplan" if version == "editable" else None)
+        if built is None:
+            return
+        build_data["pure_python"] = False
+        build_data["tag"] = f"cp311-abi3-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+        if version != "editable":
+            build_data["force_include"][str(built)] = f"hdplan/{built.name}"
+
+
+def compiled(root: Path, into: Path | None = None) -> Path | None:
+    """Compile the loops into a folder, by default a temporary one; None, and a line that says why, without a
+    compiler."""
+    from setuptools import Distribution, Extension
+    from setuptools.command.build_ext import build_ext
+
+    os.chdir(root)
+    sources = sorted(path.relative_to(root).as_posix() for each in SOURCES for path in (root / each).rglob("*.c"))
+    msvc = sys.platform == "win32" and "CC" not in os.environ
+    flags = ["/O2", "/std:c11", "/fp:precise"] if msvc else [*FLAGS, *HIDDEN]
+    extension = Extension("_loops", sources, extra_compile_args=flags, py_limited_api=True)
+    command = build_ext(Distribution({"ext_modules": [extension]}))
+    folder = Path(tempfile.mkdtemp(prefix="hdplan-"))
+    command.build_temp, command.build_lib, command.verbose = str(folder / "objects"), str(into or folder), False
+    try:
+        command.ensure_finalized()
+        command.run()
+    except Exception as error:  # what the compiler, or the lack of one, says
+        print(f"hdplan: built without its loops of C, so it will be 50 to 100 times slower: {error}", file=sys.stderr)
+        return None
+    return Path(command.get_ext_fullpath("_loops"))
+
+
+if __name__ == "__main__":  # into src/hdplan, after a change of C
+    sys.exit(compiled(Path(__file__).parent, Path(__file__).parent / "src/hdplan") is None)
