@@ -1,7 +1,7 @@
-"""C source compiled once, kept on disk, and loaded: the machine's own compiler, or none.
+"""C that CasADi generates, compiled once, kept on disk, and loaded: by the machine's own compiler, or not at all.
 
 In: the source of some functions. Out: a loaded library; None where there is no compiler, and what needs it has another
-way.
+way. No verdict rests on it: certificate and proof load none.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled.cache import cache_dir, content_key, write_whole
+from hdplan.distance.compiled.cache import cache_dir, content_key, trusted, write_whole
 from hdplan.distance.compiled.compile_time import compiling
 from hdplan.scenes.deadline import check_time, most_seconds
 
@@ -43,7 +43,9 @@ FLAGS = (
 
 
 def _cached(home: Path, stem: str) -> ctypes.CDLL | None:
-    """Return an intact library of this stem, a pattern, from the disk cache."""
+    """Return an intact library of this stem from the disk cache."""
+    if not trusted():
+        return None
     for found in sorted(home.glob(f"{stem}-*.so")):
         try:
             if found.stem.endswith(content_key(found.read_bytes())):
@@ -65,8 +67,8 @@ def compiler() -> tuple[str, ...] | None:
 @functools.cache
 def _warn_once() -> None:
     warnings.warn(
-        "no C compiler found (cc, gcc, clang or `pip install ziglang`): distances run in CasADi's interpreter, "
-        "with the same values but several times slower",
+        "no C compiler found (cc, gcc, clang or `pip install ziglang`): functions that CasADi generates are "
+        "interpreted, with the same values but about six times slower",
         stacklevel=3,
     )
 
@@ -84,7 +86,7 @@ def _instructions() -> tuple[str, ...]:
 
 def c_library(name: str, source: str) -> ctypes.CDLL | None:
     """Return the loaded library of a source, from the disk cache (keyed by source, flags, platform and compiler) or
-    compiled now; without a compiler, another one's.
+    compiled now; None without a compiler.
 
     A cached file has its own checksum in its name: loading a damaged one would crash the process.
     """
@@ -104,10 +106,8 @@ def _loaded(name: str, source: str) -> ctypes.CDLL | None:
     home, stem = cache_dir() / "compiled", f"{name}-{content_key(source, *flags, platform.machine(), sys.platform)}"
     command = compiler()
     if command is None:
-        found = _cached(home, f"{stem}-*")  # by whatever compiler, on another machine of this kind
-        if found is None:
-            _warn_once()
-        return found
+        _warn_once()
+        return None
     stem = f"{stem}-{content_key(*command)}"
     if found := _cached(home, stem):
         return found

@@ -2,7 +2,7 @@
 
 It only saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
 written is not used, which a warning says. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or
-else the user's own.
+else the user's own. Where others may write in it or above it, it is not used: what they put there would be believed.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import functools
 import hashlib
 import json
 import os
+import stat
 import tempfile
 import warnings
 from pathlib import Path
@@ -36,6 +37,8 @@ def content_key(*parts: str | bytes) -> str:
 
 def load(kind: str, key: str) -> Any | None:
     """Return the JSON value stored under this kind and key, or None if there is no intact one."""
+    if not trusted():
+        return None
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
         return json.loads(text) if checksum == content_key(text) else None
@@ -49,14 +52,51 @@ def store(kind: str, key: str, value: Any) -> None:
     write_whole(cache_dir() / kind / f"{key}.json", f"{content_key(text)}\n{text}".encode())
 
 
+def trusted() -> bool:
+    """Whether nobody else may write in the cache's folder, which need not exist. Warns once where others may."""
+    home = cache_dir()
+    if home in _trusted:
+        return True
+    if (why := _open_to(home)) is not None:
+        _warn_once(home, why)
+    elif home.exists():
+        _trusted.add(home)
+    return why is None
+
+
+_trusted: set[Path] = set()  # folders that exist and were looked at in this process
+
+
+def _open_to(home: Path) -> str | None:
+    """Say which folder others may write, of the cache's and all above it; None if they may none. In one like /tmp
+    (sticky) others can add what is theirs, but not change what is the user's."""
+    if os.name == "nt":  # where a user's folders are the user's
+        return None
+    home = home.resolve()
+    for folder in (home, *home.parents):
+        try:
+            about = folder.stat()
+        except OSError:  # it does not exist yet, or cannot be used at all
+            continue
+        if about.st_uid not in (0, os.geteuid()):
+            return f"is not used ({folder} belongs to another user)"
+        if about.st_mode & 0o022 and (folder == home or not about.st_mode & stat.S_ISVTX):
+            return f"is not used ({folder} can be written by others)"
+    return None
+
+
 def write_whole(path: Path, data: bytes) -> bool:
     """Write a file of the cache so that other processes see all of it or nothing; return whether that succeeded. Warns
     once where it did not."""
+    if not trusted():
+        return False
     try:
+        if not cache_dir().exists():
+            cache_dir().mkdir(mode=0o700, parents=True, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
     except OSError as error:
-        _warn_once(cache_dir(), error.strerror)
+        _warn_once(cache_dir(), f"cannot be written ({error.strerror})")
         return False
     try:
         with os.fdopen(handle, "wb") as file:
@@ -64,7 +104,7 @@ def write_whole(path: Path, data: bytes) -> bool:
         os.replace(temporary, path)
     except OSError as error:
         Path(temporary).unlink(missing_ok=True)
-        _warn_once(cache_dir(), error.strerror)
+        _warn_once(cache_dir(), f"cannot be written ({error.strerror})")
         return False
     return True
 
@@ -72,7 +112,7 @@ def write_whole(path: Path, data: bytes) -> bool:
 @functools.cache
 def _warn_once(home: Path, why: str) -> None:
     warnings.warn(
-        f"the cache {home} cannot be written ({why}), so what takes long is made again in every run: set HDPLAN_CACHE "
-        "to a folder that can be written",
+        f"the cache {home} {why}, so what takes long is made again in every run: set HDPLAN_CACHE to a folder that "
+        "you alone can write",
         stacklevel=4,
     )

@@ -1,7 +1,7 @@
-"""What was computed once travels to the workers of a cluster: compiled distances, outer bodies, pieces of meshes.
+"""What was computed once travels to the workers of a cluster: outer bodies, pieces of meshes, proven pairs.
 
-Entries of the disk cache are keyed by what they were made from, compiled ones also by platform, processor and flags, so
-one that does not fit is never read. A worker keeps what it has, and one without a compiler uses the driver's.
+Entries of the disk cache are keyed by what they were made from, so one that does not fit is never read. A worker keeps
+what it has. Data travel, never code: what is compiled stays on the machine that compiled it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def packed() -> dict[str, bytes]:
     """Return the entries of this machine's cache by their names in it, as many as may travel."""
     home = cache_dir()
     found = []
-    for file in home.glob("*/*"):
+    for file in home.glob("*/*.json"):
         try:
             about = file.stat()
         except OSError:  # it is gone again

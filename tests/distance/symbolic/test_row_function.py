@@ -215,21 +215,6 @@ def test_works_without_a_compiler(monkeypatch: pytest.MonkeyPatch, cache: Path) 
         np.testing.assert_allclose(one, other, rtol=SAME)
 
 
-def test_without_a_compiler_what_another_has_compiled_is_used(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
-    """As on a worker of a cluster; what is damaged or not the same is not."""
-    tables, rows = some_rows(10)
-    expected = RowFunction(small())(tables, rows)
-    without_compiler(monkeypatch)
-    function = RowFunction(small())  # warnings are errors here
-    assert function.is_compiled
-    for one, other in zip(function(tables, rows), expected, strict=True):
-        np.testing.assert_array_equal(one, other)
-    (file,) = (cache / "compiled").glob("*.so")
-    file.write_bytes(file.read_bytes()[:-1] + b"x")
-    with pytest.warns(UserWarning, match="no C compiler found"):
-        assert not RowFunction(small()).is_compiled
-
-
 def test_a_missing_compiler_is_said_once(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
     without_compiler(monkeypatch)
     with pytest.warns(UserWarning, match="no C compiler found"):

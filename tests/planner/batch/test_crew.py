@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-import json
 import logging
 import os
 import subprocess
@@ -22,16 +21,17 @@ import psutil
 import pytest
 
 import hdplan
+from hdplan.distance.compiled.cache import write_whole
 from hdplan.planner.batch import crew as crew_module
 from hdplan.planner.batch import many
 from hdplan.planner.batch import outcome as outcome_module
+from hdplan.planner.batch.caches import packed
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.progress import listening
-from tests.planner.batch.conftest import dask as dask_command
 
 ARM = hdplan.load_scene("planar_arm")
 
@@ -262,34 +262,8 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
             list(found)
 
 
-@pytest.mark.slow
-def test_a_worker_without_a_compiler_gets_what_the_driver_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a cache of its own, which is empty: the motion is the same to the last bit."""
+def test_data_travel_to_workers_and_code_does_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "driver"))
-    # a process of its own compiles it: this one may have loaded it already
-    program = f"import hdplan; hdplan.plan(hdplan.load_scene('planar_arm')).save({str(tmp_path / 'm.json')!r})"
-    subprocess.run([sys.executable, "-c", program], check=True)
-    file = tmp_path / "scheduler.json"
-    here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-    bare = {"PATH": "", "CC": "", "HDPLAN_CACHE": str(tmp_path / "worker"), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
-    with dask_command("scheduler", *here, "--scheduler-file", str(file)):
-        while not file.is_file():
-            time.sleep(0.02)
-        address = str(json.loads(file.read_text())["address"])
-        with dask_command("worker", address, "--nthreads", "1", "--no-dashboard", **bare):
-            (outcome,) = hdplan.plan_many(["planar_arm"], scheduler=address)
-            with crew(address) as client:
-                (compiled,) = client.run(_is_compiled).values()
-    assert outcome.certified, outcome.text
-    assert compiled
-    assert outcome.trajectory is not None
-    expected = hdplan.Trajectory.load(tmp_path / "m.json")
-    np.testing.assert_array_equal(outcome.trajectory.positions, expected.positions)
-    sent = {path.relative_to(tmp_path / "driver") for path in (tmp_path / "driver").rglob("*.so")}
-    assert sent == {path.relative_to(tmp_path / "worker") for path in (tmp_path / "worker").rglob("*.so")}
-
-
-def _is_compiled() -> bool:
-    from hdplan.planner.collision import hdsdf_loop
-
-    return hdsdf_loop.library() is not None
+    for name in ("compiled/f-0.so", "link_bodies/k.json", "robots/k.json"):
+        assert write_whole(tmp_path / "driver" / name, b"{}")
+    assert packed() == {"link_bodies/k.json": b"{}", "robots/k.json": b"{}"}
