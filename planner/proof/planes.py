@@ -6,7 +6,8 @@ is written is accepted; here directions are only proposed. An interval without o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import functools
+from dataclasses import dataclass
 from typing import Any
 
 import coal
@@ -17,11 +18,12 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.verify.kernel import Motion, half
+from hdplan.verify.kernel import Motion
 from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
+FEW = 300  # items that are divided twice before they are examined again
 AT_ONCE = 20_000  # leaves examined together
 NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
 NUDGE = 1e-5  # [rad] of slightly turned poses
@@ -50,22 +52,22 @@ class Obstruction:
 class Planes:
     """Proposes and checks planes between the pieces of one world."""
 
-    def __init__(self, world: World, shapes: dict[bytes, tuple[Any, float]]) -> None:
-        """Take the pieces; `shapes` keeps coal's for pieces that were seen before."""
+    def __init__(self, world: World) -> None:
+        """Take the pieces."""
         self.world = world
-        self.shapes: list[tuple[Any, float]] = []
-        for piece in world.pieces:
-            key = piece.corners.tobytes() + piece.sweep.tobytes()
-            if key not in shapes:
-                shapes[key] = _coal_shape(piece)
-            self.shapes.append(shapes[key])
+        self.shapes = [_coal_shape(piece.corners.tobytes(), piece.sweep.tobytes()) for piece in world.pieces]
+        pieces = world.pieces
+        self.joint = np.array([piece.joint for piece in pieces])
+        self.turn, self.at = (np.array([piece.pose[i].mid for piece in pieces]) for i in (0, 1))
+        boxes = [(x.corners.min(axis=0) - x.sweep, x.corners.max(axis=0) + x.sweep) for x in pieces]
+        self.boxes = np.array(boxes).transpose(1, 0, 2)  # (2, G, 3) corners of each piece's box
 
     def separate(self, chosen: Rows, floor: Array) -> tuple[Leaves, list[Obstruction]]:
         """Return planes that keep the chosen pairs (k,) `floor` (P,) [m] apart over the whole motion, and the pairs for
         which there are none; the leaves of those are not complete."""
-        pair, rows = chosen, len(self.world.control.mid)
-        low, high, depth = np.zeros(len(pair)), np.full(len(pair), float(rows)), np.zeros(len(pair), dtype=np.int64)
-        normal = np.zeros((len(pair), 3))
+        rows, none = len(self.world.control.mid), np.zeros(len(chosen))
+        parts = chosen, none, none + float(rows), np.zeros(len(chosen), dtype=np.int64), np.zeros((len(chosen), 3))
+        pair, low, high, depth, normal = _halved(*_halved(*parts))  # few pairs are far apart over the whole motion
         done = [(pair[:0], low[:0], depth[:0], normal[:0], low[:0])]
         lost: dict[int, Obstruction] = {}
         while len(pair):
@@ -84,10 +86,10 @@ class Planes:
             for i in np.flatnonzero(~good & ((distance < floor[pair]) | short)).tolist():
                 lost.setdefault(int(pair[i]), Obstruction(int(pair[i]), low[i], min(distance[i], bound[i])))
             left = ~good & ~np.isin(pair, list(lost))
-            pair, low, high, depth, normal = pair[left], low[left], high[left], depth[left], normal[left]
-            middle = np.array([half(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
-            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-            pair, depth, normal = np.tile(pair, 2), np.tile(depth + 1, 2), np.tile(normal, (2, 1))
+            parts = _halved(pair[left], low[left], high[left], depth[left], normal[left])
+            if len(parts[0]) < FEW:  # a round takes some milliseconds, however few are left
+                parts = _halved(*parts)
+            pair, low, high, depth, normal = parts
         ended: list[Any] = [np.concatenate(each) for each in zip(*done, strict=True)]
         order = np.lexsort((ended[1], ended[0]))
         return Leaves(*(each[order] for each in (ended[0], *ended[2:]))), list(lost.values())
@@ -110,11 +112,11 @@ class Planes:
         rows = np.flatnonzero(~normal.any(axis=1))
         normal, distance = normal.copy(), np.full(len(node), np.inf)
         if len(rows):
-            normal[rows] = whole(np.array([self._outward(motion, node[i], *bodies[i]) for i in rows.tolist()]), COARSE)
+            normal[rows] = whole(self._outward(motion, node[rows], *bodies[rows].T), COARSE)
         bound = motion.gaps(node, bodies, normal)
         travel, astray = np.zeros(len(node)), np.zeros(len(node))  # [m] over the interval, and off its middle
         for body in bodies.T:
-            moves = np.array([piece.joint >= 0 for piece in self.world.pieces])[body]
+            moves = self.joint[body] >= 0
             reach = motion.reach[node[moves], motion.slot[body[moves]]]
             travel[moves] += (motion.most[node[moves]] * reach).sum(axis=1)
             astray[moves] += (motion.off[node[moves]] * reach).sum(axis=1)
@@ -127,18 +129,20 @@ class Planes:
             normal[rows[use]], bound[rows[use]] = better[use], value[use]
         return normal, bound, distance + astray
 
-    def _pose(self, motion: Motion, node: int, body: int) -> tuple[Array, Array]:
-        piece = self.world.pieces[body]
-        turn, at = motion.turn.mid[node, piece.joint], motion.at.mid[node, piece.joint]
-        return turn @ piece.pose[0].mid, turn @ piece.pose[1].mid + at
+    def _poses(self, motion: Motion, node: Rows, body: Rows) -> tuple[Array, Array]:
+        """Return rotations (k, 3, 3) and origins (k, 3) of bodies at the middles of intervals."""
+        joint = self.joint[body]
+        turn, at = motion.turn.mid[node, joint], motion.at.mid[node, joint]
+        return turn @ self.turn[body], (turn @ self.at[body, :, None])[:, :, 0] + at
 
-    def _outward(self, motion: Motion, node: int, a: int, b: int) -> Array:
-        """Return the direction from the box of b to the centre of a."""
-        (turn_a, at_a), (turn_b, at_b) = self._pose(motion, node, a), self._pose(motion, node, b)
-        corners, sweep = self.world.pieces[b].corners, self.world.pieces[b].sweep
-        local = turn_b.T @ (turn_a @ self.world.centers[a] + at_a - at_b)
-        away = local - np.clip(local, corners.min(axis=0) - sweep, corners.max(axis=0) + sweep)
-        return np.asarray(turn_b @ (away if away.any() else local))
+    def _outward(self, motion: Motion, node: Rows, a: Rows, b: Rows) -> Array:
+        """Return the directions (k, 3) from the boxes of bodies b to the centres of bodies a."""
+        (turn_a, at_a), (turn_b, at_b) = self._poses(motion, node, a), self._poses(motion, node, b)
+        gap = (turn_a @ self.world.centers[a, :, None])[:, :, 0] + at_a - at_b
+        local = (gap[:, None] @ turn_b)[:, 0]
+        away = local - np.clip(local, *self.boxes[:, b])
+        away = np.where(away.any(axis=1, keepdims=True), away, local)
+        return np.asarray((turn_b @ away[:, :, None])[:, :, 0])
 
     def _direction(self, motion: Motion, node: int, a: int, b: int, doubted: float) -> tuple[Array, float]:
         """Return coal's direction from b to a at the middle of an interval, and about the distance of the two hulls.
@@ -147,7 +151,7 @@ class Planes:
         tried too, and the farthest gap counts.
         """
         (one, swollen), (other, more) = self.shapes[a], self.shapes[b]
-        (turn_a, at_a), (turn_b, at_b) = self._pose(motion, node, a), self._pose(motion, node, b)
+        (turn_a, turn_b), (at_a, at_b) = self._poses(motion, np.array([node, node]), np.array([a, b]))
         best, farthest = np.array([0.0, 0.0, 1.0]), -np.inf
         for turn in _TURNS:
             result, poses = (
@@ -168,6 +172,15 @@ class Planes:
         return best, farthest + swollen + more
 
 
+def _halved(pair: Rows, low: Array, high: Array, depth: Rows, normal: Array) -> tuple[Rows, Array, Array, Rows, Array]:
+    """Return items with their intervals halved, as the kernel halves them."""
+    middle = np.where(high - low > 1, np.floor((low + high) / 2), (low + high) / 2)  # `half`
+    return (
+        *(np.tile(pair, 2), np.concatenate([low, middle]), np.concatenate([middle, high])),
+        *(np.tile(depth + 1, 2), np.tile(normal, (2, 1))),
+    )
+
+
 def _reach(piece: Piece, direction: Array) -> float:
     """Return the greatest value of direction · x over a piece, in its frame."""
     return float((piece.corners @ direction).max() + np.linalg.norm(piece.sweep * direction))
@@ -180,11 +193,13 @@ def whole(directions: Array, full: float) -> Array:
     return np.asarray(np.where(good, np.rint(full * directions / np.where(good, largest, 1.0)), [0.0, 0.0, full]))
 
 
-def _coal_shape(piece: Piece) -> tuple[Any, float]:
-    """Return a shape of coal that is about a piece, as it only proposes directions, and how much larger it is [m]."""
-    corners, sweep = piece.corners, piece.sweep
+@functools.lru_cache(maxsize=4096)  # the bodies of a robot are those of the last proof
+def _coal_shape(corner_bytes: bytes, sweep_bytes: bytes) -> tuple[Any, float]:
+    """Return a shape of coal that is about the hull of corners (m, 3), swept by an ellipsoid (3,), as it only proposes
+    directions, and how much larger it is [m]."""
+    corners, sweep = np.frombuffer(corner_bytes).reshape(-1, 3), np.frombuffer(sweep_bytes)
     if sweep.any() and (corners[:, :2].any() or corners[:, 2].sum()):  # balls of a cloud: coal gets their centres
-        shape, larger = _coal_shape(replace(piece, sweep=np.zeros(3)))
+        shape, larger = _coal_shape(corner_bytes, np.zeros(3).tobytes())
         return shape, larger - float(sweep.max())
     if sweep.any():
         length = float(np.ptp(corners[:, 2]))

@@ -94,7 +94,6 @@ class _Writer:
             body["name"]: cells for body in reading.world["bodies"] if (cells := groups_of(body["shape"])) is not None
         }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
-        self.shapes: dict[bytes, tuple[Any, float]] = {}
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
@@ -117,7 +116,7 @@ class _Writer:
         """Find planes for the pairs of pieces that are new, and return those for which there are none."""
         keys = [_identity(piece) for piece in world.pieces]
         pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
-        planes = self.planes = Planes(world, self.shapes)
+        planes = self.planes = Planes(world)
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}

@@ -44,10 +44,16 @@ def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
             assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
             assert plane.gap <= near.distance + COAL
             assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
-            names = [read.world.pieces[i].name for i in read.world.pairs[read.pairs(near.link, near.other)[0]]]
-            for point, body in zip(near.points, (near.link, near.other), strict=True):
-                side = 1.0 if body == names[0] else -1.0
-                assert side * plane.normal @ (point - plane.point) > 0.5 * plane.gap - COAL
+            pairs = read.pairs(near.link, near.other)  # of pieces, one of which the closest points are on
+            first = read.world.pieces[read.world.pairs[pairs[0], 0]].name
+            sides = [1.0 if body == first else -1.0 for body in (near.link, near.other)]
+            assert any(
+                all(
+                    side * each.normal @ (point - each.point) > 0.5 * each.gap - COAL
+                    for side, point in zip(sides, near.points, strict=True)
+                )
+                for each in read.planes(pairs, row)
+            )
             seen += 1
     assert seen >= MOMENTS
 
