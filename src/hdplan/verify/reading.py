@@ -14,10 +14,12 @@ from .balls import compose, named, need, rejecting
 from .joints import Joints
 from .limits import limits
 from .loads import loads
+from .messages import message_of
 from .motion import Rows
+from .moveit import sections
 from .pairs import not_compared
 from .robot import Tree
-from .robot_files import find_robot
+from .robot_files import DESCRIPTIONS, find_robot, given_robot
 from .semantics import Semantics
 from .targets import Targets
 from .text import Files, listing, mapping, row
@@ -34,11 +36,14 @@ class Reading:
     taken: tuple[str, ...]  # what the checker does not read, and took from the proof's own world
 
 
-def read_world(scene: Path, motion: Path, told: Any = None) -> Reading:
-    """The world of a motion; what the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes) is
-    taken from the world that a proof `told`, and named. Raises RejectedError."""
+def read_world(
+    scene: Path, motion: Path, told: Any = None, request: Path | None = None, robot: str | None = None
+) -> Reading:
+    """The world of a motion, in a scene of MoveIt's with its `request`, and with a `robot` in the place of the scene's,
+    which is its name or a file. What the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes)
+    is taken from the world that a proof `told`, and named. Raises RejectedError."""
     with rejecting():
-        reader = Reader(scene, motion, told)
+        reader = Reader(scene, motion, told, request, robot)
         world = reader.world() if reader.joints is not None else reader.world_of_other_robot(told)
         return Reading(world, reader.files.hashes, tuple(reader.told.taken))
 
@@ -46,24 +51,33 @@ def read_world(scene: Path, motion: Path, told: Any = None) -> Reading:
 class Reader:
     """One scene and one motion."""
 
-    def __init__(self, scene: Path, motion: Path, told: Any) -> None:
+    def __init__(self, scene: Path, motion: Path, told: Any, request: Path | None, robot: str | None) -> None:
         self.files, self.told = Files(), scenes.Told(told)
         self.folder = scene.absolute().parent
-        self.top = scenes.read_scene(scene, self.files)
-        spec = mapping(self.top["robot"], "robot", ROBOT)
+        data = self.files.read("scene", scene)
+        self.top = scenes.read_scene(scene, data) if request is None else {}
+        need("robot" in self.top or robot, f"{scene}: has no robot")
+        section, folder = given_robot(robot, self.files) if robot else (self.top["robot"], self.folder)
+        spec = mapping(section, "robot", ROBOT)
         self.rows = Rows(motion, self.files.read("motion", motion))
-        self.robot = find_robot(spec, self.folder)
+        self.robot = find_robot(spec, folder)
         urdf, srdf = self.robot.urdf, self.robot.srdf
-        data = self.files.read("urdf", urdf)
+        description = self.files.read("urdf", urdf)
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.joints: Any = None
-        if urdf.suffix.lower() in (".xacro", ".xml"):
+        if urdf.suffix.lower() in DESCRIPTIONS[1:]:
+            need(request is None, f"{urdf.name}: MoveIt's messages need a robot that the checker reads, a URDF")
             self.told.taken[f"the robot ({named(urdf.name)}) with what it holds, its limits, start and goal"] = None
             return
         need(not spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         base = spec.get("base_joints")
-        tree = Tree(urdf, data, None if base is None else mapping(base, "robot.base_joints", "kind x y yaw"))
-        self.joints = Joints(spec, self.top["start"], tree, Semantics(words, tree.above, tree.links))
+        tree = Tree(urdf, description, None if base is None else mapping(base, "robot.base_joints", "kind x y yaw"))
+        semantics = Semantics(words, tree.above, tree.links)
+        if request is not None:
+            asked = self.files.read("request", request)
+            self.top = sections(message_of(data), message_of(asked), spec, tree, semantics)
+            spec = self.top["robot"]
+        self.joints = Joints(spec, self.top["start"], tree, semantics)
 
     def link_bodies(self) -> list[Any]:
         """The collision geometry of all links."""

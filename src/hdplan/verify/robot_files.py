@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from .balls import need
-from .scene import word
-from .text import listing
+from .scene import SECTIONS, word
+from .text import Files, listing, mapping, yaml_of
+
+DESCRIPTIONS = (".urdf", ".xacro", ".xml")
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,25 @@ class RobotFiles:
         found = next((x for x in places if x.is_file()), None)
         need(found, f"{where}: mesh '{name}' is not found")
         return Path(found or "")
+
+
+def is_name(robot: str) -> bool:
+    """Whether a robot is given by its name, and not by a file."""
+    path = Path(robot)
+    return len(path.parts) == 1 and not path.suffix and not path.is_file()
+
+
+def given_robot(robot: str, files: Files) -> tuple[Any, Path]:
+    """The robot section that is given beside a scene, and the folder of its file: by a robot's name, its description,
+    or a file that has such a section."""
+    path = Path(robot)
+    if is_name(robot):
+        return {"name": robot}, Path()
+    if path.suffix.lower() in DESCRIPTIONS:
+        return {"urdf": path.name}, path.absolute().parent
+    top = mapping(yaml_of(files.read("robot", path)), robot, SECTIONS)
+    need("robot" in top, f"{robot}: has no robot")
+    return top["robot"], path.absolute().parent
 
 
 def find_robot(spec: dict[str, Any], folder: Path) -> RobotFiles:

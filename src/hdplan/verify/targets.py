@@ -36,7 +36,10 @@ class Targets:
         return {"joints": [given[x] for x in joints.lead], "others": dict(sorted(others.items()))}
 
     def goals(self, value: Any) -> list[Any]:
-        """The goal's targets, one of which is to be met."""
+        """The goal's targets, one of which is to be met; a tuple has poses that are worked out already."""
+        if type(value) is tuple:
+            need(all(x["link"] in self.joints.at for x in value), "goal: a link that there is not")
+            return [{"poses": list(value)}]
         said = mapping(value, "goal", "joints state pose poses all any")
         need(len(said) == 1, "goal: one of joints, state, pose, poses, all, any")
         if "pose" in said:
