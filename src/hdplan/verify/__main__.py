@@ -24,8 +24,8 @@ def main(words: list[str]) -> int:
     for name in ("scene", "motion", "proof"):
         parser.add_argument(name, type=Path)
     given = parser.parse_args(words)
-    needed = [given.scene, given.motion, given.proof, *([given.request] if given.request else [])]
-    needed += [Path(given.robot)] * bool(given.robot and not is_name(given.robot))
+    robot = None if given.robot is None or is_name(given.robot) else Path(given.robot)
+    needed = [x for x in (given.scene, given.motion, given.proof, given.request, robot) if x is not None]
     if lacking := [name for name in needed if not name.is_file()]:
         print(f"{shown(str(lacking[0]))}: no such file", file=sys.stderr)
         return 2

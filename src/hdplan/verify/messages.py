@@ -121,6 +121,7 @@ def solid(value: Any, what: str) -> dict[str, Any]:
     kind, sizes = said.get("type"), numbers(said.get("dimensions"), None, what)
     kind = SOLIDS.get(kind) if type(kind) is int else kind
     need((kind, len(sizes)) in (("box", 3), ("sphere", 1), ("cylinder", 2)), f"{what}: no box, sphere or cylinder")
+    need(min(sizes) > 0, f"{what}: a size is not above 0")
     if kind == "box":
         return {"type": kind, "size": sizes}
     return {"type": kind, "radius": sizes[-1], **({"length": sizes[0]} if kind == "cylinder" else {})}

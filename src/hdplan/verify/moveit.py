@@ -43,8 +43,8 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
     need(start, "request.start_state: there is no start")
     model = around.get("robot_model_name", "")
     need(type(model) is str, "scene.robot_model_name: a name is expected")
+    more = _checked(around.get("allowed_collision_matrix"), tree, spec)
     if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
-        more = _checked(around.get("allowed_collision_matrix"), tree, spec)
         spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
     return {
         "robot": spec,
@@ -111,7 +111,7 @@ def _bodies(value: Any, place: Pose, usual: str, what: str) -> list[dict[str, An
     said = fields(value, "CollisionObject", what)
     operation = said.get("operation", 0)
     need(type(operation) is int and operation == 0, f"{what}.operation: is not 0 (ADD)")
-    name = scenes.word(said.get("id", "") or usual, what)
+    name = usual if said.get("id", "") == "" else scenes.word(said["id"], what)
     place = compose(place, pose(said.get("pose"), what))
     shapes = solids(said, what)
     need(shapes, f"{what}: has no shape")

@@ -20,6 +20,7 @@ from .moveit import sections
 from .pairs import not_compared
 from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
+from .rviz import ENDING, exported
 from .semantics import Semantics
 from .targets import Targets
 from .text import Files, listing, mapping, row
@@ -56,8 +57,8 @@ class Reader:
         self.folder = scene.absolute().parent
         data = self.files.read("scene", scene)
         self.top = scenes.read_scene(scene, data) if request is None else {}
-        need("robot" in self.top or robot, f"{scene}: has no robot")
-        section, folder = given_robot(robot, self.files) if robot else (self.top["robot"], self.folder)
+        need("robot" in self.top or robot is not None, f"{scene}: has no robot")
+        section, folder = (self.top["robot"], self.folder) if robot is None else given_robot(robot, self.files)
         spec = mapping(section, "robot", ROBOT)
         self.rows = Rows(motion, self.files.read("motion", motion))
         self.robot = find_robot(spec, folder)
@@ -75,7 +76,8 @@ class Reader:
         semantics = Semantics(words, tree.above, tree.links)
         if request is not None:
             asked = self.files.read("request", request)
-            self.top = sections(message_of(data), message_of(asked), spec, tree, semantics)
+            around = exported(data) if scene.suffix.lower() == ENDING else message_of(data)
+            self.top = sections(around, message_of(asked), spec, tree, semantics)
             spec = self.top["robot"]
         self.joints = Joints(spec, self.top["start"], tree, semantics)
 
@@ -147,7 +149,9 @@ class Reader:
             pose = compose(pose, scenes.pose_of(said.get("pose"), what))
             shape = scenes.shape_of(said.get("shape"), name, self.folder, self.files, self.told)
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
-            touching |= {frozenset((name, str(x))) for x in listing(said.get("touch_links"), what)}
+            near = listing(said.get("touch_links"), what)
+            need(all(x in at for x in near), f"{what}: touch_links: names a link that there is not")
+            touching |= {frozenset((name, x)) for x in near}
         return held, touching
 
     def wanted(self, own: dict[str, Any]) -> dict[str, Any]:
