@@ -16,6 +16,7 @@ from .text import listing
 
 FREE = 3.14  # [rad] from here on a tolerance leaves an axis free
 CONE = 1.5  # [rad] an angle below pi/2
+ROUNDING = 1e-13  # of an axis that is upright
 LARGEST = 1.0  # [m] tolerance of a goal's position
 USUAL = 0.01  # [rad] tolerance of a goal's orientation
 
@@ -101,10 +102,12 @@ def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
         (entry,) = said["orientation_constraints"]
         turn, angle, free = _turn(entry, frames)
         need(free in ("x", "z"), "path_constraints: an orientation that leaves neither x nor z free")
-        way = turn.mid[:, "xyz".index(free)].tolist()
-        need(way[:2] == [0, 0], f"path_constraints: keeps an axis along {way}, and only straight up or down is checked")
+        way = turn.mid[:, "xyz".index(free)]
+        slant = float(np.abs(way[:2]).max())
+        upright = f"path_constraints: keeps an axis along {way.tolist()}, and only straight up or down is checked"
+        need(slant <= ROUNDING, upright)
         axis = [float(np.sign(way[2])) * (x == free) for x in "xyz"]
-        link, off = scenes.word(entry.get("link_name"), "path_constraints"), float(turn.rad.max())
+        link, off = scenes.word(entry.get("link_name"), "path_constraints"), float(turn.rad.max()) + 2 * slant
         found.append({"kind": "upright", "link": link, "axis": axis, "off": off, "tolerance": angle})
     if "position_constraints" in said:
         link, point, shape, place = _region(said["position_constraints"][0], frames)

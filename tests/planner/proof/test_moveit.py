@@ -344,6 +344,11 @@ CONSTRAINTS: dict[str, tuple[str, Said]] = {
     ),
     "upright": ("path", {"orientation_constraints": [turned("hand", 0.3, 0.2, 6.3)]}),
     "upside down": ("path", {"orientation_constraints": [turned("hand", 0.3, 0.2, 4, turn=[1, 0, 0, 0])]}),
+    "x upright": ("path", {"orientation_constraints": [turned("hand", 4, 0.2, 0.3, turn=[0.1, -0.7, 0.1, 0.7])]}),
+    "x upright, but for rounding": (
+        "path",
+        {"orientation_constraints": [turned("fore", 4, 0.2, 0.3, turn=[0, 0.7071067811865476, 0, 0.7071067811865476])]},
+    ),
     "a box along the way": (
         "path",
         {"position_constraints": [position("hand", CRATE, **DESK, target_point_offset={"z": 0.1})]},
