@@ -26,7 +26,10 @@ POSE = "position rpy quaternion_xyzw"
 
 def read_scene(path: Path, data: bytes) -> dict[str, Any]:
     """The sections of a scene file."""
-    top = mapping(yaml_of(data), str(path), SECTIONS)
+    said = yaml_of(data)
+    beside = "one of MoveIt's goes with its request and a robot, --request FILE --robot NAME|FILE"
+    need(isinstance(said, dict) and "hdplan" in said, f"{path}: not a hdplan scene, version 1; {beside}")
+    top = mapping(said, str(path), SECTIONS)
     need(top.get("hdplan") == 1 and type(top["hdplan"]) is int, f"{path}: not a hdplan scene, version 1")
     need("start" in top and "goal" in top, f"{path}: has no start or goal")
     need(type(top.get("from_request", False)) is bool, "from_request: true or false is expected")

@@ -15,6 +15,7 @@ import yaml
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import HdplanError
@@ -162,6 +163,17 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> tuple[tuple[Path, Path
     return given, hdplan.prove(scene, motion, request, robot).data
 
 
+def test_a_request_is_asked_for(tmp_path: Path) -> None:
+    scene, motion, request, robot = files(tmp_path)
+    for given, words in (
+        ((None, None), "--request FILE"),
+        ((None, robot), "--request FILE"),
+        ((request, None), "robot"),
+    ):
+        with pytest.raises(RejectedError, match=words):
+            read_world(scene, motion, None, *given)
+
+
 def outcome(proof: bytes, given: tuple[Path, Path, Path, str], hashes: dict[str, str] | None = None) -> str:
     """What the checker says of a proof, in which other hashes of files are put: "" where it accepts."""
     scene, motion, request, robot = given
@@ -188,6 +200,7 @@ def test_a_request_is_proven_and_verified(original: Any, tmp_path: Path) -> None
     ):
         assert words in verdict.text
     assert "the SRDF: base-fore" not in verdict.text  # the matrix checks it
+    assert ReadProof(scene, motion, proof, request, robot).rows == 2
     world = read((scene, motion, request, robot)).world
     check_equal(world, planned(scene, motion, request, robot))
     assert [x["name"] for x in world["bodies"]][-5:] == ["cup", "ball", "desk", "desk/1", "obstacle2"]
