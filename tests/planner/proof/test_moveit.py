@@ -200,7 +200,7 @@ def test_a_request_is_proven_and_verified(original: Any, tmp_path: Path) -> None
     ):
         assert words in verdict.text
     assert "the SRDF: base-fore" not in verdict.text  # the matrix checks it
-    assert ReadProof(scene, motion, proof, request, robot).rows == 2
+    assert ReadProof(scene, motion, proof, request, robot).rows == 1
     world = read((scene, motion, request, robot)).world
     check_equal(world, planned(scene, motion, request, robot))
     assert [x["name"] for x in world["bodies"]][-5:] == ["cup", "ball", "desk", "desk/1", "obstacle2"]
