@@ -172,6 +172,9 @@ def test_a_request_is_asked_for(tmp_path: Path) -> None:
     ):
         with pytest.raises(RejectedError, match=words):
             read_world(scene, motion, None, *given)
+    (tmp_path / "r.xacro").write_text(URDF)
+    with pytest.raises(RejectedError, match=r"r\.xacro: MoveIt's messages need a robot that the checker reads"):
+        read_world(scene, motion, None, request, str(tmp_path / "r.xacro"))
 
 
 def outcome(proof: bytes, given: tuple[Path, Path, Path, str], hashes: dict[str, str] | None = None) -> str:
@@ -404,7 +407,7 @@ REFUSED: dict[str, tuple[str, str, Any, str]] = {
     "a scale": ("scene", "link_scale.0.scale", 1.1, "link_scale"),
     "a moved base": ("scene", "robot_state.multi_dof_joint_state.transforms.0.translation", [0, 0, 1], "base"),
     "a velocity": ("scene", "robot_state.joint_state.velocity", [0, 0.1], "at rest"),
-    "a name that a link has": ("scene", OBJECTS + ".0.id", "up", "'up'"),
+    "a name that is held": ("scene", OBJECTS + ".0.id", "cup", "taken"),
     "a name twice": ("scene", OBJECTS + ".0.id", "desk/1", "one name"),
     "a joint twice": ("request", "start_state.joint_state.name", ["a", "a", "b"], "twice"),
     "rows that lack": ("scene", MATRIX + ".entry_names", ["base", "fore"], "rows"),
