@@ -144,7 +144,13 @@ def check(
 
 
 @app.command()
-def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof) -> None:
+def prove(
+    scene: given.SceneFile,
+    trajectory: given.Motion,
+    output: given.Proof,
+    request: given.Request = None,
+    robot: given.RobotFile = None,
+) -> None:
     """Write down why a motion is free, for others to check.
 
     Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
@@ -154,12 +160,17 @@ def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof)
     """
     from hdplan.planner.commands.prove import run_prove
 
-    raise typer.Exit(run_prove(scene, trajectory, output=output))
+    raise typer.Exit(run_prove(scene, trajectory, request, robot, output=output))
 
 
 @app.command()
 def verify(
-    scene: given.SceneFile, trajectory: given.Motion, proof: given.ProofToCheck, world: given.World = None
+    scene: given.SceneFile,
+    trajectory: given.Motion,
+    proof: given.ProofToCheck,
+    request: given.Request = None,
+    robot: given.RobotFile = None,
+    world: given.World = None,
 ) -> None:
     """Check the proof of a motion with nothing of hdplan.
 
@@ -171,7 +182,7 @@ def verify(
     """
     from hdplan.planner.commands.verify import run_verify
 
-    raise typer.Exit(run_verify(scene, trajectory, proof, world=world))
+    raise typer.Exit(run_verify(scene, trajectory, proof, request, robot, world=world))
 
 
 @app.command()

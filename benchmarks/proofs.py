@@ -2,8 +2,8 @@
 
     python benchmarks/proofs.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S]
 
-DIR as in benchmarks/mbm.py. Every problem is planned with the command's defaults; scene and motion are written as
-files, as proofs are about files, and the proof of each certified motion is written and checked. Prints a table with a
+DIR as in benchmarks/mbm.py. Every problem is planned with the command's defaults, and the proof of each certified
+motion is written and checked, about the benchmark's own files. Prints a table with a
 row per robot; to the error stream, a line per problem. Times to write and to check are of the processor; the checker's
 include reading scene, robot and meshes.
 """
@@ -43,21 +43,19 @@ class Outcome:
 def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
     """Plan, prove and verify one problem."""
     name = f"{problem.set} {problem.number}"
-    scene = problem.load()
-    result = hdplan.plan(scene, time_limit=time_limit)
+    result = hdplan.plan(problem.load(), time_limit=time_limit)
     if not result.certified:
         return Outcome(problem.robot, name, f"not certified: {result.certificate.text}")
-    files = folder / "scene.yaml", folder / "motion.json"
-    scene.save(files[0])
-    result.save(files[1])
+    scene, motion, beside = problem.scene_file, folder / "motion.json", (problem.request_file, str(problem.robot_file))
+    result.save(motion)
     began = time.process_time()
     try:
-        proof = hdplan.prove(*files)
+        proof = hdplan.prove(scene, motion, *beside)
     except hdplan.HdplanError as error:
         return Outcome(problem.robot, name, str(error))
     written = time.process_time()
     try:
-        verdict, _ = check(*files, proof.data)
+        verdict, _ = check(scene, motion, proof.data, *beside)
     except RejectedError as error:
         return Outcome(problem.robot, name, f"REJECTED: {error}")
     verified = time.process_time()

@@ -849,13 +849,31 @@ def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: P
     other = hdplan("verify", "empty", motion, proof)
     assert (other.code, other.out.split(":")[0]) == (1, "rejected")
     refused(hdplan("plan", "planar_arm", "--proof", proof), "--proof", "-o FILE")
-    refused(hdplan("plan", "planar_arm", "-o", motion, "--proof", proof, "--robot", "panda"), "--robot")
     refused(hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "m.txt")), ".proof")
     said = json.loads((tmp_path / "m.json").read_text())
     said["positions"][5][0] += 0.3
     (tmp_path / "m.json").write_text(json.dumps(said))
     assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "o.proof")).code == 1
     assert not (tmp_path / "o.proof").exists()
+
+
+def test_a_proof_of_moveits_files(hdplan: Callable[..., Done]) -> None:
+    """The same from plan, prove and verify, for which a request is as much as its scene."""
+    _, scene, *beside = write_moveit({"elbow": 0.4, "shoulder": 1.0})
+    assert hdplan("plan", scene, *beside, "-o", "m.json", "--proof", "m.proof").code == 0
+    assert hdplan("prove", scene, "m.json", *beside, "-o", "n.proof").code == 0
+    assert Path("m.proof").read_bytes() == Path("n.proof").read_bytes()
+    accepted = hdplan("verify", scene, "m.json", "m.proof", *beside)
+    assert (accepted.code, accepted.out.split(":")[0]) == (0, "accepted")
+    refused(hdplan("verify", scene, "m.json", "m.proof", *beside[:2], "--robot", "no.yaml"), "no.yaml: no such file")
+    refused(hdplan("verify", scene, "m.json", "m.proof", "--request", "no", *beside[2:]), "no: no such file")
+    refused(hdplan("prove", scene, "m.json", "-o", "n.proof"), "--request FILE", "--robot NAME or FILE")
+    Path("a.xacro").write_text("<robot/>", encoding="utf-8")
+    with_argument = ("--robot", "a.xacro", "--xacro-arg", "a:=1")
+    refused(hdplan("plan", scene, *beside[:2], *with_argument, "-o", "m.json", "--proof", "m.proof"), "--xacro-arg")
+    write_moveit({"elbow": 0.5, "shoulder": 1.0})
+    other = hdplan("verify", scene, "m.json", "m.proof", *beside)
+    assert (other.code, other.out.split(":")[1]) == (1, " request")
 
 
 def child(*arguments: str, **within: str) -> Done:

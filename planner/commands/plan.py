@@ -64,7 +64,7 @@ def run_plan(
     if proof is not None:
         from hdplan.planner.commands.prove import check_proof_of_plan
 
-        check_proof_of_plan(proof, output, request, robot)
+        check_proof_of_plan(proof, output, robot)
     longest = SEARCH if time_limit is None else time_limit
     told = {"solver": solver, "seed": seed, "time_limit": longest}
     problem, found = None, None
@@ -94,10 +94,10 @@ def run_plan(
 
         draw(Subject.planned(Setup.of(problem), result), plot)
     proven = result.certified
-    if proof is not None and output is not None and result.certified:
+    if proof is not None and output is not None and result.certified and not isinstance(robot, RobotSpec):
         from hdplan.planner.commands.prove import written_proof
 
-        proven = written_proof(scene, output, proof) is not None
+        proven = written_proof(scene, output, request, robot, proof) is not None
     if not quiet:
         with printing() as show:
             if as_json:

@@ -13,13 +13,16 @@ from hdplan.scenes.robot_spec import RobotSpec
 
 ENDINGS = (".proof",)
 MOTIONS = (".json", ".csv")  # of which there can be proofs
+WITH_ARGUMENTS = (
+    "--proof: is about files, so that --xacro-arg does not go with it: robot.xacro_args have them in a file"
+)
 
 
-def run_prove(scene: str, trajectory: Path, *, output: Path) -> int:
+def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
     """Write the proof of a motion. Returns the exit code: 0 if there is one, else 1."""
     check_writable(output, ENDINGS)
     with waiting("proving", shown=True):
-        proof = written_proof(scene, trajectory, output)
+        proof = written_proof(scene, trajectory, request, robot, output)
     if proof is None:
         return 1
     with printing() as show:
@@ -29,21 +32,19 @@ def run_prove(scene: str, trajectory: Path, *, output: Path) -> int:
     return 0
 
 
-def check_proof_of_plan(proof: Path, output: Path | None, request: Path | None, robot: str | RobotSpec | None) -> None:
+def check_proof_of_plan(proof: Path, output: Path | None, robot: str | RobotSpec | None) -> None:
     """Raise InputError, before a motion is planned, if no proof of it could be written."""
     check_writable(proof, ENDINGS)
     if output is None or output.suffix.lower() not in MOTIONS:
         raise InputError(f"--proof: is about a motion's file: write one too, -o FILE with {' or '.join(MOTIONS)}")
-    if request is not None or robot is not None:
-        raise InputError(
-            "--proof: is about a hdplan scene and its own robot, so that --request and --robot do not go with it"
-        )
+    if isinstance(robot, RobotSpec):
+        raise InputError(WITH_ARGUMENTS)
 
 
-def written_proof(scene: str, trajectory: Path, output: Path) -> Proof | None:
+def written_proof(scene: str, trajectory: Path, request: Path | None, robot: str | None, output: Path) -> Proof | None:
     """Write the proof of a motion, or say why there is none."""
     try:
-        proof = prove(scene, trajectory)
+        proof = prove(scene, trajectory, request, robot)
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
         return None

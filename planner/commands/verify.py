@@ -12,22 +12,37 @@ from hdplan.scenes.files import check_file
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify.kernel import IN_PART
+from hdplan.verify.robot_files import is_name
 
 
-def run_verify(scene: str, trajectory: Path, proof: Path, *, world: Path | None = None) -> int:
+def run_verify(
+    scene: str,
+    trajectory: Path,
+    proof: Path,
+    request: Path | None = None,
+    robot: str | None = None,
+    *,
+    world: Path | None = None,
+) -> int:
     """Check a proof, and print what it proves or why not; write the `world` that the checker read. Returns the exit
     code: 0 if the proof is accepted, 4 if it is accepted in part, else 1.
 
     The checker limits the memory and the time of its own process, which whoever wrote the files could else use up.
     """
-    files = [str(path) for path in (find_scene(scene), trajectory, proof)]
-    for path in map(Path, files):  # what cannot be read is bad input, not a proof that is rejected
+    files = [find_scene(scene), trajectory, proof]
+    beside = [Path(robot)] if robot is not None and not is_name(robot) else []
+    for path in (
+        *files,
+        *beside,
+        *([request] if request is not None else []),
+    ):  # what cannot be read is bad input, not a proof that is rejected
         with naming(path):
             check_file(path)
     if world is not None:
         check_writable(world, (".json",))
-        files = ["--world", str(world), *files]
-    command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *files]
+    given = {"world": world, "request": request, "robot": robot}
+    options = [f"--{key}={value}" for key, value in given.items() if value is not None]
+    command = [sys.executable, "-X", "utf8", "-m", "hdplan.verify", *options, "--", *map(str, files)]
     # In a process group of its own: Ctrl-C is for this process, which ends the checker without a traceback.
     done = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False, process_group=0)
     ended = done.returncode in (0, 1, IN_PART) and done.stdout

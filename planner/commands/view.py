@@ -49,10 +49,12 @@ def run_view(
     check_installed()
     host, port = HOST if host is None else host, PORT if port is None else port
     if proof is not None:
-        check_proof(proof, trajectories, request, robot)
+        check_proof(proof, trajectories, robot)
     problem = load_scene(scene, request=request, robot=robot)
     motions = _loaded(trajectories)
-    read = None if proof is None else ReadProof(find_scene(scene), trajectories[0], proof)
+    read = None
+    if proof is not None and not isinstance(robot, RobotSpec):
+        read = ReadProof(find_scene(scene), trajectories[0], proof, request, robot)
 
     from hdplan.planner.view.server import open_viewer  # needs viser
 

@@ -58,17 +58,23 @@ class Proof:
         write_output(checked(path_of, path, "path"), self.data)
 
 
-def prove(scene: FilePath, trajectory: FilePath) -> Proof:
+def prove(
+    scene: FilePath, trajectory: FilePath, request: FilePath | None = None, robot: FilePath | None = None
+) -> Proof:
     """Certify a motion and write down why it is free.
 
-    A proof is about files: `scene` is a hdplan scene, or a shipped one's name, `trajectory` a JSON or CSV file.
+    A proof is about files: `scene` is a hdplan scene, or a shipped one's name, `trajectory` a JSON or CSV file. A
+    MoveIt planning scene needs its motion plan `request` and the `robot`, as in `load_scene`: its name, its
+    description, or a YAML file with a `robot` section.
 
     Raises:
         InputError: for bad files, and for what a proof cannot hold yet, by name.
         NotProvenError: the motion is not certified, or no planes were found.
     """
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    setup = Setup.of(load_scene(scene_file))
+    asked_file = None if request is None else checked(path_of, request, "request")
+    robot_name = None if robot is None else str(checked(path_of, robot, "robot"))
+    setup = Setup.of(load_scene(scene_file, asked_file, robot_name))
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
         certifier = Certifier(setup)
@@ -78,7 +84,7 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         raise NotProvenError(certificate.text)
     planned = world_of(setup, motion)
     try:
-        reading = read_world(scene_file, motion_file, planned)
+        reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
         check_equal(reading.world, planned)
         return _Writer(setup, planned, reading).write(certificate, asked)
     except RejectedError as error:

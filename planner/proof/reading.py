@@ -39,13 +39,16 @@ class Plane:
 class ReadProof:
     """An accepted proof of one motion."""
 
-    def __init__(self, scene: Path, motion: Path, proof: Path | bytes) -> None:
-        """Read a proof's file, or its content. Raises InputError for what is no proof of this motion in this scene."""
+    def __init__(
+        self, scene: Path, motion: Path, proof: Path | bytes, request: Path | None = None, robot: str | None = None
+    ) -> None:
+        """Read a proof's file, or its content; of a MoveIt scene with its request and robot. Raises InputError for what
+        is no proof of this motion in this scene."""
         name = "the proof" if isinstance(proof, bytes) else proof
         with naming(name):
             data = proof if isinstance(proof, bytes) else read_file(proof)
         try:
-            _, read = check(scene, motion, data)
+            _, read = check(scene, motion, data, request, robot)
             _, _, cuts, trees = unpack(data)
             self.world = World(read, cuts)
         except RejectedError as error:

@@ -32,12 +32,12 @@ def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Pa
         raise InputError(f"{served[0]}: is for the viewer, which is not opened to write {page or video}: leave one out")
 
 
-def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | RobotSpec | None) -> None:
+def check_proof(proof: Path, trajectories: Sequence[Path], robot: str | RobotSpec | None) -> None:
     """Check early that a proof can be of what is shown. Raises InputError."""
     if len(trajectories) != 1:
         raise InputError(f"--proof: {proof} is about one motion, but {len(trajectories) or 'none'} is given")
-    if request is not None or robot is not None:
-        raise InputError(f"--proof: {proof} is about a hdplan scene, with which --request and --robot do not go")
+    if isinstance(robot, RobotSpec):
+        raise InputError(f"--proof: {proof} is about files, so that --xacro-arg does not go with it")
 
 
 def motion_names(trajectories: Sequence[Path]) -> list[str]:

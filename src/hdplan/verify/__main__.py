@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -9,34 +10,37 @@ from pathlib import Path
 from .balls import RejectedError, shown
 from .checking import bounded, check
 from .kernel import IN_PART
-
-USAGE = "usage: python -m hdplan.verify [--world WORLD.json] SCENE MOTION PROOF"
+from .robot_files import is_name
 
 
 def main(words: list[str]) -> int:
     """Check a proof: 0 if it is accepted, 4 if it is accepted in part, 1 if it is rejected, 2 for files that are
     lacking."""
-    as_json, world, names = words[:1] == ["--json"], None, words[words[:1] == ["--json"] :]
-    if names[:1] == ["--world"] and len(names) > 1:
-        world, names = Path(names[1]), names[2:]
-    if len(names) != 3:
-        sys.exit(USAGE)
-    if lacking := [name for name in names if not Path(name).is_file()]:
-        print(f"{shown(lacking[0])}: no such file", file=sys.stderr)
+    parser = argparse.ArgumentParser(prog="python -m hdplan.verify", description="Check a proof that a motion is free.")
+    parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
+    parser.add_argument("--world", type=Path, metavar="FILE.json", help="write the world that was read")
+    parser.add_argument("--request", type=Path, metavar="FILE", help="the request of a planning scene of MoveIt's")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="a robot in the place of the scene's")
+    for name in ("scene", "motion", "proof"):
+        parser.add_argument(name, type=Path)
+    given = parser.parse_args(words)
+    robot = None if given.robot is None or is_name(given.robot) else Path(given.robot)
+    needed = [x for x in (given.scene, given.motion, given.proof, given.request, robot) if x is not None]
+    if lacking := [name for name in needed if not name.is_file()]:
+        print(f"{shown(str(lacking[0]))}: no such file", file=sys.stderr)
         return 2
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
     bounded()
     try:
-        scene, motion, proof = map(Path, names)
-        verdict, read = check(scene, motion, proof.read_bytes())
+        verdict, read = check(given.scene, given.motion, given.proof.read_bytes(), given.request, given.robot)
     except RejectedError as error:
-        print(json.dumps([str(error), None]) if as_json else f"rejected: {error}")
+        print(json.dumps([str(error), None]) if given.json else f"rejected: {error}")
         return 1
-    if world is not None:
+    if (world := given.world) is not None:
         begun = world.with_name(f".{world.name}.part")  # whole or not at all
         begun.write_text(json.dumps(read, allow_nan=False), encoding="utf-8")
         begun.replace(world)
-    print(json.dumps([verdict.text, verdict.whole]) if as_json else verdict.text)
+    print(json.dumps([verdict.text, verdict.whole]) if given.json else verdict.text)
     return 0 if verdict.whole else IN_PART
 
 

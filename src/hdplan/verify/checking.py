@@ -33,12 +33,15 @@ class Verdict:
     whole: bool  # all that the scene wants; False: accepted in part
 
 
-def check(scene: Path, motion: Path, proof: bytes) -> tuple[Verdict, dict[str, Any]]:
-    """What a proof's content proves of a motion in a scene, and the world that was read. In this process: what files
-    say may take any time. Raises RejectedError, which names leaf, pair and reason, or the first difference."""
+def check(
+    scene: Path, motion: Path, proof: bytes, request: Path | None = None, robot: str | None = None
+) -> tuple[Verdict, dict[str, Any]]:
+    """What a proof's content proves of a motion in a scene, and the world that was read; of MoveIt's scenes with their
+    `request` and `robot`. In this process: what files say may take any time. Raises RejectedError, which names leaf,
+    pair and reason, or the first difference."""
     with rejecting():
         head, told, cuts, trees = unpack(proof)
-        reading = read_world(scene, motion, told)
+        reading = read_world(scene, motion, told, request, robot)
         read, hashes = reading.world, reading.hashes
         for key in sorted({*hashes} | {*head["files"]}):
             need(key in head["files"], f"{key}: is read, and not among the files of the proof")
@@ -68,10 +71,11 @@ def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
     return Verdict(f"{said}{files}\n  if:{assumed}{rest}", whole and not reading.taken)
 
 
-def verify(scene: Path, motion: Path, proof: Path) -> Verdict:
-    """What a proof's file proves of a motion in a scene, checked in a process of its own that ends in time. Raises
-    RejectedError."""
-    run = [sys.executable, "-m", __package__, "--json", *map(str, (scene, motion, proof))]
+def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, robot: str | None = None) -> Verdict:
+    """What a proof's file proves of a motion in a scene, checked in a process of its own that ends in time; of MoveIt's
+    scenes with their `request` and `robot`. Raises RejectedError."""
+    beside = [f"--{key}={x}" for key, x in (("request", request), ("robot", robot)) if x is not None]
+    run = [sys.executable, "-m", __package__, "--json", *beside, "--", *map(str, (scene, motion, proof))]
     try:
         done = subprocess.run(run, capture_output=True, timeout=2 * MOST_WAIT, check=False)
         text, whole = json.loads(done.stdout)

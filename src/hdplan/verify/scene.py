@@ -24,11 +24,14 @@ AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": 
 POSE = "position rpy quaternion_xyzw"
 
 
-def read_scene(path: Path, files: Files) -> dict[str, Any]:
+def read_scene(path: Path, data: bytes) -> dict[str, Any]:
     """The sections of a scene file."""
-    top = mapping(yaml_of(files.read("scene", path)), str(path), SECTIONS)
+    said = yaml_of(data)
+    beside = "one of MoveIt's goes with its request and a robot, --request FILE --robot NAME|FILE"
+    need(isinstance(said, dict) and "hdplan" in said, f"{path}: not a hdplan scene, version 1; {beside}")
+    top = mapping(said, str(path), SECTIONS)
     need(top.get("hdplan") == 1 and type(top["hdplan"]) is int, f"{path}: not a hdplan scene, version 1")
-    need("robot" in top and "start" in top and "goal" in top, f"{path}: has no robot, start or goal")
+    need("start" in top and "goal" in top, f"{path}: has no start or goal")
     need(type(top.get("from_request", False)) is bool, "from_request: true or false is expected")
     mapping(top.get("planner", {}), "planner", PLANNER)
     mapping(top.get("timing", {}), "timing", "duration scale rate")
@@ -48,7 +51,10 @@ def word(value: Any, what: str) -> str:
 
 
 def pose_of(value: Any, what: str) -> Pose:
-    """A pose of a scene, some of the keys of a mapping; what is missing is 0."""
+    """A pose of a scene, some of the keys of a mapping; what is missing is 0. One that is worked out already is a
+    tuple, which YAML does not have."""
+    if type(value) is tuple:
+        return value
     keys, turn = mapping(value or {}, what, POSE), HERE[0]
     need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
     if "quaternion_xyzw" in keys:
@@ -174,7 +180,9 @@ def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
 
 
 def path_of(top: dict[str, Any]) -> list[Any]:
-    """The path constraints as a world has them."""
+    """The path constraints as a world has them; a tuple has those that are worked out already."""
+    if type(top.get("path")) is tuple:
+        return list(top["path"])
     said, found = mapping(top.get("path") or {}, "path", "upright position relative"), list[Any]()
     if "upright" in said:
         keys = mapping(said["upright"], "path.upright", "link axis tolerance")

@@ -60,6 +60,13 @@ class Semantics:
         pairs = [{frozenset((x.get("link1", ""), x.get("link2", ""))) for x in root.findall(tag)} for tag in PAIRS]
         self.disabled = ({frozenset((a, b)) for a in off for b in links if a != b} - pairs[1]) | pairs[0]
 
+    def group(self, asked: Any, robots: tuple[str, ...]) -> str:
+        """The name of a group, which may have a robot's name before it (`panda_arm`: arm)."""
+        names = (str(asked), *(str(asked).removeprefix(f"{x}_") for x in robots))
+        name = next((x for x in names if x in self.groups), None)
+        need(name is not None, f"robot.group: no group '{asked}'")
+        return name or ""
+
     def states(self, group: str | None) -> dict[str, dict[str, float]]:
         """The values of each named state; of a joint that it has in several groups, this one's, or else the last."""
         ordered = {name: sorted(by.items(), key=lambda each: each[0] == group) for name, by in self._states.items()}
@@ -107,9 +114,7 @@ def moving(spec: dict[str, Any], tree: Tree, words: Semantics) -> tuple[list[str
         return [x for x in joints if x in group], None
     groups = {name: [x for x in candidates if x in own] for name, own in words.groups.items()}
     if group is not None:
-        names = (str(group), *(str(group).removeprefix(f"{x}_") for x in (spec.get("name") or tree.stem, tree.name)))
-        name = next((x for x in names if x in groups), "")
-        need(name in groups, f"robot.group: no group '{group}'")
+        name = words.group(group, (spec.get("name") or tree.stem, tree.name))
         planned = [x for x in groups[name] if x not in locked]
         need(planned, f"robot.group: '{group}' has no joint that moves")
         return planned, name

@@ -18,7 +18,8 @@ from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import dot
 from hdplan.verify.meshes import triangles
-from hdplan.verify.reading import read_world, robot_of
+from hdplan.verify.reading import read_world
+from hdplan.verify.robot_files import robot_of
 from hdplan.verify.text import strict_xml
 
 from .worlds import packed, read, unpacked, words_of

@@ -1,0 +1,63 @@
+"""The joints of a robot in a scene: which move, lead and follow, where the others stand, and where that puts the
+links."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import scene as scenes
+from .balls import need
+from .robot import Tree, placed
+from .semantics import Semantics, held_at, moving
+from .text import mapping
+
+ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
+
+
+class Joints:
+    """A robot's joints, as its files and a scene's `robot` and `start` have them."""
+
+    def __init__(self, spec: dict[str, Any], start: Any, tree: Tree, semantics: Semantics) -> None:
+        """Choose them."""
+        self.spec, self.tree, self.semantics = spec, tree, semantics
+        spec = dict(spec)
+        named = mapping(start, "start", "joints state").get("joints")
+        locked = {x: scenes.one(y, f"robot.locked.{x}") for x, y in (spec.get("locked") or {}).items()}
+        need({*locked} <= {*tree.movable}, "robot.locked: names a joint that is none")
+        spec["locked"] = locked
+        planned, self.group = moving(spec, tree, semantics)
+        if spec.get("base_joints") is not None:
+            planned += [x for x in ("base_x", "base_y", "base_yaw") if x not in planned and x not in locked]
+        rules = {x: rule for x, rule in tree.rules(tree.movable).items() if rule[0] in planned and rule[1]}
+        need(not {*locked} & {*rules}, "robot.locked: holds a joint that follows one that moves")
+        self.moving = [x for x in tree.movable if x in planned or x in rules]
+        self.rules = rules
+        self.lead = [x for x in self.moving if x not in rules]
+        resting = [x for x in tree.movable if x not in self.moving]
+        if isinstance(named, dict):  # values of the start hold joints that do not move
+            spec["locked"] = {x: scenes.one(y, f"start: '{x}'") for x, y in named.items() if x in resting} | locked
+        self.held = {x: held_at(x, spec, tree, semantics) for x in resting}
+        for x, at in self.held.items():
+            near = tree.joints[x].low - ROOM <= at <= tree.joints[x].high + ROOM
+            need(near, f"joint '{x}' is held at {at:g}, more than {ROOM} beyond its limits")
+        base = scenes.pose_of(spec.get("base"), "robot.base")
+        self.at, self.frames = placed(tree, base, {x: i for i, x in enumerate(self.moving)}, self.held)
+
+    def listed(self) -> list[Any]:
+        """The joints that move, as a world has them."""
+        found = []
+        for name in self.moving:
+            joint, (parent, pose) = self.tree.joints[name], self.frames[name]
+            said = scenes.frame(pose)
+            said["off"] = max(said["off"], float(joint.axis.rad.max()))
+            kind = "prismatic" if joint.kind == "prismatic" else "revolute"
+            follows = self.rules.get(name)
+            rule = None if follows is None else [self.moving.index(follows[0]), follows[1], follows[2]]
+            along = {"axis": joint.axis.mid.tolist()}
+            found.append({"name": name, "parent": parent, "kind": kind, **said, **along, "follows": rule})
+        return found
+
+    def place(self, link: str) -> dict[str, Any]:
+        """The joint that carries a link, and its frame there."""
+        joint, pose = self.at[link]
+        return {"joint": joint, **scenes.frame(pose)}

@@ -1,0 +1,57 @@
+"""Limits of the joints: their ranges, and what else a scene limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import scene as scenes
+from .balls import need
+from .joints import ROOM, Joints
+from .targets import Targets
+from .text import mapping, values
+
+RATES = ("velocity", "acceleration", "jerk", "torque")
+
+
+def limits(top: dict[str, Any], joints: Joints, targets: Targets) -> dict[str, Any]:
+    """Ranges of all joints that move, and what else the scene limits, one entry for each of them."""
+    said = mapping(top.get("limits") or {}, "limits", f"position {' '.join(RATES)}")
+    ranges = said.pop("position", {})
+    need(isinstance(ranges, dict) and {*ranges} <= {*joints.lead}, "limits.position: of a joint that does not lead")
+    spans, ends = [], targets.beyond(top)
+    for name in joints.moving:
+        joint = joints.tree.joints[name]
+        low, high = joint.low, joint.high
+        if name in ranges:
+            least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
+            low, high = max(low, least), min(high, most)
+        for x in ends.get(name, []):
+            low, high = (x if 0 < low - x <= ROOM else low), (x if 0 < x - high <= ROOM else high)
+        spans.append([None if abs(x) == np.inf else float(x) for x in (low, high)])
+    timed = bool(said) or "timing" in top
+    found: dict[str, Any] = {"position": spans}
+    for name in RATES:
+        if (asked := said.get(name, "urdf" if name == "velocity" and timed else None)) is not None:
+            found[name] = [_limit(name, asked, x, joints, targets.from_request) for x in joints.moving]
+    return found
+
+
+def _limit(name: str, asked: Any, joint: str, joints: Joints, from_request: bool) -> float | None:
+    """The limit of a rate or torque of one joint; what follows is within one number for all, or the URDF's."""
+    where, each = f"limits.{name}", joints.tree.joints[joint]
+    own = {"velocity": each.velocity, "torque": each.effort}.get(name)
+    if type(asked) in (int, float):
+        return scenes.one(asked, where)
+    if joint in joints.rules:
+        return own if name == "velocity" and own else None
+    if isinstance(asked, list):
+        return float(values(asked, len(joints.lead), where)[joints.lead.index(joint)])
+    if isinstance(asked, dict):
+        need({*asked} <= {*joints.lead} or from_request, f"{where}: of a joint that does not lead")
+        if joint in asked:
+            return scenes.one(asked[joint], where)
+    need(isinstance(asked, dict) or asked == "urdf", f"{where}: '{asked}'")
+    need(own and own > 0, f"{where}: nothing limits '{joint}'")
+    return own

@@ -1,0 +1,166 @@
+"""MoveIt's messages, field by field, and what they share: poses, frames, primitives.
+
+The table follows moveit_msgs/PlanningScene and MotionPlanRequest with their parts, in ROS 1 and ROS 2. What is not in
+it is rejected, and so is what a scene of hdplan's could not hold, if it is there.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from .balls import HERE, Pose, compose, need
+from .robot import Tree, placed
+from .scene import one, pose_of, word
+from .text import DECIMAL, listing, mapping, yaml_of
+
+# field! must be empty, field~ may hold zeros alone
+MESSAGES = {
+    "PlanningScene": "name robot_state robot_model_name fixed_frame_transforms allowed_collision_matrix link_padding "
+    "link_scale object_colors world is_diff!",
+    "PlanningSceneWorld": "collision_objects octomap",
+    "OctomapWithPose": "header origin octomap",
+    "Octomap": "header binary id resolution data",
+    "CollisionObject": "header pose id type primitives primitive_poses meshes! mesh_poses! planes! plane_poses! "
+    "subframe_names subframe_poses operation",
+    "SolidPrimitive": "type dimensions polygon!",
+    "LinkPadding": "link_name padding",
+    "LinkScale": "link_name scale",
+    "AllowedCollisionMatrix": "entry_names entry_values default_entry_names default_entry_values",
+    "AllowedCollisionEntry": "enabled",
+    "RobotState": "joint_state multi_dof_joint_state attached_collision_objects is_diff",
+    "JointState": "header name position velocity~ effort",
+    "MultiDOFJointState": "header joint_names transforms twist~ wrench",
+    "AttachedCollisionObject": "link_name object touch_links detach_posture weight",
+    "MotionPlanRequest": "workspace_parameters start_state goal_constraints path_constraints trajectory_constraints! "
+    "reference_trajectories! pipeline_id planner_id group_name num_planning_attempts allowed_planning_time "
+    "max_velocity_scaling_factor max_acceleration_scaling_factor cartesian_speed_end_effector_link "
+    "cartesian_speed_limited_link max_cartesian_speed!",
+    "Constraints": "name joint_constraints position_constraints orientation_constraints visibility_constraints!",
+    "JointConstraint": "joint_name position tolerance_above tolerance_below weight",
+    "PositionConstraint": "header link_name target_point_offset constraint_region weight",
+    "BoundingVolume": "primitives primitive_poses meshes! mesh_poses!",
+    "OrientationConstraint": "header orientation link_name absolute_x_axis_tolerance absolute_y_axis_tolerance "
+    "absolute_z_axis_tolerance parameterization weight",
+    "Header": "seq stamp frame_id",
+    "TransformStamped": "header child_frame_id transform",
+    "Transform": "translation rotation",
+    "Pose": "position orientation",
+}
+SOLIDS = {1: "box", 2: "sphere", 3: "cylinder"}  # shape_msgs/SolidPrimitive
+SAME = 1e-9  # by which two poses of one frame may differ
+
+
+def message_of(data: bytes) -> Any:
+    """A message that a file holds as YAML; ROS prints `---` after it."""
+    return yaml_of(re.sub(rb"^---\s*\Z", b"", data, flags=re.MULTILINE))
+
+
+def fields(value: Any, message: str, what: str) -> dict[str, Any]:
+    """The fields of a message that are given."""
+    marked = MESSAGES[message].split()
+    said = mapping(value, what, " ".join(x.rstrip("!~") for x in marked))
+    for key, item in said.items():
+        need(f"{key}!" not in marked or not filled(item), f"{what}.{key}: cannot be checked")
+        need(f"{key}~" not in marked or zero(item), f"{what}.{key}: is not 0, and motions begin at rest")
+    return said
+
+
+def filled(value: Any) -> bool:
+    """Whether there is anything in a value: a list with entries, a text, a number that is not 0."""
+    return any(map(filled, value.values())) if isinstance(value, dict) else bool(value)
+
+
+def zero(value: Any) -> bool:
+    """Whether there are only zeros in a value."""
+    inner = value.values() if isinstance(value, dict) else value
+    return all(map(zero, inner)) if isinstance(value, (dict, list)) else not value
+
+
+def number(value: Any, what: str, low: float = -np.inf, high: float = np.inf) -> float:
+    """A number, which may be a text: YAML takes 1e-05 for one."""
+    found = one(float(value) if type(value) is str and DECIMAL.fullmatch(value) else value, what)
+    need(low <= found <= high, f"{what}: {found:g} is not from {low:g} to {high:g}")
+    return found
+
+
+def numbers(value: Any, count: int | None, what: str) -> list[float]:
+    """A list of as many numbers."""
+    found = [number(x, what) for x in listing(value, what)]
+    need(count in (None, len(found)), f"{what}: {count} numbers are expected, found {len(found)}")
+    return found
+
+
+def words(value: Any, what: str) -> list[str]:
+    """A list of names."""
+    return [word(x, what) for x in listing(value, what)]
+
+
+def vector(value: Any, what: str, parts: str = "x y z") -> list[float]:
+    """A vector or quaternion, as a list or as a mapping of its parts, of which x, y and z are 0 if they are missing."""
+    if isinstance(value, dict):
+        said = mapping(value, what, parts)
+        need("w" in said or "w" not in parts, f"{what}: has no w, which is 0 in ROS 1 and 1 in ROS 2")
+        value = [said.get(x, 0.0) for x in parts.split()]
+    return numbers(value, len(parts.split()), what)
+
+
+def pose(value: Any, what: str, message: str = "Pose") -> Pose:
+    """The pose of a message, or a Transform; what is missing is 0."""
+    said = fields({} if value is None else value, message, what)
+    place, turn = (said.get(x) for x in MESSAGES[message].split())
+    found: dict[str, Any] = {} if place is None else {"position": vector(place, what)}
+    return pose_of(found | ({} if turn is None else {"quaternion_xyzw": vector(turn, what, "x y z w")}), what)
+
+
+def solid(value: Any, what: str) -> dict[str, Any]:
+    """A primitive as a scene has it."""
+    said = fields(value, "SolidPrimitive", what)
+    kind, sizes = said.get("type"), numbers(said.get("dimensions"), None, what)
+    kind = SOLIDS.get(kind) if type(kind) is int else kind
+    need((kind, len(sizes)) in (("box", 3), ("sphere", 1), ("cylinder", 2)), f"{what}: no box, sphere or cylinder")
+    need(min(sizes) > 0, f"{what}: a size is not above 0")
+    if kind == "box":
+        return {"type": kind, "size": sizes}
+    return {"type": kind, "radius": sizes[-1], **({"length": sizes[0]} if kind == "cylinder" else {})}
+
+
+def solids(said: dict[str, Any], what: str) -> list[tuple[dict[str, Any], Pose]]:
+    """Primitives with their poses, of which there are as many, or none."""
+    shapes = [solid(x, what) for x in listing(said.get("primitives"), what)]
+    poses = [pose(x, what) for x in listing(said.get("primitive_poses"), what)]
+    need(len(poses) in (0, len(shapes)), f"{what}: has other poses than primitives")
+    return list(zip(shapes, poses or [HERE] * len(shapes), strict=True))
+
+
+def same(one_: Pose, two: Pose) -> bool:
+    """Whether two poses are equal, but for rounding."""
+    return all(np.abs(a.mid - b.mid).max() <= SAME for a, b in zip(one_, two, strict=True))
+
+
+class Frames:
+    """Where poses may be given: in the world, in the robot's root link, in links fixed to it, and in frames that the
+    scene fixes to them."""
+
+    def __init__(self, tree: Tree, base: Pose, transforms: Any) -> None:
+        at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
+        self.moving = {link for link, (joint, _) in at.items() if joint >= 0}
+        self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {
+            "": HERE,
+            "world": HERE,
+        }
+        for i, entry in enumerate(listing(transforms, "fixed_frame_transforms")):
+            what = f"fixed_frame_transforms[{i}]"
+            said = fields(entry, "TransformStamped", what)
+            place = compose(self.of(said.get("header"), what), pose(said.get("transform"), what, "Transform"))
+            name = str(said.get("child_frame_id", "")).removeprefix("/")
+            need(name not in self.moving, f"{what}: '{name}' moves with the robot")
+            need(same(self.poses.setdefault(name, place), place), f"{what}: '{name}' has another pose already")
+
+    def of(self, header: Any, what: str) -> Pose:
+        """The pose of the frame that a header names."""
+        name = str(fields({} if header is None else header, "Header", what).get("frame_id", "")).removeprefix("/")
+        need(name in self.poses, f"{what}: the frame '{name}' is not known, or moves")
+        return self.poses[name]

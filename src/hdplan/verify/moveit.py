@@ -1,0 +1,203 @@
+"""A planning scene of MoveIt's with its motion plan request, as the sections of a scene.
+
+What is worked out already stands in the sections as a tuple, which no file can hold.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from . import scene as scenes
+from .balls import HERE, Pose, compose, need
+from .constraints import goal_of, path_of
+from .messages import Frames, fields, filled, number, numbers, pose, same, solids, words
+from .robot import Tree
+from .semantics import Semantics
+from .text import listing
+
+PRESCRIBED = re.compile(r"pilz|\b(lin|circ|ptp)\b", re.IGNORECASE)  # planners of one shape of motion
+MAP = "<octomap>"  # MoveIt's name of it
+ACCELERATION = 1.0  # [rad/s^2 or m/s^2] of which a request asks for a share
+
+
+def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> dict[str, Any]:
+    """The sections of a scene that the two messages mean, for the robot of a `robot` section."""
+    around, asked = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")
+    for key in ("pipeline_id", "planner_id"):
+        need(not PRESCRIBED.search(str(asked.get(key, ""))), f"request.{key}: prescribes the shape of the motion")
+    bounded = filled(asked.get("workspace_parameters")) and spec.get("base_joints") is not None
+    need(not bounded, "request.workspace_parameters: bounds the mobile base, as robot.base_joints do")
+    base = scenes.pose_of(spec.get("base"), "robot.base")
+    frames = Frames(tree, base, around.get("fixed_frame_transforms"))
+    spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
+    standing = _standing(around.get("world"), frames)
+    margin = _margin(around, tree)
+    states = (around.get("robot_state"), "scene.robot_state"), (asked.get("start_state"), "request.start_state")
+    start, held = dict[str, float](), dict[str, Any]()
+    for state, what in states:
+        start |= _state(state, frames, base, what)
+        held |= _held(state, what, {x["name"] for x in standing})
+    need(start, "request.start_state: there is no start")
+    model = around.get("robot_model_name", "")
+    need(type(model) is str, "scene.robot_model_name: a name is expected")
+    more = _checked(around.get("allowed_collision_matrix"), tree, spec)
+    if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
+        spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
+    return {
+        "robot": spec,
+        "obstacles": [{**x, "clearance": margin} if margin else x for x in standing],
+        "attached": [x for each in held.values() for x in each],
+        "start": {"joints": start},
+        "goal": goal_of(asked.get("goal_constraints"), frames),
+        "from_request": True,
+        "limits": _limits(asked, tree),
+        "path": path_of(asked.get("path_constraints"), frames),
+    }
+
+
+def _group(asked: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> Any:
+    """The group that is planned: the request's, if the SRDF has any."""
+    own = spec.get("group")
+    if asked == "" or not semantics.groups:
+        return own
+    name = semantics.group(scenes.word(asked, "request.group_name"), (spec.get("name") or tree.stem, tree.name))
+    mine = semantics.group(own, (spec.get("name") or tree.stem, tree.name)) if type(own) is str else own
+    need(mine in (None, name), f"request.group_name: '{name}' is not that of the robot's own section")
+    return name
+
+
+def _limits(asked: dict[str, Any], tree: Tree) -> dict[str, Any]:
+    """The limits that the scaling factors mean, of which 0 is one that is not set."""
+    keys = [f"max_{x}_scaling_factor" for x in ("velocity", "acceleration")]
+    slower, softer = (number(asked.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
+    if slower == softer == 1:
+        return {}
+    rules, most = tree.rules(tree.movable), dict[str, float]()
+    for name in tree.movable:
+        (leader, factor, _), own = rules.get(name, (name, 1.0, 0.0)), tree.joints[name].velocity
+        if own > 0 and factor:  # what follows is within its own limit, too
+            most[leader] = min(most.get(leader, np.inf), slower * own / abs(factor))
+    return {"velocity": most or "urdf", "acceleration": softer * ACCELERATION}
+
+
+# --- what stands around, and what is held ---
+
+
+def _standing(value: Any, frames: Frames) -> list[dict[str, Any]]:
+    """Obstacles, as a scene lists them."""
+    said = fields({} if value is None else value, "PlanningSceneWorld", "world")
+    found = []
+    for i, entry in enumerate(listing(said.get("collision_objects"), "world.collision_objects")):
+        what = f"world.collision_objects[{i}]"
+        place = frames.of(fields(entry, "CollisionObject", what).get("header"), what)
+        found += _bodies(entry, place, f"obstacle{i}", what)
+    octomap = fields(said.get("octomap", {}), "OctomapWithPose", "octomap")
+    content = fields(octomap.get("octomap", {}), "Octomap", "octomap")
+    if content.get("data"):
+        place = frames.of(octomap.get("header"), "octomap")
+        own = fields(content.get("header", {}), "Header", "octomap").get("frame_id", "")
+        need(own == "" or same(frames.of(content["header"], "octomap"), place), "octomap: is in two frames")
+        found.append({"name": MAP, "octomap": "", "pose": compose(place, pose(octomap.get("origin"), "octomap"))})
+    names = [x["name"] for x in found]
+    need(len({*names}) == len(names), "world: two objects of one name")
+    return found
+
+
+def _bodies(value: Any, place: Pose, usual: str, what: str) -> list[dict[str, Any]]:
+    """The primitives of an object, by its name, the others than the first with their numbers."""
+    said = fields(value, "CollisionObject", what)
+    operation = said.get("operation", 0)
+    need(type(operation) is int and operation == 0, f"{what}.operation: is not 0 (ADD)")
+    name = usual if said.get("id", "") == "" else scenes.word(said["id"], what)
+    place = compose(place, pose(said.get("pose"), what))
+    shapes = solids(said, what)
+    need(shapes, f"{what}: has no shape")
+    names = [f"{name}/{i}" if i else name for i in range(len(shapes))]
+    return [{"name": x, "shape": y, "pose": compose(place, z)} for x, (y, z) in zip(names, shapes, strict=True)]
+
+
+def _margin(around: dict[str, Any], tree: Tree) -> float:
+    """The clearance to every obstacle that paddings of links mean, the same for all with collision geometry."""
+    for entry in listing(around.get("link_scale"), "link_scale"):
+        said = fields(entry, "LinkScale", "link_scale")
+        need(number(said.get("scale"), "link_scale") == 1 and "link_name" in said, "link_scale: is not 1")
+    found = dict[str, float]()
+    for entry in listing(around.get("link_padding"), "link_padding"):
+        said = fields(entry, "LinkPadding", "link_padding")
+        link = scenes.word(said.get("link_name"), "link_padding")
+        size = number(said.get("padding"), f"link_padding of '{link}'", 0.0, 1.0)
+        need(found.setdefault(link, size) == size, f"link_padding: '{link}' has two")
+        need(link in tree.links or not size, f"link_padding: there is no link '{link}'")
+    sizes = {found.get(link, 0.0) for link in tree.solid}
+    need(len(sizes) < 2, "link_padding: is not the same for all links with collision geometry")
+    return max(sizes, default=0.0)
+
+
+def _held(state: Any, where: str, standing: set[str]) -> dict[str, list[dict[str, Any]]]:
+    """What links hold, by object."""
+    said = fields({} if state is None else state, "RobotState", where)
+    found, taken = dict[str, Any](), set(standing)
+    for i, entry in enumerate(listing(said.get("attached_collision_objects"), where)):
+        what = f"{where.partition('.')[2]}.attached_collision_objects[{i}]"
+        own = fields(entry, "AttachedCollisionObject", what)
+        link, thing = scenes.word(own.get("link_name"), what), fields(own.get("object"), "CollisionObject", what)
+        frame = fields(thing.get("header", {}), "Header", what).get("frame_id")
+        need(frame == link, f"{what}: is not given in the frame of its link")
+        near = words(own.get("touch_links"), what)
+        parts = [{**x, "link": link, "touch_links": near} for x in _bodies(thing, HERE, what, what)]
+        names = {x["name"] for x in parts}
+        need(not names & taken, f"{what}: its name is taken")
+        taken |= names
+        found[parts[0]["name"]] = parts
+    return found
+
+
+def _state(state: Any, frames: Frames, base: Pose, what: str) -> dict[str, float]:
+    """The values of the joints of a robot that stands at its base, or at the world's origin."""
+    said = fields({} if state is None else state, "RobotState", what)
+    need(type(said.get("is_diff", False)) is bool, f"{what}.is_diff: true or false is expected")
+    floating = fields(said.get("multi_dof_joint_state", {}), "MultiDOFJointState", what)
+    fields(floating.get("header", {}), "Header", what)
+    for entry in listing(floating.get("transforms"), what):
+        place = compose(frames.of(floating.get("header"), what), pose(entry, what, "Transform"))
+        need(same(place, HERE) or same(place, base), f"{what}: moves the robot's base")
+    joints = fields(said.get("joint_state", {}), "JointState", what)
+    fields(joints.get("header", {}), "Header", what)
+    names, at = words(joints.get("name"), what), numbers(joints.get("position"), None, what)
+    need(len({*names}) == len(names) == len(at), f"{what}: a joint stands twice, or has no position")
+    return dict(zip(names, at, strict=True))
+
+
+def _checked(value: Any, tree: Tree, spec: dict[str, Any]) -> list[list[str]]:
+    """The pairs of links that an allowed collision matrix says to check: by their entry, or else by their defaults; of
+    two that differ, the one that checks counts."""
+    said = fields({} if value is None else value, "AllowedCollisionMatrix", "allowed_collision_matrix")
+    entries, defaults = dict[frozenset[str], bool](), dict[str, bool]()
+    names, rows = (listing(said.get(f"entry_{x}"), "allowed_collision_matrix") for x in ("names", "values"))
+    need(len(names) == len(rows), "allowed_collision_matrix: has other rows than names")
+    for name, row in zip(words(names, "entry_names"), rows, strict=True):
+        cells = fields(row, "AllowedCollisionEntry", "entry_values").get("enabled") if isinstance(row, dict) else row
+        for other, free in zip(names, _booleans(cells, len(names)), strict=True):
+            pair = frozenset((name, other))
+            entries[pair] = free and entries.get(pair, True)
+    usual = words(said.get("default_entry_names"), "default_entry_names")
+    for name, free in zip(usual, _booleans(said.get("default_entry_values"), len(usual)), strict=True):
+        defaults[name] = free and defaults.get(name, True)
+    left = [{*x} for x in listing(spec.get("ignore_pairs"), "robot.ignore_pairs")]
+    found = []
+    for one in sorted(tree.solid):
+        for two in [x for x in sorted(tree.solid) if x > one and {one, x} not in left]:
+            told = [defaults[x] for x in (one, two) if x in defaults]
+            if not entries.get(frozenset((one, two)), all(told) if told else True):
+                found.append([one, two])
+    return found
+
+
+def _booleans(value: Any, count: int) -> list[bool]:
+    found = listing(value, "allowed_collision_matrix")
+    good = len(found) == count and all(type(x) is bool for x in found)
+    need(good, f"allowed_collision_matrix: {count} entries, true or false, are expected")
+    return found

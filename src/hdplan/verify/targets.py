@@ -1,0 +1,104 @@
+"""Start and goal: configurations and poses, as a world has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import scene as scenes
+from .balls import need
+from .joints import Joints
+from .text import listing, mapping, values
+
+
+class Targets:
+    """Reads the targets of a robot; those of a request may name joints that the robot does not have."""
+
+    def __init__(self, joints: Joints, from_request: bool) -> None:
+        self.joints, self.from_request = joints, from_request
+
+    def target(self, value: Any, end: str) -> dict[str, Any]:
+        """A configuration as a world has it."""
+        joints, said = self.joints, mapping(value, end, "joints state")
+        need(len(said) == 1, f"{end}: joints or a state")
+        if "state" in said:
+            states = joints.semantics.states(joints.group)
+            need(said["state"] in states, f"{end}: no state '{said['state']}'")
+            named: Any = {x: y for x, y in states[said["state"]].items() if x in joints.tree.movable}
+        else:
+            named = said["joints"]
+        if isinstance(named, list):
+            return {"joints": values(named, len(joints.lead), end).tolist(), "others": {}}
+        given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
+        need({*given} <= {*joints.tree.movable} or self.from_request, f"{end}: names a joint that is none")
+        need({*joints.lead} <= {*given}, f"{end}: names not every joint that moves")
+        told = joints.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
+        others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in told}
+        return {"joints": [given[x] for x in joints.lead], "others": dict(sorted(others.items()))}
+
+    def goals(self, value: Any) -> list[Any]:
+        """The goal's targets, one of which is to be met; a tuple has poses that are worked out already."""
+        if type(value) is tuple:
+            need(all(x["link"] in self.joints.at for x in value), "goal: a link that there is not")
+            return [{"poses": list(value)}]
+        said = mapping(value, "goal", "joints state pose poses all any")
+        need(len(said) == 1, "goal: one of joints, state, pose, poses, all, any")
+        if "pose" in said:
+            return [{"poses": [self.pose(said["pose"])]}]
+        if "poses" in said:
+            return [{"poses": [self.pose(x)]} for x in listing(said["poses"], "goal.poses")]
+        if "all" in said:
+            each = [mapping(x, "goal.all", "pose").get("pose") for x in listing(said["all"], "goal.all")]
+            return [{"poses": [self.pose(x) for x in each]}]
+        if "any" in said:
+            return [
+                {"poses": [self.pose(x["pose"])]} if "pose" in mapping(x, "goal.any", "joints state pose")
+                else self.target(x, "goal")
+                for x in listing(said["any"], "goal.any")
+            ]  # fmt: skip
+        values_ = said.get("joints")
+        if isinstance(values_, list) and any(isinstance(x, (list, dict)) for x in values_):
+            return [self.target({"joints": x}, "goal") for x in values_]
+        return [self.target(said, "goal")]
+
+    def pose(self, value: Any) -> dict[str, Any]:
+        """A goal pose."""
+        said = scenes.pose_goal(value, "goal", self.end_effector)
+        need(said["link"] in self.joints.at, f"goal: no link '{said['link']}'")
+        return said
+
+    def end_effector(self) -> str:
+        """The link that a goal is about where it names none: the one of all that every leading joint moves that carries
+        the SRDF's end effector, or else the last one of the group's chain, or of the joints that move."""
+        joints, tree, lead = self.joints, self.joints.tree, {*self.joints.lead}
+        moved = {
+            x: {joints.rules[y][0] if y in joints.rules else y for y in tree.way(x) if y in joints.moving}
+            for x in joints.moving
+        }
+        last = [x for x in joints.moving if moved[x] == lead]
+        carrier = {link: joints.moving[at[0]] if at[0] >= 0 else None for link, at in joints.at.items()}
+        hands = sorted({link for link in joints.semantics.hands if carrier.get(link) in last})
+        if last and not hands:
+            groups = [{*own} for own in joints.semantics.groups.values()]
+            whole = [own for own in groups if lead <= own and not own & {*joints.held}]
+            behind = [x for x in tree.order if carrier[tree.joints[x].child] == last[0]]
+            fixed = [x for x in behind if tree.joints[x].kind == "fixed" and whole and x in whole[0]]
+            hands = [tree.joints[fixed[-1] if fixed else last[0]].child]
+        need(len(hands) == 1, "goal: names no link, and the robot has no one end effector")
+        return str(hands[0])
+
+    def beyond(self, top: dict[str, Any]) -> dict[str, list[float]]:
+        """Values of a named state, or of a request, which may lie a little beyond the limits of joints that nothing
+        follows."""
+        ends = [top[x] for x in ("start", "goal")]
+        ends = [x for x in ends if "state" in x or self.from_request]
+        found = dict[str, list[float]]()
+        for each in ends:
+            said = {x: each[x] for x in ("joints", "state") if x in each}
+            if not said or any(
+                isinstance(x, (list, dict)) for x in said.get("joints", []) if isinstance(said.get("joints"), list)
+            ):
+                continue
+            for name, x in zip(self.joints.lead, self.target(said, "an end")["joints"], strict=True):
+                if name not in [rule[0] for rule in self.joints.rules.values()]:
+                    found.setdefault(name, []).append(x)
+        return found
