@@ -189,10 +189,13 @@ class Judge:
                 two = bodies[j]
                 if one["kind"] == "obstacle" or one["name"] == two["name"]:
                     continue
-                if frozenset((one["name"], two["name"])) in left_out:
-                    continue
                 least = head["self_clearance"]
-                if two["kind"] == "obstacle":
+                if two["kind"] != "obstacle":
+                    if frozenset((one["name"], two["name"])) in left_out:
+                        continue
+                elif one["joint"] == -1 and two["name"] not in world["motions"]:
+                    continue
+                else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
                 far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
                 for k in np.flatnonzero(far < least):
@@ -480,7 +483,7 @@ def excused(case: Case, rng: Random) -> None:
     if listed and rng.random() < 0.5:
         del listed[int(rng.integers(len(listed)))]
     else:
-        reasons = [x[2] for x in listed] + ["the SRDF", "neighbours", "moving as one", "both stand still"]
+        reasons = [x[2] for x in listed] + ["the SRDF", "neighbours", "moving as one"]
         listed.append([*sorted(rng.choice(names, 2).tolist()), str(rng.choice(reasons))])
     if rng.random() < 0.5:
         pair = int(rng.integers(len(case.counts)))
@@ -573,7 +576,7 @@ def groups(case: Case, rng: Random) -> None:
     if names and rng.random() < 0.7:
         name = str(rng.choice(names))
         if rng.random() < 0.2:
-            case.cuts[str(rng.choice([x["name"] for x in case.world["bodies"]]))] = case.cuts.pop(name)
+            case.cuts[str(rng.integers(len(case.world["bodies"])))] = case.cuts.pop(name)
         else:
             said, labels = case.cuts[name], np.unique(case.cuts[name])
             if rng.random() < 0.3:  # other numbers of the same groups

@@ -91,7 +91,9 @@ class _Writer:
     def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
         self.setup, self.planned, self.reading = setup, planned, reading
         self.cuts: dict[str, Any] = {
-            body["name"]: cells for body in reading.world["bodies"] if (cells := groups_of(body["shape"])) is not None
+            str(number): cells
+            for number, body in enumerate(reading.world["bodies"])
+            if (cells := groups_of(body["shape"])) is not None
         }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
         self.shapes: dict[bytes, tuple[Any, float]] = {}
@@ -142,12 +144,15 @@ class _Writer:
 
     def _finer(self, world: World, piece: int) -> bool:
         """Divide the triangles of a piece, if it has several."""
-        key = world.pieces[piece].key
+        body = world.pieces[piece].body
+        key = str(body)
         if key not in world.parts or (key not in self.cuts and fills_its_hull(world.parts[key])):
             return False
         triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
-        which = [i for i, each in enumerate(world.pieces) if each.key == key].index(piece)  # in the order of the groups
+        which = [i for i, each in enumerate(world.pieces) if each.body == body].index(
+            piece
+        )  # in the order of the groups
         finer = divided(groups, which, triangles)
         self.cuts.update({} if finer is None else {key: finer})
         return finer is not None
@@ -201,4 +206,4 @@ def _less(clearance: float | None, asked: float) -> float:
 
 def _identity(piece: Piece) -> bytes:
     """What tells a piece from others, also in another division of its mesh."""
-    return hashlib.sha256(piece.key.encode() + b"\0" + piece.corners.tobytes()).digest()
+    return hashlib.sha256(f"{piece.body} ".encode() + piece.corners.tobytes()).digest()

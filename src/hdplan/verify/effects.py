@@ -416,9 +416,9 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     lines = [f"accepted in part; NOT proven by this file: {', '.join(missing)}"] * bool(missing) or ["accepted"]
     lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
     usual = world.usual if "clearance" in claims else 0.0
-    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.name not in world.robot}
+    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.kind == "obstacle"}
     own = "".join(
-        f"; {millimetres(x)} from {named(name)}" for name, x in least.items() if x > (head["clearance"] or 0.0)
+        f"; {millimetres(x)} from obstacle {named(name)}" for name, x in least.items() if x > (head["clearance"] or 0.0)
     )
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
         if head[key]:
@@ -428,6 +428,10 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
+    still = [x for x in world.pieces if x.joint == -1]
+    kinds = [dict.fromkeys(named(x.name) for x in still if (x.kind == "obstacle") == own) for own in (False, True)]
+    if all(kinds):
+        lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
     following = (f"{named(name)} at {k:g} x {named(world.joints[i].name)} + {add:g}" for name, i, k, add in rules)
     lines += [f"  following: {', '.join(following)}"] * bool(rules)

@@ -180,8 +180,7 @@ class Reader:
         """The whole of it."""
         top, files, folder = self.top, self.files, self.folder
         joints = self.joints()
-        bodies, held = self.link_bodies(), []
-        names = dict.fromkeys(self.tree.links, "link")
+        links, held = self.link_bodies(), []
         self.touching = dict[frozenset[str], None]()
         for i, entry in enumerate(listing(top.get("attached"), "attached")):
             what = f"attached[{i}]"
@@ -194,18 +193,18 @@ class Reader:
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
             self.touching |= {frozenset((name, str(x))): None for x in listing(said.get("touch_links"), what)}
         around, motions, own = scenes.obstacles(top, folder, files, self.told)
-        bodies += [*held, *around]
-        for each in [*held, *around]:
-            need(names.setdefault(each["name"], each["kind"]) == each["kind"], f"'{each['name']}': the name is taken")
+        names = [x["name"] for x in [*held, *around]]
+        for each in names:
+            need(names.count(each) == 1, f"'{each}': the name is taken")
         limits, off = self.limits(), top.get("self_collision", True) is False
         return {
-            "hdplan_world": 1,
+            "hdplan_world": 2,
             "joints": joints,
             "held": self.held,
             "links": {link: self.place(link) for link in self.tree.links},
-            "bodies": bodies,
+            "bodies": [*links, *held, *around],
             "motions": motions,
-            "not_compared": self.not_compared(bodies, motions, off),
+            "not_compared": self.not_compared([*links, *held], off),
             "motion": self.rows.of(joints, self.held),
             "limits": limits,
             **({"loads": self.loads()} if "torque" in limits else {}),
@@ -233,34 +232,23 @@ class Reader:
         need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
         around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
         robot = [x for x in told["bodies"] if x["kind"] != "obstacle"]
-        pairs = [x for x in told["not_compared"] if x[2] != "both stand still"]
-        stand = {x["name"] for x in robot if x["joint"] == -1}
-        pairs += [
-            [*sorted((x, y["name"])), "both stand still"] for x in stand for y in around if y["name"] not in motions
-        ]
         return {
             **told,
             "bodies": [*robot, *around],
             "motions": motions,
-            "not_compared": sorted(pairs),
             "motion": self.rows.of(told["joints"], told["held"]),
             "path": scenes.path_of(self.top),
             **self.wanted(own),
         }
 
-    def not_compared(self, bodies: list[Any], motions: dict[str, Any], off: bool) -> list[Any]:
-        """Every pair that need not be kept apart, with its reason."""
+    def not_compared(self, bodies: list[Any], off: bool) -> list[Any]:
+        """Every pair of links and held objects that need not be kept apart, with its reason."""
         kinds = {x["name"]: (x["kind"], x["joint"]) for x in bodies}
         said = {key: self.named_pairs(key) for key in ("ignore_pairs", "check_pairs")}
         found, listed = [], sorted(kinds)
         for i, one in enumerate(listed):
             for two in listed[i + 1 :]:
                 (kind, a), (other, b), pair = kinds[one], kinds[two], frozenset((one, two))
-                if "obstacle" in (kind, other):
-                    stands = one if kind == "obstacle" else two
-                    if kind != other and a == b == -1 and stands not in motions:
-                        found.append([one, two, "both stand still"])
-                    continue
                 reason = self.excuse(pair, (one, two), a, b, (kind, other), said, off)
                 found += [[one, two, reason]] * bool(reason)
         return found

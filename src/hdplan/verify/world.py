@@ -13,7 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Ball, Pose, compose, cos_sin, dot, inverse, length, need, norm, stack, unit, up
+from .balls import (
+    CROSS,
+    EPS,
+    HERE,
+    Ball,
+    Pose,
+    compose,
+    cos_sin,
+    dot,
+    inverse,
+    length,
+    named,
+    need,
+    norm,
+    stack,
+    unit,
+    up,
+)
 
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
@@ -21,8 +38,8 @@ LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less h
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
 REASONS = (  # for which pairs are not compared
-    *("self_collision: false", "moving as one", "both stand still", "robot.ignore_pairs"),
-    *("the SRDF", "neighbours", "touch_links", "the MJCF"),
+    *("self_collision: false", "moving as one", "robot.ignore_pairs", "the SRDF", "neighbours", "touch_links"),
+    "the MJCF",
 )
 KINDS = ("link", "held", "obstacle")
 FRAME = "joint rotation position off"
@@ -96,9 +113,11 @@ class Piece:
     """The hull of corners, swept by an ellipsoid, in a frame that is fixed in that of a joint (-1: the world)."""
 
     name: str  # of the link, held object or obstacle
+    kind: str  # which of the three: an obstacle may have the name of a link
+    body: int  # the number of its body in the world, which several pieces may cover
+    key: str  # what that is called
     joint: int
     pose: Pose
-    key: str  # of its body, which several pieces may cover
     corners: Any  # (m, 3)
     off: float = 0.0  # by how much the corners' numbers may be wrong
     sweep: Any = field(default_factory=lambda: np.zeros(3))  # (3,) semi-axes of the ellipsoid, along the frame's axes
@@ -170,7 +189,7 @@ class World:
             {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
-        need(version == 1, "the world is not of version 1")
+        need(version == 2, "the world is not of version 2")
         self.joints, self.cuts = list[Joint](), cuts
         for i, each in enumerate(joints):
             self.add_joint(f"joints[{i}]", each, len(joints))
@@ -184,17 +203,16 @@ class World:
         self.read_motion(motion)
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
-        self.pieces, self.parts, kinds = list[Piece](), dict[str, Any](), dict[str, str]()
+        self.pieces, self.parts = list[Piece](), dict[str, Any]()
         for i, each in enumerate(bodies):
-            self.add_body(f"bodies[{i}]", each, kinds)
-        need({*motions} <= {x for x, kind in kinds.items() if kind == "obstacle"}, "motions: of no obstacle")
-        self.robot = [name for name, kind in kinds.items() if kind != "obstacle"]
+            self.add_body(i, each)
         self.lay_tracks()
-        self.pair_up(apart, kinds)
+        self.pair_up(apart)
         usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
         self.usual, self.among = (float(numbers(x, (), "clearances")) for x in (usual, among))
         self.clearances = {name: float(numbers(x, (), f"clearances.own.{name}")) for name, x in own.items()}
-        need(all(kinds.get(x) == "obstacle" for x in self.clearances), "clearances.own: of no obstacle")
+        obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
+        need({*motions} | {*own} <= obstacles, "motions, clearances.own: of no obstacle")
 
     def add_joint(self, what: str, each: Any, count: int) -> None:
         name, parent, kind, rotation, position, axis, off, follows = keys_of(
@@ -219,38 +237,40 @@ class World:
         need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
         return joint, frame(place, what)
 
-    def add_body(self, what: str, each: Any, kinds: dict[str, str]) -> None:
+    def add_body(self, number: int, each: Any) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
+        what = f"bodies[{number}]"
         name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
-        need(type(name) is str and kind in KINDS and kinds.setdefault(name, kind) == kind, f"{what}: name or kind")
-        need(
-            KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
-        )
-        need((name in self.links) == (kind == "link"), f"{what}: '{name}' is a link, or is to be one")
+        need(type(name) is str and kind in KINDS, f"{what}: name or kind")
+        last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
+        need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
+        as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
+        need(as_said, f"{what}: '{name}' is a link, or is to be one")
+        taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
+        need(not taken, f"{what}: the name '{name}' is taken")
         joint, pose = self.carried_frame(place, what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")
             joint, turn = self.drifting.get(name, (-1, HERE[0]))
             pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
-        count = len({x.key for x in self.pieces if x.name == name})
-        need(count == 0 or kind == "link", f"{what}: the name '{name}' is taken")
-        key = f"{name} {count}" if kind == "link" else name
-        need(key not in {x.key for x in self.pieces}, f"{what}: '{key}' stands for two bodies")
+        called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
+        if kind == "link":  # which may have several
+            called += f" {len({x.body for x in self.pieces if x.name == name})}"
+        own, key = (name, kind, number, called, joint, pose), str(number)
         corners, off, sweep = self.shape(shape, what)
         if corners.ndim == 2:
-            self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
+            self.pieces.append(Piece(*own, corners, off, sweep))
             return
         self.parts[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
-        need(groups.shape == corners.shape[:1], f"{key}: has {len(corners)} parts, not {len(groups)}")
+        need(groups.shape == corners.shape[:1], f"{what}: has {len(corners)} parts, not {len(groups)}")
         labels, inverse = np.unique(groups, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
-            own = np.unique(corners[rows].reshape(-1, 3), axis=0)
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
-            self.pieces.append(Piece(name, joint, pose, key, own, off, size))
+            self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
         if shape["type"] == "mesh" and len(labels) > 1:  # a surface: what it encloses is in none of its groups
             every = np.unique(corners.reshape(-1, 3), axis=0)
-            self.pieces.append(Piece(name, joint, pose, key, every, off, sweep, True))
+            self.pieces.append(Piece(*own, every, off, sweep, True))
 
     @staticmethod
     def shape(value: Any, what: str) -> tuple[Any, float, Any]:
@@ -390,33 +410,30 @@ class World:
             self.carried[i] = self.carried[each.parent]
             self.carried[i, i] = True
 
-    def pair_up(self, left_out: Any, kinds: dict[str, str]) -> None:
+    def pair_up(self, left_out: Any) -> None:
         """List the pairs of pieces to be kept apart (P, 2), the pairs of hulls that have to be apart once (Q, 2)."""
-        joint, pieces = {x.name: x.joint for x in self.pieces}, self.pieces
-        need(all(joint[x.name] == x.joint for x in pieces), "bodies: those of one name are carried by one joint")
+        pieces, robot = self.pieces, [x for x in self.pieces if x.kind != "obstacle"]
+        joint, own = {x.name: x.joint for x in robot}, len(robot)
+        need(all(joint[x.name] == x.joint for x in robot), "bodies: those of one name are carried by one joint")
         self.left_out = dict[tuple[str, str], str]()
         for i, each in enumerate(left_out):
-            good = type(each) is list and len(each) == 3 and {*each[:2]} <= {*kinds} and each[2] in REASONS
-            need(good and each[0] != each[1], f"not_compared[{i}]: two names and a reason")
+            good = type(each) is list and len(each) == 3 and {*each[:2]} <= {*joint} and each[2] in REASONS
+            need(good and each[0] != each[1], f"not_compared[{i}]: two links or held objects, and a reason")
             one, two, why = each
-            same = joint[one] == joint[two]
-            need(same or why not in ("moving as one", "both stand still"), f"not_compared[{i}]: the two do move")
-            need(
-                "obstacle" not in (kinds[one], kinds[two]) or (why == "both stand still"),
-                f"not_compared[{i}]: an obstacle",
-            )
+            need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
-        own = sum(kinds[x.name] != "obstacle" for x in pieces)
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        cover = {x.key: i for i, x in enumerate(pieces) if x.cover}
+        cover = {x.body: i for i, x in enumerate(pieces) if x.cover}
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
         for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
             one, two = pieces[a], pieces[b]
-            if one.cover or two.cover or one.name == two.name or (one.name, two.name) in self.left_out:
+            within = two.kind != "obstacle"
+            excused = one.name == two.name or (one.name, two.name) in self.left_out
+            if one.cover or two.cover or (excused if within else one.joint == two.joint == -1):
                 continue
             rows.append((a, b))
-            whole = cover.get(one.key, a), cover.get(two.key, b)
-            if whole != (a, b) and not kinds[one.name] == kinds[two.name] == "link":  # of two links, ASSUMES has it
+            whole = cover.get(one.body, a), cover.get(two.body, b)
+            if whole != (a, b) and not one.kind == two.kind == "link":  # of two links, ASSUMES has it
                 once[whole] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself

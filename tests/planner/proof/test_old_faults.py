@@ -103,7 +103,7 @@ def test_an_obstacle_that_spins_through_the_arm_is_not_kept_apart(tmp_path: Path
         "motion: {spin: [0, 0, 20.0]}}\n"
     )
     motion = {"positions": [HOME, [0.001, *HOME[1:]]], "times": [0.0, 1.0]}
-    with pytest.raises(RejectedError, match="and rod: leaf"):
+    with pytest.raises(RejectedError, match="and obstacle rod: leaf"):
         forged(tmp_path, rod + PANDA + GOAL, NAMES, motion)
 
 
