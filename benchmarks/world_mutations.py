@@ -323,7 +323,7 @@ class Case:
     counts: Any  # of leaves, of each pair
     depths: Any
     normals: Any
-    rows: Any  # where hulls are apart
+    rows: Any  # of rays
     ways: Any
 
     @classmethod
@@ -336,7 +336,7 @@ class Case:
         first, _, rest = zlib.decompress(data[len(MAGIC) :]).split(b"\n", 2)
         head, at = json.loads(first), 0
         sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
-        sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
+        sizes += [(3 * head["leaves"], "<i4"), (head["rays"], "<u4"), (3 * head["rays"], "<i4")]
         arrays = []
         for count, kind in sizes:
             arrays.append(np.frombuffer(rest, kind, count, at).astype(np.int64))
@@ -350,7 +350,7 @@ class Case:
     def packed(self) -> bytes:
         """The proof's file, whose head counts what there is."""
         head = {**self.head, "cuts": {k: len(x) for k, x in self.cuts.items()}, "pairs": len(self.counts)}
-        head |= {"leaves": len(self.depths), "once": len(self.rows)}
+        head |= {"leaves": len(self.depths), "rays": len(self.rows)}
         parts = [(x, "<u2") for x in self.cuts.values()]
         parts += [
             (self.counts, "<u4"),
@@ -571,7 +571,7 @@ def leaf(case: Case, rng: Random) -> None:
 
 
 def groups(case: Case, rng: Random) -> None:
-    """Divide a mesh otherwise, or name another body; or other rows and directions where hulls are apart."""
+    """Divide a mesh otherwise, or name another body; or other rays."""
     names = [*case.cuts]
     if names and rng.random() < 0.7:
         name = str(rng.choice(names))

@@ -159,13 +159,12 @@ class _Writer:
 
     def _pack(self, world: World, claimed: dict[str, Any], certificate: Certificate) -> Proof:
         """Return the file, once the checker accepts it."""
-        once = [self.planes.once((a, b)) for a, b in world.once.tolist()]
-        for (a, b), found in zip(world.once.tolist(), once, strict=True):
+        rays = list[tuple[int, Array]]()
+        names = {piece.body: piece.key for piece in world.pieces}
+        for (mesh, pieces), found in zip(world.outside, self.planes.rays(), strict=True):
             if found is None:
-                names = world.pieces[a].key, world.pieces[b].key
-                raise NotProvenError(
-                    f"the hulls of {names[0]} and {names[1]} are never apart: one may lie inside the other"
-                )
+                raise NotProvenError(f"{pieces[0].key} may lie within {names[mesh]}: no ray from it misses the mesh")
+            rays.append(found)
         depths = [each[0] for each in self.found if each is not None]
         normals = [each[1] for each in self.found if each is not None]
         head: dict[str, Any] = {
@@ -175,7 +174,7 @@ class _Writer:
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
-            "once": len(once),
+            "rays": len(rays),
         }
         for claim in wanted(world):
             with contextlib.suppress(RejectedError):
@@ -186,8 +185,8 @@ class _Writer:
             (np.array([len(each) for each in depths]), "<u4"),
             (np.concatenate([*depths, np.zeros(0)]), "<u1"),
             (np.concatenate([*normals, np.zeros((0, 3))]), "<i4"),
-            (np.array([each[0] for each in once if each]), "<u4"),
-            (np.array([each[1] for each in once if each]), "<i4"),
+            (np.array([row for row, _ in rays]), "<u4"),
+            (np.array([way for _, way in rays]), "<i4"),
         )
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
         content = "".join(f"{line}\n" for line in lines).encode()

@@ -121,7 +121,6 @@ class Piece:
     corners: Any  # (m, 3)
     off: float = 0.0  # by how much the corners' numbers may be wrong
     sweep: Any = field(default_factory=lambda: np.zeros(3))  # (3,) semi-axes of the ellipsoid, along the frame's axes
-    cover: bool = False  # whether it is only the hull around several pieces of its body
 
 
 @dataclass(eq=False)
@@ -204,6 +203,7 @@ class World:
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
         self.pieces, self.parts = list[Piece](), dict[str, Any]()
+        self.surfaces = dict[int, Ball]()  # of divided meshes, whose pieces hold nothing of what is enclosed: triangles
         for i, each in enumerate(bodies):
             self.add_body(i, each)
         self.lay_tracks()
@@ -238,7 +238,7 @@ class World:
         return joint, frame(place, what)
 
     def add_body(self, number: int, each: Any) -> None:
-        """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
+        """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles."""
         what = f"bodies[{number}]"
         name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
         need(type(name) is str and kind in KINDS, f"{what}: name or kind")
@@ -268,9 +268,8 @@ class World:
         for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
             self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
-        if shape["type"] == "mesh" and len(labels) > 1:  # a surface: what it encloses is in none of its groups
-            every = np.unique(corners.reshape(-1, 3), axis=0)
-            self.pieces.append(Piece(*own, every, off, sweep, True))
+        if shape["type"] == "mesh" and len(labels) > 1:
+            self.surfaces[number] = dot("ij,fcj->fci", pose[0], Ball(corners, off)) + pose[1]
 
     @staticmethod
     def shape(value: Any, what: str) -> tuple[Any, float, Any]:
@@ -411,7 +410,7 @@ class World:
             self.carried[i, i] = True
 
     def pair_up(self, left_out: Any) -> None:
-        """List the pairs of pieces to be kept apart (P, 2), the pairs of hulls that have to be apart once (Q, 2)."""
+        """List the pairs of pieces to be kept apart (P, 2), and the pieces that are to be outside of divided meshes."""
         pieces, robot = self.pieces, [x for x in self.pieces if x.kind != "obstacle"]
         joint, own = {x.name: x.joint for x in robot}, len(robot)
         need(all(joint[x.name] == x.joint for x in robot), "bodies: those of one name are carried by one joint")
@@ -423,20 +422,31 @@ class World:
             need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        cover = {x.body: i for i, x in enumerate(pieces) if x.cover}
-        rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        rows, near = list[tuple[int, int]](), dict[tuple[int, int], None]()
         for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
             one, two = pieces[a], pieces[b]
             within = two.kind != "obstacle"
             excused = one.name == two.name or (one.name, two.name) in self.left_out
-            if one.cover or two.cover or (excused if within else one.joint == two.joint == -1):
+            if excused if within else one.joint == two.joint == -1:
                 continue
             rows.append((a, b))
-            whole = cover.get(one.body, a), cover.get(two.body, b)
-            if whole != (a, b) and not one.kind == two.kind == "link":  # of two links, ASSUMES has it
-                once[whole] = None
-        self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
+            if not one.kind == two.kind == "link":  # of two links, ASSUMES has it
+                near |= dict.fromkeys([(one.body, two.body), (two.body, one.body)])
+        self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
+        self.outside = [(a, x) for a, b in near if a in self.surfaces for x in self.connected(b)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
         away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]
         self.radii = up(np.array(away) + [x.sweep.max() for x in pieces])  # of balls around the pieces
+
+    def connected(self, body: int) -> list[list[Piece]]:
+        """The pieces of a body, those together that hang together, as they share corners."""
+        own = [x for x in self.pieces if x.body == body]
+        piece = np.repeat(np.arange(len(own)), [len(x.corners) for x in own])
+        corner = np.unique(np.concatenate([x.corners for x in own]), axis=0, return_inverse=True)[1].ravel()
+        label, last = np.arange(len(own)), np.array([-1])
+        while (label != last).any():  # the least of all that share a corner
+            last, least = label.copy(), np.full(len(corner), len(own))
+            np.minimum.at(least, corner, label[piece])
+            np.minimum.at(label, piece, least[corner])
+        return [[x for x, y in zip(own, label, strict=True) if y == one] for one in np.unique(label)]

@@ -91,7 +91,7 @@ def forge(said: Said, hashes: dict[str, str], claims: list[str], clearance: floa
             found = motion.gaps(np.full(count, node), np.tile(pair, (count, 1)), WAYS)
             best.append(WAYS[np.nan_to_num(found, nan=-np.inf).argmax()])
     head = {
-        "version": VERSION, "files": hashes, "cuts": {}, "pairs": len(world.pairs), "leaves": len(best), "once": 0,
+        "version": VERSION, "files": hashes, "cuts": {}, "pairs": len(world.pairs), "leaves": len(best), "rays": 0,
         "clearance": None if world.within.all() else clearance, "claims": claims,
         "self_clearance": clearance if world.within.any() else None,
     }  # fmt: skip

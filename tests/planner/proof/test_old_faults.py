@@ -54,7 +54,7 @@ def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object]
     head = {
         "version": VERSION, "files": reading.hashes, "cuts": {}, "pairs": count,
         "clearance": None if own.all() else 1e-6, "self_clearance": 1e-6 if own.any() else None,
-        "leaves": count, "once": 0, "claims": ["limits", "start", "goal", *["torque"] * ("torque" in scene)],
+        "leaves": count, "rays": 0, "claims": ["limits", "start", "goal", *["torque"] * ("torque" in scene)],
     }  # fmt: skip
     arrays = np.ones(count, "<u4"), np.zeros(count, "<u1"), best.astype("<i4")
     return words_of(*files, packed(head, reading.world, b"".join(x.tobytes() for x in arrays)))
