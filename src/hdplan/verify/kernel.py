@@ -27,12 +27,12 @@ where least and greatest values over a piece are those over its corners, and of 
 Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle, whatever the groups. It
 encloses what no way to infinity leaves without meeting a triangle. Pieces that share a corner are connected; as they
 never meet its triangles, all of them are outside of the mesh all the time if one of their points p is, once: if a ray
-p + t n, t >= 0, misses every triangle. Seen from p, let that have the corners u, v, w. If a u + b v + c w = t n with a,
-b, c >= 0, then t n.(u x v), t n.(v x w) and t n.(w x u) are c, a and b times D = (u x v).w, and where t = 0 the three
-have the signs of c, a and b, or all of them the other ones: two of the four numbers with opposite signs show that it
-is missed. Of two surfaces that never meet, each outside of the other, neither encloses what is enclosed by the other:
-a component of what both have within them would end at one of the two, within the other. That no link lies within
-another one of the same robot is assumed.
+p + t n, t >= 0, misses every triangle. Seen from p, let a triangle have the corners u, v, w. It is missed if n.u, n.v,
+n.w < 0. If it is met, a u + b v + c w = t n with a, b, c >= 0 and not all 0, so that t n.(u x v), t n.(v x w), t n.(w x
+u) are c, a, b times D = (u x v).w; for t = 0 they, without t, are as c : a : b, and D = 0. So it is also missed if two
+of these three and D have opposite signs. Where two surfaces never meet and are outside of one another, nothing is
+within both: what is would end at one of them, within the other. That no link lies within another one of the same robot
+is assumed.
 """
 
 from __future__ import annotations
@@ -45,24 +45,8 @@ from typing import Any
 
 import numpy as np
 
-from .balls import (
-    EPS,
-    Ball,
-    Pose,
-    RejectedError,
-    above,
-    cos_sin,
-    cross,
-    dot,
-    need,
-    norm,
-    rejecting,
-    shown,
-    stack,
-    turned,
-    up,
-)
-from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
+from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up
+from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
 MAGIC, VERSION = b"hdplan proof\n", 3
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
@@ -128,7 +112,7 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
-        still: Pose = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
+        still = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
         frames = [still] * (count + 1)  # the last is the world's
         cos, sin = cos_sin(self.middle)
         for j, joint in enumerate(world.joints):
@@ -206,6 +190,8 @@ class Motion:
         place = (turn[body.joint] @ local.mid + at[body.joint] - at[joint]) @ turn[joint]
         off = self.apart(Bond("", body.joint, local[None], joint, Ball(place[None]), 0.0))[0]
         seen = mesh - Ball(place, off)
+        ahead = dot("fci,i->fc", seen, way)
+        seen = seen[~(ahead.mid < -ahead.rad).all(axis=1)]  # all others are behind p
         sides = cross(seen, seen[:, [1, 2, 0]])
         across, volume = dot("fci,i->fc", sides, way), dot("fi,fi->f", sides[:, 0], seen[:, 2])
         signs = [(x.mid > x.rad).astype(int) - (x.mid < -x.rad) for x in (across, volume[:, None])]
@@ -288,7 +274,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
 def least_distances(world: World, head: dict[str, Any]) -> Any:
     """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
     kinds = ("clearance", "self_clearance")
-    claimed = {key: float(numbers(head[key], (), key)) for key in kinds if head[key] is not None}
+    claimed = {key: number(head[key], key) for key in kinds if head[key] is not None}
     kind = [kinds[int(x)] for x in world.within]
     need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
     usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own

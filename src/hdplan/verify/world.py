@@ -13,24 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import (
-    CROSS,
-    EPS,
-    HERE,
-    Ball,
-    Pose,
-    compose,
-    cos_sin,
-    dot,
-    inverse,
-    length,
-    named,
-    need,
-    norm,
-    stack,
-    unit,
-    up,
-)
+from .balls import EPS, HERE, Ball, Pose, compose, dot, inverse, length, named, need, norm, stack, turn_of, unit, up
 
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
@@ -42,6 +25,12 @@ REASONS = (  # for which pairs are not compared
     "the MJCF",
 )
 KINDS = ("link", "held", "obstacle")
+SHAPES = {  # and their sizes
+    **{"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"},
+    **{"capsule": "radius length", "points": "points", "mesh": "points triangles off"},
+    **{"balls": "points radii", "boxes": "low high"},
+}
+CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 FRAME = "joint rotation position off"
 
 
@@ -55,6 +44,11 @@ def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
         good = False
     need(good, f"{what}: {shape or 'one'} finite numbers are expected")
     return found.astype(np.float64)
+
+
+def number(value: Any, what: str) -> float:
+    """A finite number."""
+    return float(numbers(value, (), what))
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
@@ -82,7 +76,7 @@ def symmetric(six: Any) -> Any:
 
 def off_of(value: Any, what: str) -> float:
     """By how much numbers may be wrong."""
-    off = float(numbers(value, (), f"{what}.off"))
+    off = number(value, f"{what}.off")
     need(0 <= off <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
     return off
 
@@ -94,6 +88,36 @@ def frame(place: list[Any], what: str) -> Pose:
     slack = 20 * e + 1e-14
     need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
     return Ball(r, e), Ball(at, e)
+
+
+def shape_of(value: Any, what: str) -> tuple[Any, float, Any]:
+    """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each part
+    (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
+    kind: Any = value.get("type") if type(value) is dict else None
+    need(kind in SHAPES, f"{what}: a shape of a kind that is not known")
+    _, first, *rest = keys_of(value, what, f"type {SHAPES[kind]}")
+    none = np.zeros(3)
+    if kind in ("points", "balls", "boxes", "mesh"):
+        points = numbers(first, (-1, 3), what)
+        need(len(points), f"{what}: has no points")
+        if kind == "points":
+            return points, 0.0, none
+        if kind == "balls":
+            radii = numbers(rest[0], (len(points),), what)
+            need(radii.min() >= 0, f"{what}: a radius is negative")
+            return points[:, None], 0.0, np.repeat(radii[:, None], 3, axis=1)
+        if kind == "boxes":
+            return np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None]), 0.0, none
+        faces = numbers(rest[0], (-1, 3), what)
+        good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
+        need(good, f"{what}: has no triangles, or one with a point that is not there")
+        return points[faces.astype(int)], off_of(rest[1], what), none
+    three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
+    length = number(rest[0], what) if rest else 0.0
+    need(three.min() >= 0 <= length, f"{what}: a size is negative")
+    if kind == "box":
+        return CUBE * three, 0.0, none
+    return CUBE[:2] * [0, 0, length], 0.0, three * [1, 1, kind != "cylinder"]
 
 
 @dataclass(eq=False)
@@ -136,24 +160,6 @@ class Bond:
     most: float
     turns: bool = False
     along: Ball | None = None
-
-
-def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
-    """Axis and angle of a rotation M that is neither too small nor near a half turn. M - M^T is 2 sin(angle) times the
-    cross product's matrix of the axis, and its trace 1 + 2 cos(angle). With w near the angle, e = sin(angle) cos w -
-    cos(angle) sin w is sin(angle - w), so that |angle - w| <= 1.01 |e| where |e| <= 0.1. A direction v off by r is
-    off by at most 2 r / |v| once it has length 1."""
-    v = dot("ijk,ij->k", CROSS, matrix) * 0.5
-    m = float(np.sqrt((v.mid * v.mid).sum()))
-    cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
-    r = norm(v.rad)
-    w = float(np.arctan2(m, cos.mid))
-    one, two = cos_sin(w)
-    e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
-    good = m > 1e-6 and m > 1e3 * r and e < 0.1 and near
-    need(good, "an obstacle turns by half a turn, or by less than its numbers are off, from one pose to the next")
-    axis = unit(v.mid * 2.0**10)
-    return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
 
 
 def track(times: list[float], values: list[Ball], now: float) -> Ball:
@@ -209,8 +215,8 @@ class World:
         self.lay_tracks()
         self.pair_up(apart)
         usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
-        self.usual, self.among = (float(numbers(x, (), "clearances")) for x in (usual, among))
-        self.clearances = {name: float(numbers(x, (), f"clearances.own.{name}")) for name, x in own.items()}
+        self.usual, self.among = (number(x, "clearances") for x in (usual, among))
+        self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
         obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
         need({*motions} | {*own} <= obstacles, "motions, clearances.own: of no obstacle")
 
@@ -257,7 +263,7 @@ class World:
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
         own, key = (name, kind, number, called, joint, pose), str(number)
-        corners, off, sweep = self.shape(shape, what)
+        corners, off, sweep = shape_of(shape, what)
         if corners.ndim == 2:
             self.pieces.append(Piece(*own, corners, off, sweep))
             return
@@ -270,48 +276,6 @@ class World:
             self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
         if shape["type"] == "mesh" and len(labels) > 1:
             self.surfaces[number] = dot("ij,fcj->fci", pose[0], Ball(corners, off)) + pose[1]
-
-    @staticmethod
-    def shape(value: Any, what: str) -> tuple[Any, float, Any]:
-        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each
-        part (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
-        kind: Any = value.get("type") if type(value) is dict else None
-        off = 0.0
-        sizes = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
-        sizes |= {"capsule": "radius length", "points": "points", "mesh": "points triangles off"}
-        sizes |= {"balls": "points radii", "boxes": "low high"}
-        need(kind in sizes, f"{what}: a shape of a kind that is not known")
-        _, *rest = keys_of(value, what, f"type {sizes[kind]}")
-        if kind in ("balls", "boxes"):
-            first = numbers(rest[0], (-1, 3), what)
-            need(len(first), f"{what}: is empty")
-            if kind == "balls":
-                radii = numbers(rest[1], (len(first),), what)
-                need(radii.min() >= 0, f"{what}: a radius is negative")
-                return first[:, None], off, np.repeat(radii[:, None], 3, axis=1)
-            last = numbers(rest[1], (len(first), 3), what)
-            choice = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=bool)
-            return np.where(choice, last[:, None], first[:, None]), off, np.zeros(3)
-        if kind in ("points", "mesh"):
-            points = numbers(rest[0], (-1, 3), what)
-            if kind == "points":
-                need(len(points), f"{what}: has no points")
-                return points, off, np.zeros(3)
-            faces = numbers(rest[1], (-1, 3), what)
-            need(len(faces) and (faces % 1 == 0).all() and (faces >= 0).all(), f"{what}: has no triangles")
-            need(faces.max() < len(points), f"{what}: a triangle has a point that is not there")
-            return points[faces.astype(int)], off_of(rest[2], what), np.zeros(3)
-        three = numbers(rest[0] if kind in ("box", "ellipsoid") else [rest[0]] * 3, (3,), what)
-        length = float(numbers(rest[-1], (), what)) if len(rest) == 2 else 0.0
-        need(three.min() >= 0 <= length, f"{what}: a size is negative")
-        if kind == "box":
-            return (
-                np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * three,
-                off,
-                np.zeros(3),
-            )
-        line = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length
-        return line, off, three * np.array([1.0, 1.0, float(kind != "cylinder")])
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""

@@ -20,7 +20,7 @@ from hdplan.verify import RejectedError, balls
 from hdplan.verify.balls import Ball
 from hdplan.verify.effects import check_rates
 from hdplan.verify.kernel import Motion
-from hdplan.verify.world import World, turn_of
+from hdplan.verify.world import World
 
 from .worlds import read_and_planned
 
@@ -128,13 +128,13 @@ def test_axis_and_angle_of_a_rotation_are_enclosed() -> None:
     rng = np.random.default_rng(6)
     for angle in (1e-5, 0.01, 0.5, np.pi / 2, 2.0, 3.0, 3.1415):
         axis = balls.unit(rng.normal(size=3))
-        way, turn = turn_of(balls.rotation(axis, angle))
+        way, turn = balls.turn_of(balls.rotation(axis, angle))
         assert (np.abs(way.mid - axis.mid) <= way.rad + axis.rad).all()
         assert abs(turn.mid - angle) <= turn.rad < 1e-10
         assert way.rad.max() < 1e-12 / np.sin(angle)
     for angle in (1e-7, np.pi):
         with pytest.raises(balls.RejectedError, match="turns by"):
-            turn_of(balls.rotation(axis, angle))
+            balls.turn_of(balls.rotation(axis, angle))
 
 
 def motions() -> list[tuple[str, str]]:
