@@ -178,9 +178,9 @@ class Motion:
         ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
         return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
 
-    def outside(self, mesh: Ball, joint: int, pieces: list[Piece], way: Any) -> bool:
-        """Whether it is shown that a corner of pieces of one body is outside of a mesh, whose triangles (F, 3, 3) are
-        in a joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
+    def outside(self, mesh: tuple[Ball, Any], joint: int, pieces: list[Piece], way: Any) -> bool:
+        """Whether it is shown that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
+        joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
         (body, *_), corners = pieces, np.concatenate([x.corners for x in pieces])
         turn, at = self.turn.mid[0], self.at.mid[0]
         farthest = np.argmax(
@@ -189,9 +189,9 @@ class Motion:
         local = dot("ij,j->i", body.pose[0], corners[farthest]) + body.pose[1]
         place = (turn[body.joint] @ local.mid + at[body.joint] - at[joint]) @ turn[joint]
         off = self.apart(Bond("", body.joint, local[None], joint, Ball(place[None]), 0.0))[0]
-        seen = mesh - Ball(place, off)
-        ahead = dot("fci,i->fc", seen, way)
-        seen = seen[~(ahead.mid < -ahead.rad).all(axis=1)]  # all others are behind p
+        points, triangles = mesh[0] - Ball(place, off), mesh[1]
+        ahead = dot("mi,i->m", points, way)
+        seen = points[triangles[~(ahead.mid < -ahead.rad)[triangles].all(axis=1)]]  # all others are behind p
         sides = cross(seen, seen[:, [1, 2, 0]])
         across, volume = dot("fci,i->fc", sides, way), dot("fi,fi->f", sides[:, 0], seen[:, 2])
         signs = [(x.mid > x.rad).astype(int) - (x.mid < -x.rad) for x in (across, volume[:, None])]

@@ -209,7 +209,7 @@ class World:
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
         self.pieces, self.parts = list[Piece](), dict[str, Any]()
-        self.surfaces = dict[int, Ball]()  # of divided meshes, whose pieces hold nothing of what is enclosed: triangles
+        self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
         for i, each in enumerate(bodies):
             self.add_body(i, each)
         self.lay_tracks()
@@ -275,7 +275,8 @@ class World:
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
             self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
         if shape["type"] == "mesh" and len(labels) > 1:
-            self.surfaces[number] = dot("ij,fcj->fci", pose[0], Ball(corners, off)) + pose[1]
+            points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+            self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], faces.reshape(-1, 3)
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
@@ -386,18 +387,18 @@ class World:
             need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        rows, near = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        rows = list[tuple[int, int]]()
         for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
             one, two = pieces[a], pieces[b]
             within = two.kind != "obstacle"
             excused = one.name == two.name or (one.name, two.name) in self.left_out
-            if excused if within else one.joint == two.joint == -1:
-                continue
-            rows.append((a, b))
-            if not one.kind == two.kind == "link":  # of two links, ASSUMES has it
-                near |= dict.fromkeys([(one.body, two.body), (two.body, one.body)])
+            if not (excused if within else one.joint == two.joint == -1):
+                rows.append((a, b))
         self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        self.outside = [(a, x) for a, b in near if a in self.surfaces for x in self.connected(b)]
+        number, links = np.array([[x.body, x.kind == "link"] for x in pieces], dtype=np.int64).reshape(-1, 2).T
+        near = np.unique(number[self.pairs[links[self.pairs].sum(axis=1) < 2]], axis=0)  # of two links, ASSUMES has it
+        ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
+        self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
         away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]

@@ -145,3 +145,16 @@ def test_a_motion_beside_obstacles_named_as_links_is_proven(tmp_path: Path) -> N
     assert proof.text.startswith("accepted: over the whole motion")
     assert "  not compared, both stand still: base and obstacles base, fore\n" in proof.text
     assert check(*given, proof.data)[0].text == proof.text
+
+
+@pytest.mark.parametrize("name", ["base", "up", "fore", "hand"])
+def test_the_certificate_finds_what_is_hit_whatever_its_name(name: str, tmp_path: Path) -> None:
+    """Pairs of links that are ignored excuse no obstacle that has one of their names."""
+    for place, free in (([1.5, 0, 0.3], True), ([0.2, 0, 1.0], False)):
+        obstacle = {**BALL, "name": name, "pose": {"position": place}}
+        given = files(tmp_path, {"robot": IGNORED, "obstacles": [obstacle], "self_collision": False})
+        found = hdplan.certify(hdplan.load_scene(given[0]), hdplan.Trajectory.load(given[1]))
+        assert found.certified is free
+        if not free:
+            assert found.worst is not None
+            assert found.worst.other == name
