@@ -6,7 +6,6 @@ is written is accepted; here directions are only proposed. An interval without o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,14 +17,13 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.verify.kernel import NARROWEST, Motion, half
+from hdplan.verify.kernel import Motion, half
 from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
 AT_ONCE = 20_000  # leaves examined together
 NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
-FEW = 8  # rows at which rays are tried first
 NUDGE = 1e-5  # [rad] of slightly turned poses
 FLAT = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
 
@@ -93,30 +91,6 @@ class Planes:
         ended: list[Any] = [np.concatenate(each) for each in zip(*done, strict=True)]
         order = np.lexsort((ended[1], ended[0]))
         return Leaves(*(each[order] for each in (ended[0], *ended[2:]))), list(lost.values())
-
-    def rays(self) -> Iterator[tuple[int, Array] | None]:
-        """Yield rows and directions (3,) of rays that show what has to be outside of a divided mesh; None if none was
-        found. Where the hulls are apart, one of any two opposite directions will do."""
-        rows = np.arange(len(self.world.control.mid))
-        rows = rows[
-            np.argsort(rows % max(1, len(rows) // FEW), kind="stable")
-        ]  # some that are far from one another first
-        motions = dict[int, Motion]()
-        numbers = {piece.body: i for i, piece in enumerate(self.world.pieces)}
-        for mesh, pieces in self.world.outside:
-            found = None
-            for row in rows.tolist():
-                check_time("writing the proof")
-                if row not in motions:
-                    motions[row] = Motion(self.world, np.array([[row, row + NARROWEST]]))
-                moment, joint = motions[row], self.world.pieces[numbers[mesh]].joint
-                away = self._outward(moment, 0, numbers[pieces[0].body], numbers[mesh]) @ moment.turn.mid[0, joint]
-                ways = whole(np.concatenate([[away], _AROUND]), COARSE)
-                surface = self.world.surfaces[mesh]
-                found = next(((row, way) for way in ways if moment.outside(surface, joint, pieces, way)), None)
-                if found:
-                    break
-            yield found
 
     def _examine(
         self, motion: Motion, node: Rows, bodies: Rows, normal: Array, floor: Array
@@ -229,5 +203,4 @@ def _slightly(x: float, y: float, z: float) -> Array:
 
 
 _REQUEST = coal.DistanceRequest()
-_AROUND = np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(60, 3))])
 _TURNS = [_slightly(*(NUDGE * np.array(way))) for way in ((0, 0, 0), (1, 2, -1), (-2, 1, 1), (1, -1, 2))]

@@ -21,6 +21,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
+from hdplan.planner.proof.rays import rays
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
@@ -119,7 +120,7 @@ class _Writer:
         """Find planes for the pairs of pieces that are new, and return those for which there are none."""
         keys = [_identity(piece) for piece in world.pieces]
         pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
-        planes = self.planes = Planes(world, self.shapes)
+        planes = Planes(world, self.shapes)
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
@@ -159,12 +160,12 @@ class _Writer:
 
     def _pack(self, world: World, claimed: dict[str, Any], certificate: Certificate) -> Proof:
         """Return the file, once the checker accepts it."""
-        rays = list[tuple[int, Array]]()
+        missing = list[tuple[int, Array]]()  # of the meshes
         names = {piece.body: piece.key for piece in world.pieces}
-        for (mesh, pieces), found in zip(world.outside, self.planes.rays(), strict=True):
+        for (mesh, pieces), found in zip(world.outside, rays(world), strict=True):
             if found is None:
                 raise NotProvenError(f"{pieces[0].key} may lie within {names[mesh]}: no ray from it misses the mesh")
-            rays.append(found)
+            missing.append(found)
         depths = [each[0] for each in self.found if each is not None]
         normals = [each[1] for each in self.found if each is not None]
         head: dict[str, Any] = {
@@ -174,7 +175,7 @@ class _Writer:
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
-            "rays": len(rays),
+            "rays": len(missing),
         }
         for claim in wanted(world):
             with contextlib.suppress(RejectedError):
@@ -185,8 +186,8 @@ class _Writer:
             (np.array([len(each) for each in depths]), "<u4"),
             (np.concatenate([*depths, np.zeros(0)]), "<u1"),
             (np.concatenate([*normals, np.zeros((0, 3))]), "<i4"),
-            (np.array([row for row, _ in rays]), "<u4"),
-            (np.array([way for _, way in rays]), "<i4"),
+            (np.array([row for row, _ in missing]), "<u4"),
+            (np.array([way for _, way in missing]), "<i4"),
         )
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
         content = "".join(f"{line}\n" for line in lines).encode()

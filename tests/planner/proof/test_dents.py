@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.proof.planes import Planes
+from hdplan.planner.proof.rays import rays
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
@@ -72,10 +72,10 @@ def clear(found: World, ways: Any, row: int = 0) -> list[bool]:
 
 def proposed(found: World) -> list[bool]:
     """Whether the writer finds rays, which the kernel takes."""
-    rays = [*Planes(found, {}).rays()]
-    if all(rays):
-        check_outside(found, np.array([x[0] for x in rays if x]), np.array([x[1] for x in rays if x]))
-    return [x is not None for x in rays]
+    made = [*rays(found)]
+    if all(made):
+        check_outside(found, np.array([x[0] for x in made if x]), np.array([x[1] for x in made if x]))
+    return [x is not None for x in made]
 
 
 def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
