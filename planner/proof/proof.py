@@ -151,10 +151,8 @@ class _Writer:
             return False
         triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
-        which = [i for i, each in enumerate(world.pieces) if each.body == body].index(
-            piece
-        )  # in the order of the groups
-        finer = divided(groups, which, triangles)
+        own = [i for i, each in enumerate(world.pieces) if each.body == body]  # in the order of the groups
+        finer = divided(groups, own.index(piece), triangles)
         self.cuts.update({} if finer is None else {key: finer})
         return finer is not None
 
