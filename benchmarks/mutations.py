@@ -265,7 +265,7 @@ def damage(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
 def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     """Claim or hold gigabytes."""
     head = json.loads(files.parts["head"])
-    head[str(rng.choice(["pairs", "leaves", "once"]))] = int(10 ** rng.uniform(3, 17))
+    head[str(rng.choice(["pairs", "leaves", "rays"]))] = int(10 ** rng.uniform(3, 17))
     zeros = bytes(int(10 ** rng.uniform(5, 8)))
     return {"file": MAGIC + zlib.compress(b"\n".join([json.dumps(head).encode(), files.parts["world"], zeros]), 9)}
 

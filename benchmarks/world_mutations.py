@@ -189,10 +189,13 @@ class Judge:
                 two = bodies[j]
                 if one["kind"] == "obstacle" or one["name"] == two["name"]:
                     continue
-                if frozenset((one["name"], two["name"])) in left_out:
-                    continue
                 least = head["self_clearance"]
-                if two["kind"] == "obstacle":
+                if two["kind"] != "obstacle":
+                    if frozenset((one["name"], two["name"])) in left_out:
+                        continue
+                elif one["joint"] == -1 and two["name"] not in world["motions"]:
+                    continue
+                else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
                 far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
                 for k in np.flatnonzero(far < least):
@@ -320,7 +323,7 @@ class Case:
     counts: Any  # of leaves, of each pair
     depths: Any
     normals: Any
-    rows: Any  # where hulls are apart
+    rows: Any  # of rays
     ways: Any
 
     @classmethod
@@ -333,7 +336,7 @@ class Case:
         first, _, rest = zlib.decompress(data[len(MAGIC) :]).split(b"\n", 2)
         head, at = json.loads(first), 0
         sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
-        sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
+        sizes += [(3 * head["leaves"], "<i4"), (head["rays"], "<u4"), (3 * head["rays"], "<i4")]
         arrays = []
         for count, kind in sizes:
             arrays.append(np.frombuffer(rest, kind, count, at).astype(np.int64))
@@ -347,7 +350,7 @@ class Case:
     def packed(self) -> bytes:
         """The proof's file, whose head counts what there is."""
         head = {**self.head, "cuts": {k: len(x) for k, x in self.cuts.items()}, "pairs": len(self.counts)}
-        head |= {"leaves": len(self.depths), "once": len(self.rows)}
+        head |= {"leaves": len(self.depths), "rays": len(self.rows)}
         parts = [(x, "<u2") for x in self.cuts.values()]
         parts += [
             (self.counts, "<u4"),
@@ -480,7 +483,7 @@ def excused(case: Case, rng: Random) -> None:
     if listed and rng.random() < 0.5:
         del listed[int(rng.integers(len(listed)))]
     else:
-        reasons = [x[2] for x in listed] + ["the SRDF", "neighbours", "moving as one", "both stand still"]
+        reasons = [x[2] for x in listed] + ["the SRDF", "neighbours", "moving as one"]
         listed.append([*sorted(rng.choice(names, 2).tolist()), str(rng.choice(reasons))])
     if rng.random() < 0.5:
         pair = int(rng.integers(len(case.counts)))
@@ -568,12 +571,12 @@ def leaf(case: Case, rng: Random) -> None:
 
 
 def groups(case: Case, rng: Random) -> None:
-    """Divide a mesh otherwise, or name another body; or other rows and directions where hulls are apart."""
+    """Divide a mesh otherwise, or name another body; or other rays."""
     names = [*case.cuts]
     if names and rng.random() < 0.7:
         name = str(rng.choice(names))
         if rng.random() < 0.2:
-            case.cuts[str(rng.choice([x["name"] for x in case.world["bodies"]]))] = case.cuts.pop(name)
+            case.cuts[str(rng.integers(len(case.world["bodies"])))] = case.cuts.pop(name)
         else:
             said, labels = case.cuts[name], np.unique(case.cuts[name])
             if rng.random() < 0.3:  # other numbers of the same groups

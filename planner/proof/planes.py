@@ -94,16 +94,6 @@ class Planes:
         order = np.lexsort((ended[1], ended[0]))
         return Leaves(*(each[order] for each in (ended[0], *ended[2:]))), list(lost.values())
 
-    def once(self, bodies: tuple[int, int]) -> tuple[int, Array] | None:
-        """Return a row at which two hulls are apart, and a direction (3,) that shows it; None if there is none."""
-        rows = np.arange(len(self.world.control.mid), dtype=np.float64)
-        motion = Motion(self.world, np.stack([rows, rows + 2.0**-30], axis=1))
-        found = [self._direction(motion, int(row), *bodies, 0.0) for row in rows]
-        best = int(np.argmax([distance for _, distance in found]))
-        normal = whole(found[best][0][None], FINE)
-        bound = motion.gaps(np.array([best]), np.array([bodies]), normal)
-        return (best, normal[0]) if bound[0] > 1e-6 else None
-
     def _examine(
         self, motion: Motion, node: Rows, bodies: Rows, normal: Array, floor: Array
     ) -> tuple[Array, Array, Array]:

@@ -21,6 +21,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
+from hdplan.planner.proof.rays import rays
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
@@ -97,7 +98,9 @@ class _Writer:
     def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
         self.setup, self.planned, self.reading = setup, planned, reading
         self.cuts: dict[str, Any] = {
-            body["name"]: cells for body in reading.world["bodies"] if (cells := groups_of(body["shape"])) is not None
+            str(number): cells
+            for number, body in enumerate(reading.world["bodies"])
+            if (cells := groups_of(body["shape"])) is not None
         }
         self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
 
@@ -122,7 +125,7 @@ class _Writer:
         """Find planes for the pairs of pieces that are new, and return those for which there are none."""
         keys = [_identity(piece) for piece in world.pieces]
         pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
-        planes = self.planes = Planes(world)
+        planes = Planes(world)
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
@@ -147,25 +150,25 @@ class _Writer:
 
     def _finer(self, world: World, piece: int) -> bool:
         """Divide the triangles of a piece, if it has several."""
-        key = world.pieces[piece].key
+        body = world.pieces[piece].body
+        key = str(body)
         if key not in world.parts or (key not in self.cuts and fills_its_hull(world.parts[key])):
             return False
         triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
-        which = [i for i, each in enumerate(world.pieces) if each.key == key].index(piece)  # in the order of the groups
-        finer = divided(groups, which, triangles)
+        own = [i for i, each in enumerate(world.pieces) if each.body == body]  # in the order of the groups
+        finer = divided(groups, own.index(piece), triangles)
         self.cuts.update({} if finer is None else {key: finer})
         return finer is not None
 
     def _pack(self, world: World, claimed: dict[str, Any], certificate: Certificate) -> Proof:
         """Return the file, once the checker accepts it."""
-        once = [self.planes.once((a, b)) for a, b in world.once.tolist()]
-        for (a, b), found in zip(world.once.tolist(), once, strict=True):
+        missing = list[tuple[int, Array]]()  # of the meshes
+        names = {piece.body: piece.key for piece in world.pieces}
+        for (mesh, pieces), found in zip(world.outside, rays(world), strict=True):
             if found is None:
-                names = world.pieces[a].key, world.pieces[b].key
-                raise NotProvenError(
-                    f"the hulls of {names[0]} and {names[1]} are never apart: one may lie inside the other"
-                )
+                raise NotProvenError(f"{pieces[0].key} may lie within {names[mesh]}: no ray from it misses the mesh")
+            missing.append(found)
         depths = [each[0] for each in self.found if each is not None]
         normals = [each[1] for each in self.found if each is not None]
         head: dict[str, Any] = {
@@ -175,7 +178,7 @@ class _Writer:
             "cuts": {key: len(groups) for key, groups in self.cuts.items()},
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
-            "once": len(once),
+            "rays": len(missing),
         }
         for claim in wanted(world):
             with contextlib.suppress(RejectedError):
@@ -186,8 +189,8 @@ class _Writer:
             (np.array([len(each) for each in depths]), "<u4"),
             (np.concatenate([*depths, np.zeros(0)]), "<u1"),
             (np.concatenate([*normals, np.zeros((0, 3))]), "<i4"),
-            (np.array([each[0] for each in once if each]), "<u4"),
-            (np.array([each[1] for each in once if each]), "<i4"),
+            (np.array([row for row, _ in missing]), "<u4"),
+            (np.array([way for _, way in missing]), "<i4"),
         )
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
         content = "".join(f"{line}\n" for line in lines).encode()
@@ -206,4 +209,4 @@ def _less(clearance: float | None, asked: float) -> float:
 
 def _identity(piece: Piece) -> bytes:
     """What tells a piece from others, also in another division of its mesh."""
-    return hashlib.sha256(piece.key.encode() + b"\0" + piece.corners.tobytes()).digest()
+    return hashlib.sha256(f"{piece.body} ".encode() + piece.corners.tobytes()).digest()

@@ -67,7 +67,8 @@ class ReadProof:
         return float(np.interp(float(curve.time_of(parameter)), times, np.arange(len(times))))
 
     def pairs(self, body: str, other: str) -> list[int]:
-        """Return the pairs of pieces of two links, held objects or obstacles; none if they are not compared."""
+        """Return the pairs of pieces of bodies of these names, links, held objects or obstacles; none if they are not
+        compared."""
         pieces = self.world.pieces
         wanted = {body, other}
         return [p for p, (a, b) in enumerate(self.world.pairs.tolist()) if {pieces[a].name, pieces[b].name} == wanted]

@@ -30,7 +30,7 @@ from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.scene import Scene
 
-WORLD = 1  # the version of the form
+WORLD = 2  # the version of the form
 
 
 def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
@@ -40,7 +40,6 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     """
     scene, robot = setup.scene, setup.robot
     check_as_loaded(robot)
-    _refuse_taken_names(setup)
     return {
         "hdplan_world": WORLD,
         "joints": [_joint(robot, index) for index in range(1, robot.model.njoints)],
@@ -72,17 +71,6 @@ def _also(scene: Scene) -> list[str]:
     """Return what else the scene wants, which no world can hold."""
     slower = scene.timing is not None and scene.timing.scale != 1.0
     return ["planner.objective"] * (scene.planner.objective is not None) + ["timing.scale"] * slower
-
-
-def _refuse_taken_names(setup: Setup) -> None:
-    """Refuse obstacles named as a link is: pairs that are not compared are pairs of names."""
-    links = {str(frame.name) for frame in setup.robot.model.frames if frame.type == pin.FrameType.BODY}
-    for obstacle in setup.scene.obstacles:
-        if obstacle.name in links:
-            raise InputError(
-                f"{setup.scene.source}: obstacles.{obstacle.name}: the name '{obstacle.name}' is taken by a link of "
-                f"{setup.robot.name}, which no proof can tell from the obstacle; names must differ"
-            )
 
 
 # --- the robot --------------------------------------------------------------------------------------------------------
@@ -178,7 +166,7 @@ def _motion_of(obstacle: Obstacle) -> Plain:
 
 
 def not_compared(setup: Setup) -> list[list[str]]:
-    """Return the pairs of bodies that need not be kept apart, each with the first reason for it.
+    """Return the pairs of links and held objects that need not be kept apart, each with the first reason for it.
 
     Raises InputError for links that always touch: the checker has no proof of that.
     """
@@ -190,8 +178,6 @@ def not_compared(setup: Setup) -> list[list[str]]:
             found.append([*pair, "self_collision: false"])
         elif pair not in compared:
             found.append([*pair, _reason(setup, pair)])
-    standing = [link for link in robot.links if robot.link_joint[link] == 0]
-    found += [[*link_pair(link, obstacle.name), "both stand still"] for link in standing for obstacle in scene.standing]
     return sorted(found)
 
 

@@ -59,7 +59,9 @@ def _keys(read: dict[str, Any], told: dict[str, Any]) -> str:
 
 
 def _name(entry: Any, place: int) -> Any:
-    return entry.get("name", place) if isinstance(entry, dict) else place
+    if not isinstance(entry, dict):
+        return place
+    return f"{'obstacle ' * (entry.get('kind') == 'obstacle')}{entry.get('name', place)}"
 
 
 def _word(value: Any) -> str:

@@ -16,19 +16,26 @@ import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, named, need, shown, up
 from .kernel import ASSUMES, AT_ONCE, CLAIMS, INSTANT, Motion
-from .world import Bond, Joint, World, blossom, frame, keys_of, numbers, off_of, symmetric
+from .world import Bond, Joint, World, blossom, frame, keys_of, number, numbers, off_of, symmetric
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
 
 
+MAP = "...ij,...j->...i"  # of vectors by matrices
+
+
 @dataclass(eq=False)
 class Line:
-    """Numbers m + b s + r, |s| <= 1 the same for all, |r| <= `rad`; arrays of one shape, the first axis for parts."""
+    """Numbers m + b s + r, |s| <= 1 the same for all, |r| <= `rad`; arrays of one shape, the first axis for parts, if
+    they are not the same for all."""
 
     mid: Any
     slope: Any
     rad: Any
+
+    def __getitem__(self, key: Any) -> Line:
+        return Line(self.mid[key], self.slope[key], self.rad[key])
 
     def __add__(self, other: Line) -> Line:
         mid, slope = self.mid + other.mid, self.slope + other.slope
@@ -57,11 +64,11 @@ def times(spec: str, a: Line, b: Line) -> Line:
 
 
 def wedge(a: Line, b: Line) -> Line:
-    """a x b of vectors (k, 3)."""
-    parts = (
-        np.einsum("ijk,pk->pij", x, y) for x, y in zip((CROSS, CROSS, np.abs(CROSS)), vars(a).values(), strict=True)
+    """a x b of vectors."""
+    mid, slope, rad = (
+        np.einsum("ijk,...k->...ij", x, y) for x, y in ((CROSS, a.mid), (CROSS, a.slope), (np.abs(CROSS), a.rad))
     )
-    return times("pij,pj->pi", Line(*parts), b)
+    return times(MAP, Line(mid, slope, rad), b)
 
 
 def line_of(control: Ball) -> Line:
@@ -172,7 +179,7 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
         need(number(mass, f"loads[{i}].mass") >= 0, f"loads[{i}]: a mass below 0")
         e, six = off_of(off, f"loads[{i}]"), numbers(inertia, (6,), f"loads[{i}]")
         first, matrix = numbers(moment, (3,), f"loads[{i}]"), symmetric(six)
-        loads.append([Ball(numbers(mass, (), f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
+        loads.append([Ball(number(mass, f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
 
     def beyond(spans: Any) -> Any:
         lines = [parts_of(each, spans) for each in rates]
@@ -183,54 +190,56 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
 
 def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
     """Upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
-    k = len(q.mid)
-    zero = Line(*np.zeros((3, k, 3)))
+    zero = Line(*np.zeros((3, len(q.mid), 3)))
+    base = zero, zero, zero + still(Ball([0, 0, 9.81]))  # what stands under gravity seems to rise
     known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
-    frames, moved = [], []  # of each joint: rotation (k, 3, 3) and origin in the frame of the joint before
+    frames, moved = [], []  # of each joint: rotation and origin in the frame of the joint before
     force, torque = [], []
     for j, joint in enumerate(joints):
-        qj, vj, aj = (Line(x.mid[:, j], x.slope[:, j], x.rad[:, j]) for x in (q, v, a))
-        along = [times("p,i->pi", x, still(joint.axis)) for x in (qj, vj, aj)]
-        turn, at = joint.pose
-        origin_, frame = Line(*(np.tile(x, (k, 1)) for x in vars(still(at)).values())), still(turn[None])
+        axis, frame, origin = (still(x) for x in (joint.axis, *joint.pose))
+        way, rate, change = (times("...,i->...i", x[:, j], axis) for x in (q, v, a))
         if joint.turns:
-            cos, sin = cos_sin(qj.mid)
-            off = up(qj.slope * qj.slope / 2 + qj.rad)  # of first-order expansion
-            cross_ = dot("ijk,k->ij", CROSS, joint.axis)
-            ways = turn, dot("ij,jk->ik", turn, cross_), dot("ij,jk->ik", turn, dot("ij,jk->ik", cross_, cross_))
-            c, s = (Line(x.mid, d, up(x.rad + off + up(y.rad * np.abs(qj.slope)) + EPS * np.abs(d)))
-                    for x, y, d in ((cos, sin, -sin.mid * qj.slope), (sin, cos, cos.mid * qj.slope)))  # fmt: skip
-            less = Line(1.0 - c.mid, -c.slope, up(c.rad + EPS))
-            frame = (
-                still(ways[0][None]) + times("p,ij->pij", s, still(ways[1])) + times("p,ij->pij", less, still(ways[2]))
-            )
+            frame = times("ij,...jk->...ik", frame, turned_line(joint.axis, q[:, j]))
         else:
-            origin_ = origin_ + times("ij,pj->pi", still(turn), along[0])
-        w, dw, acc = (
-            known[joint.parent] if joint.parent >= 0 else (zero, zero, zero + Line(np.array([[0, 0, 9.81]]), 0.0, 0.0))
-        )
-        acc = acc + wedge(dw, origin_) + wedge(w, wedge(w, origin_))
-        w, dw, acc = (times("pij,pi->pj", frame, x) for x in (w, dw, acc))
+            origin = origin + times("ij,...j->...i", frame, way)
+        w, dw, acc = known[joint.parent] if joint.parent >= 0 else base
+        acc = acc + wedge(dw, origin) + wedge(w, wedge(w, origin))
+        w, dw, acc = (times("...ij,...i->...j", frame, x) for x in (w, dw, acc))
+        swerve = wedge(w, rate)
         if joint.turns:
-            dw, w = dw + wedge(w, along[1]) + along[2], w + along[1]
+            w, dw = w + rate, dw + swerve + change
         else:
-            swerve = wedge(w, along[1])
-            acc = acc + swerve + swerve + along[2]
+            acc = acc + swerve + swerve + change
         known.append((w, dw, acc))
         frames.append(frame)
-        moved.append(origin_)
-        mass, first, inert = (still(x[None]) for x in loads[j])
-        first = Line(*(np.tile(x, (k, 1)) for x in vars(first).values()))
-        force.append(times("q,pi->pi", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
-        spin = times("qij,pj->pi", inert, w)
-        torque.append(wedge(first, acc) + times("qij,pj->pi", inert, dw) + wedge(w, spin))
+        moved.append(origin)
+        mass, first, inertia = (still(x) for x in loads[j])
+        force.append(times("...,...i->...i", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
+        spin, turning = (times(MAP, inertia, x) for x in (w, dw))
+        torque.append(wedge(first, acc) + turning + wedge(w, spin))
     sizes = []
     for j in reversed(range(len(joints))):
-        sizes.append(times("pi,i->p", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
+        sizes.append(times("...i,i->...", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
         if (parent := joints[j].parent) >= 0:
-            pull, twist = (times("pij,pj->pi", frames[j], x) for x in (force[j], torque[j]))
+            pull, twist = (times(MAP, frames[j], x) for x in (force[j], torque[j]))
             force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
     return np.stack(sizes[::-1], axis=1)
+
+
+def turned_line(axis: Ball, angle: Line) -> Line:
+    """Rotations about a unit axis: with a = m + b s + r, sin a and cos a are off their first-order expansions at m by
+    at most b^2 / 2 + |r|."""
+    cos, sin = cos_sin(angle.mid)
+    off = up(angle.slope * angle.slope / 2 + angle.rad)
+
+    def expanded(value: Ball, rate: Ball) -> Line:
+        slope = rate.mid * angle.slope
+        return Line(value.mid, slope, up(value.rad + off + up(rate.rad * np.abs(angle.slope)) + EPS * np.abs(slope)))
+
+    k = dot("ijk,k->ij", CROSS, axis)
+    about = times("...,ij->...ij", expanded(sin, cos), still(k))
+    less = still(Ball(1.0)) + expanded(-cos, sin)
+    return still(Ball(np.eye(3))) + about + times("...,ij->...ij", less, still(dot("ij,jk->ik", k, k)))
 
 
 # --- poses and path constraints ---------------------------------------------------------------------------------------
@@ -246,11 +255,6 @@ def link_of(world: World, name: Any) -> tuple[int, Pose]:
     """The joint that carries a link, and where the link is in its frame."""
     need(name in world.links, f"'{name}' is no link of the world")
     return world.links[name]
-
-
-def number(value: Any, what: str) -> float:
-    """A number of the world."""
-    return float(numbers(value, (), what))
 
 
 def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[Bond]:
@@ -416,9 +420,9 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     lines = [f"accepted in part; NOT proven by this file: {', '.join(missing)}"] * bool(missing) or ["accepted"]
     lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
     usual = world.usual if "clearance" in claims else 0.0
-    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.name not in world.robot}
+    least = {x.name: world.clearances.get(x.name, usual) for x in world.pieces if x.kind == "obstacle"}
     own = "".join(
-        f"; {millimetres(x)} from {named(name)}" for name, x in least.items() if x > (head["clearance"] or 0.0)
+        f"; {millimetres(x)} from obstacle {named(name)}" for name, x in least.items() if x > (head["clearance"] or 0.0)
     )
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
         if head[key]:
@@ -428,6 +432,10 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
+    still = [x for x in world.pieces if x.joint == -1]
+    kinds = [dict.fromkeys(named(x.name) for x in still if (x.kind == "obstacle") == own) for own in (False, True)]
+    if all(kinds):
+        lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
     following = (f"{named(name)} at {k:g} x {named(world.joints[i].name)} + {add:g}" for name, i, k, add in rules)
     lines += [f"  following: {', '.join(following)}"] * bool(rules)

@@ -24,9 +24,15 @@ the joints after j move the piece: sum_(k>j) (|d_k| + eps_k) rho_k. What is line
 
 where least and greatest values over a piece are those over its corners, and of the ellipsoid that sweeps them.
 
-Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle, whatever the groups. Two
-surfaces that never meet do not let one body into the other: if the hulls around both are apart once, neither ever lies
-within the other. That no link lies within another one of the same robot is assumed.
+Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle, whatever the groups. It
+encloses what no way to infinity leaves without meeting a triangle. Pieces that share a corner are connected; as they
+never meet its triangles, all of them are outside of the mesh all the time if one of their points p is, once: if a ray
+p + t n, t >= 0, misses every triangle. Seen from p, let a triangle have the corners u, v, w. It is missed if n.u, n.v,
+n.w < 0. If it is met, a u + b v + c w = t n with a, b, c >= 0 and not all 0, so that t n.(u x v), t n.(v x w), t n.(w x
+u) are c, a, b times D = (u x v).w; for t = 0 they, without t, are as c : a : b, and D = 0. So it is also missed if two
+of these three and D have opposite signs. Where two surfaces never meet and are outside of one another, nothing is
+within both: what is would end at one of them, within the other. That no link lies within another one of the same robot
+is assumed.
 """
 
 from __future__ import annotations
@@ -39,26 +45,10 @@ from typing import Any
 
 import numpy as np
 
-from .balls import (
-    EPS,
-    Ball,
-    Pose,
-    RejectedError,
-    above,
-    cos_sin,
-    cross,
-    dot,
-    need,
-    norm,
-    rejecting,
-    shown,
-    stack,
-    turned,
-    up,
-)
-from .world import Bond, Piece, World, blossom, keys_of, loads, numbers
+from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up
+from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, VERSION = b"hdplan proof\n", 2
+MAGIC, VERSION = b"hdplan proof\n", 3
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 50  # of a proof's trees
 IN_PART = 4  # exit code
@@ -122,7 +112,7 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
-        still: Pose = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
+        still = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
         frames = [still] * (count + 1)  # the last is the world's
         cos, sin = cos_sin(self.middle)
         for j, joint in enumerate(world.joints):
@@ -188,6 +178,26 @@ class Motion:
         ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
         return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
 
+    def outside(self, mesh: tuple[Ball, Any], joint: int, pieces: list[Piece], way: Any) -> bool:
+        """Whether it is shown that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
+        joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
+        (body, *_), corners = pieces, np.concatenate([x.corners for x in pieces])
+        turn, at = self.turn.mid[0], self.at.mid[0]
+        farthest = np.argmax(
+            corners @ (turn[body.joint] @ body.pose[0].mid).T @ turn[joint] @ way
+        )  # any corner will do
+        local = dot("ij,j->i", body.pose[0], corners[farthest]) + body.pose[1]
+        place = (turn[body.joint] @ local.mid + at[body.joint] - at[joint]) @ turn[joint]
+        off = self.apart(Bond("", body.joint, local[None], joint, Ball(place[None]), 0.0))[0]
+        points, triangles = mesh[0] - Ball(place, off), mesh[1]
+        ahead = dot("mi,i->m", points, way)
+        seen = points[triangles[~(ahead.mid < -ahead.rad)[triangles].all(axis=1)]]  # all others are behind p
+        sides = cross(seen, seen[:, [1, 2, 0]])
+        across, volume = dot("fci,i->fc", sides, way), dot("fi,fi->f", sides[:, 0], seen[:, 2])
+        signs = [(x.mid > x.rad).astype(int) - (x.mid < -x.rad) for x in (across, volume[:, None])]
+        four = np.concatenate(signs, axis=1)
+        return bool((four.min(axis=1) * four.max(axis=1) < 0).all())
+
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
         moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
@@ -230,7 +240,7 @@ def support(piece: Piece, d: Ball) -> Any:
 
 Trees = tuple[Any, Any, Any, Any, Any]
 """Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
-where hulls around several pieces are apart."""
+of the rays that miss meshes."""
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
@@ -243,12 +253,12 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     need(max(len(line), len(world)) <= MOST_LINE, "the proof's head or world is too long")
     head, at, arrays = loads(line), 0, list[Any]()
     need(type(head) is dict and head.get("version") == VERSION, f"the proof is not of version {VERSION}")
-    keys_of(head, "the proof's head", "version files clearance self_clearance cuts pairs leaves once claims")
+    keys_of(head, "the proof's head", "version files clearance self_clearance cuts pairs leaves rays claims")
     good = type(head["files"]) is type(head["cuts"]) is dict and type(head["claims"]) is list
     good = good and all(type(x) is str for x in head["claims"]) and {*head["claims"]} <= {*CLAIMS}
     need(good, "the proof's head: files, cuts or claims")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
-    sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
+    sizes += [(3 * head["leaves"], "<i4"), (head["rays"], "<u4"), (3 * head["rays"], "<i4")]
     for count, kind in sizes:
         need(type(count) is int and 0 <= count <= 5 * MOST_LEAVES, "the proof counts more than is allowed")
         array = np.frombuffer(rest[at : at + count * int(kind[2])], dtype=kind)
@@ -264,7 +274,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
 def least_distances(world: World, head: dict[str, Any]) -> Any:
     """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
     kinds = ("clearance", "self_clearance")
-    claimed = {key: float(numbers(head[key], (), key)) for key in kinds if head[key] is not None}
+    claimed = {key: number(head[key], key) for key in kinds if head[key] is not None}
     kind = [kinds[int(x)] for x in world.within]
     need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
     usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
@@ -274,22 +284,19 @@ def least_distances(world: World, head: dict[str, Any]) -> Any:
 
 
 def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
-    """Check that the leaves cover the motion and keep the pairs apart."""
+    """Check that the leaves cover the motion and keep the pairs apart, and that pieces are outside of meshes."""
     counts, depths, normals, rows, ways = trees
     pieces, least = world.pieces, least_distances(world, head)
     need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
-    need(len(rows) == len(world.once) and rows.max(initial=0) < len(world.control.mid), "rows where hulls are apart")
     need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
-    need(normals.any(axis=1).all() and ways.any(axis=1).all(), "a direction is 0")
+    need(normals.any(axis=1).all(), "a direction is 0")
     spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
-    bodies = np.concatenate([world.pairs[pair], world.once])
+    bodies, floor = world.pairs[pair], least[pair]
     for p, end in enumerate(ends.tolist()):
         try:
             spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
         except RejectedError as error:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
-    spans += [(float(row), float(row) + NARROWEST) for row in rows.tolist()]
-    floor, normals = np.append(least[pair], np.full(len(rows), 1e-9)), np.concatenate([normals, ways])
     distinct, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
     order = np.argsort(node.ravel(), kind="stable")
     parts = np.append(0, np.cumsum(np.ceil(distinct[:, 1]) - np.floor(distinct[:, 0])))[:-1]  # before each interval
@@ -305,6 +312,20 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.control.mid)} intervals"
             short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
+    check_outside(world, rows, ways)
+
+
+def check_outside(world: World, rows: Any, ways: Any) -> None:
+    """Check that pieces are outside of divided meshes, each at a row of the motion, by a ray."""
+    need(len(rows) == len(world.outside), f"{len(world.outside)} rays are to miss meshes, the proof has {len(rows)}")
+    need(rows.max(initial=0) < len(world.control.mid), "a ray begins after the motion")
+    named = {x.body: x for x in world.pieces}
+    for row in np.unique(rows).tolist():
+        motion = Motion(world, np.array([[row, row + NARROWEST]]))
+        for i in np.flatnonzero(rows == row).tolist():
+            mesh, pieces = world.outside[i]
+            missed = motion.outside(world.surfaces[mesh], named[mesh].joint, pieces, ways[i])
+            need(missed, f"{pieces[0].key} and {named[mesh].key}: ray {i} may meet the mesh, at row {row}")
 
 
 def proven_world(said: Any, head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> World:

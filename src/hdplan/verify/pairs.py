@@ -1,4 +1,4 @@
-"""The pairs of bodies that need not be kept apart, each with its reason."""
+"""The pairs of links and held objects that need not be kept apart, each with its reason."""
 
 from __future__ import annotations
 
@@ -10,22 +10,15 @@ from .joints import Joints
 from .text import listing
 
 
-def not_compared(
-    joints: Joints, bodies: list[Any], motions: dict[str, Any], touching: set[frozenset[str]], off: bool
-) -> list[Any]:
-    """Every pair that need not be kept apart, with its reason; `touching`: held objects and the links that they may
-    touch; `off`: links are not checked against each other."""
+def not_compared(joints: Joints, bodies: list[Any], touching: set[frozenset[str]], off: bool) -> list[Any]:
+    """Every pair of links and held objects that need not be kept apart, with its reason; `touching`: held objects and
+    the links that they may touch; `off`: links are not checked against each other."""
     kinds = {x["name"]: (x["kind"], x["joint"]) for x in bodies}
     said = {key: _named(joints, key) for key in ("ignore_pairs", "check_pairs")}
     found, listed = [], sorted(kinds)
     for i, one in enumerate(listed):
         for two in listed[i + 1 :]:
             (kind, a), (other, b), pair = kinds[one], kinds[two], frozenset((one, two))
-            if "obstacle" in (kind, other):
-                stands = one if kind == "obstacle" else two
-                if kind != other and a == b == -1 and stands not in motions:
-                    found.append([one, two, "both stand still"])
-                continue
             if off or a == b:
                 reason: str | None = "self_collision: false" if off else "moving as one"
             else:

@@ -114,20 +114,19 @@ class Reader:
         listed = joints.listed()
         held, touching = self.held_bodies()
         around, motions, own = scenes.obstacles(top, self.folder, self.files, self.told)
-        bodies = [*self.link_bodies(), *held, *around]
-        names = dict.fromkeys(joints.tree.links, "link")
-        for each in [*held, *around]:
-            need(names.setdefault(each["name"], each["kind"]) == each["kind"], f"'{each['name']}': the name is taken")
+        own_bodies, names = [*self.link_bodies(), *held], [x["name"] for x in [*held, *around]]
+        for each in names:
+            need(names.count(each) == 1, f"'{each}': the name is taken")
         targets = Targets(joints, bool(top.get("from_request")))
         found, off = limits(top, joints, targets), top.get("self_collision", True) is False
         return {
-            "hdplan_world": 1,
+            "hdplan_world": 2,
             "joints": listed,
             "held": joints.held,
             "links": {link: joints.place(link) for link in joints.tree.links},
-            "bodies": bodies,
+            "bodies": [*own_bodies, *around],
             "motions": motions,
-            "not_compared": not_compared(joints, bodies, motions, touching, off),
+            "not_compared": not_compared(joints, own_bodies, touching, off),
             "motion": self.rows.of(listed, joints.held),
             "limits": found,
             **({"loads": loads(top, joints)} if "torque" in found else {}),
@@ -172,16 +171,10 @@ class Reader:
         need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
         around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
         robot = [x for x in told["bodies"] if x["kind"] != "obstacle"]
-        pairs = [x for x in told["not_compared"] if x[2] != "both stand still"]
-        stand = {x["name"] for x in robot if x["joint"] == -1}
-        pairs += [
-            [*sorted((x, y["name"])), "both stand still"] for x in stand for y in around if y["name"] not in motions
-        ]
         return {
             **told,
             "bodies": [*robot, *around],
             "motions": motions,
-            "not_compared": sorted(pairs),
             "motion": self.rows.of(told["joints"], told["held"]),
             "path": scenes.path_of(self.top),
             **self.wanted(own),

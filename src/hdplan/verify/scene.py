@@ -88,7 +88,7 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
     if kind == "mesh":
         scale = values(said.get("scale", 1), 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, 0, named(what)), upright=True)
+        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, None, named(what)), upright=True)
     if kind == "points":
         return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
@@ -105,19 +105,20 @@ class Told:
         self._bodies = list((world or {}).get("bodies", []))
         self.taken = dict[str, None]()
 
-    def shape(self, name: str, number: int, what: str) -> dict[str, Any]:
-        """The shape of a body of a name, one of several."""
-        own = [x["shape"] for x in self._bodies if x["name"] == name]
-        need(number < len(own), f"{what}: cannot be read by the checker, and the proof has none")
+    def shape(self, name: str, number: int | None, what: str) -> dict[str, Any]:
+        """The shape of a link, one of several, or, without a number, of a held object or an obstacle."""
+        link = number is not None
+        own = [x["shape"] for x in self._bodies if x["name"] == name and (x["kind"] == "link") == link]
+        need((number or 0) < len(own), f"{what}: cannot be read by the checker, and the proof has none")
         self.taken[what] = None
-        return dict(own[number])
+        return dict(own[number or 0])
 
 
 def mesh_of(
-    path: Path, scale: Any, files: Files, told: Told, body: tuple[str, int, str], upright: bool
+    path: Path, scale: Any, files: Files, told: Told, body: tuple[str, int | None, str], upright: bool
 ) -> dict[str, Any]:
     """A mesh as a world has it; of a kind that the checker does not read as the proof has it. `body`: the name of its
-    body, which one of several of that name it is, and what it is called."""
+    body, which one of a link's it is, and what it is called."""
     data, (name, number, what) = files.read(f"mesh {path.parent.name}/{path.name}", path), body
     if path.suffix.lower() not in KINDS:
         return told.shape(name, number, f"{named(path.name)} ({what})")
@@ -161,7 +162,7 @@ def obstacles(
         if kinds == ["shape"]:
             shape = shape_of(said["shape"], name, folder, files, told)
         else:
-            shape = told.shape(name, 0, f"{named(name)} ({kinds[0]})")
+            shape = told.shape(name, None, f"{named(name)} ({kinds[0]})")
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
         if "clearance" in said:
             own[name] = one(said["clearance"], f"{what}.clearance")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Ball, Pose, compose, cos_sin, dot, inverse, length, need, norm, stack, unit, up
+from .balls import EPS, HERE, Ball, Pose, compose, dot, inverse, length, named, need, norm, stack, turn_of, unit, up
 
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
@@ -21,10 +21,16 @@ LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less h
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
 REASONS = (  # for which pairs are not compared
-    *("self_collision: false", "moving as one", "both stand still", "robot.ignore_pairs"),
-    *("the SRDF", "neighbours", "touch_links", "the MJCF"),
+    *("self_collision: false", "moving as one", "robot.ignore_pairs", "the SRDF", "neighbours", "touch_links"),
+    "the MJCF",
 )
 KINDS = ("link", "held", "obstacle")
+SHAPES = {  # and their sizes
+    **{"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"},
+    **{"capsule": "radius length", "points": "points", "mesh": "points triangles off"},
+    **{"balls": "points radii", "boxes": "low high"},
+}
+CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 FRAME = "joint rotation position off"
 
 
@@ -38,6 +44,11 @@ def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
         good = False
     need(good, f"{what}: {shape or 'one'} finite numbers are expected")
     return found.astype(np.float64)
+
+
+def number(value: Any, what: str) -> float:
+    """A finite number."""
+    return float(numbers(value, (), what))
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
@@ -65,7 +76,7 @@ def symmetric(six: Any) -> Any:
 
 def off_of(value: Any, what: str) -> float:
     """By how much numbers may be wrong."""
-    off = float(numbers(value, (), f"{what}.off"))
+    off = number(value, f"{what}.off")
     need(0 <= off <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
     return off
 
@@ -77,6 +88,36 @@ def frame(place: list[Any], what: str) -> Pose:
     slack = 20 * e + 1e-14
     need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
     return Ball(r, e), Ball(at, e)
+
+
+def shape_of(value: Any, what: str) -> tuple[Any, float, Any]:
+    """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each part
+    (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
+    kind: Any = value.get("type") if type(value) is dict else None
+    need(kind in SHAPES, f"{what}: a shape of a kind that is not known")
+    _, first, *rest = keys_of(value, what, f"type {SHAPES[kind]}")
+    none = np.zeros(3)
+    if kind in ("points", "balls", "boxes", "mesh"):
+        points = numbers(first, (-1, 3), what)
+        need(len(points), f"{what}: has no points")
+        if kind == "points":
+            return points, 0.0, none
+        if kind == "balls":
+            radii = numbers(rest[0], (len(points),), what)
+            need(radii.min() >= 0, f"{what}: a radius is negative")
+            return points[:, None], 0.0, np.repeat(radii[:, None], 3, axis=1)
+        if kind == "boxes":
+            return np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None]), 0.0, none
+        faces = numbers(rest[0], (-1, 3), what)
+        good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
+        need(good, f"{what}: has no triangles, or one with a point that is not there")
+        return points[faces.astype(int)], off_of(rest[1], what), none
+    three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
+    length = number(rest[0], what) if rest else 0.0
+    need(three.min() >= 0 <= length, f"{what}: a size is negative")
+    if kind == "box":
+        return CUBE * three, 0.0, none
+    return CUBE[:2] * [0, 0, length], 0.0, three * [1, 1, kind != "cylinder"]
 
 
 @dataclass(eq=False)
@@ -96,13 +137,14 @@ class Piece:
     """The hull of corners, swept by an ellipsoid, in a frame that is fixed in that of a joint (-1: the world)."""
 
     name: str  # of the link, held object or obstacle
+    kind: str  # which of the three: an obstacle may have the name of a link
+    body: int  # the number of its body in the world, which several pieces may cover
+    key: str  # what that is called
     joint: int
     pose: Pose
-    key: str  # of its body, which several pieces may cover
     corners: Any  # (m, 3)
     off: float = 0.0  # by how much the corners' numbers may be wrong
     sweep: Any = field(default_factory=lambda: np.zeros(3))  # (3,) semi-axes of the ellipsoid, along the frame's axes
-    cover: bool = False  # whether it is only the hull around several pieces of its body
 
 
 @dataclass(eq=False)
@@ -118,24 +160,6 @@ class Bond:
     most: float
     turns: bool = False
     along: Ball | None = None
-
-
-def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
-    """Axis and angle of a rotation M that is neither too small nor near a half turn. M - M^T is 2 sin(angle) times the
-    cross product's matrix of the axis, and its trace 1 + 2 cos(angle). With w near the angle, e = sin(angle) cos w -
-    cos(angle) sin w is sin(angle - w), so that |angle - w| <= 1.01 |e| where |e| <= 0.1. A direction v off by r is
-    off by at most 2 r / |v| once it has length 1."""
-    v = dot("ijk,ij->k", CROSS, matrix) * 0.5
-    m = float(np.sqrt((v.mid * v.mid).sum()))
-    cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
-    r = norm(v.rad)
-    w = float(np.arctan2(m, cos.mid))
-    one, two = cos_sin(w)
-    e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
-    good = m > 1e-6 and m > 1e3 * r and e < 0.1 and near
-    need(good, "an obstacle turns by half a turn, or by less than its numbers are off, from one pose to the next")
-    axis = unit(v.mid * 2.0**10)
-    return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
 
 
 def track(times: list[float], values: list[Ball], now: float) -> Ball:
@@ -170,7 +194,7 @@ class World:
             {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
-        need(version == 1, "the world is not of version 1")
+        need(version == 2, "the world is not of version 2")
         self.joints, self.cuts = list[Joint](), cuts
         for i, each in enumerate(joints):
             self.add_joint(f"joints[{i}]", each, len(joints))
@@ -184,17 +208,17 @@ class World:
         self.read_motion(motion)
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
-        self.pieces, self.parts, kinds = list[Piece](), dict[str, Any](), dict[str, str]()
+        self.pieces, self.parts = list[Piece](), dict[str, Any]()
+        self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
         for i, each in enumerate(bodies):
-            self.add_body(f"bodies[{i}]", each, kinds)
-        need({*motions} <= {x for x, kind in kinds.items() if kind == "obstacle"}, "motions: of no obstacle")
-        self.robot = [name for name, kind in kinds.items() if kind != "obstacle"]
+            self.add_body(i, each)
         self.lay_tracks()
-        self.pair_up(apart, kinds)
+        self.pair_up(apart)
         usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
-        self.usual, self.among = (float(numbers(x, (), "clearances")) for x in (usual, among))
-        self.clearances = {name: float(numbers(x, (), f"clearances.own.{name}")) for name, x in own.items()}
-        need(all(kinds.get(x) == "obstacle" for x in self.clearances), "clearances.own: of no obstacle")
+        self.usual, self.among = (number(x, "clearances") for x in (usual, among))
+        self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
+        obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
+        need({*motions} | {*own} <= obstacles, "motions, clearances.own: of no obstacle")
 
     def add_joint(self, what: str, each: Any, count: int) -> None:
         name, parent, kind, rotation, position, axis, off, follows = keys_of(
@@ -219,80 +243,40 @@ class World:
         need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
         return joint, frame(place, what)
 
-    def add_body(self, what: str, each: Any, kinds: dict[str, str]) -> None:
-        """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
+    def add_body(self, number: int, each: Any) -> None:
+        """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles."""
+        what = f"bodies[{number}]"
         name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
-        need(type(name) is str and kind in KINDS and kinds.setdefault(name, kind) == kind, f"{what}: name or kind")
-        need(
-            KINDS.index(kind) >= KINDS.index([*kinds.values()][-1]), f"{what}: links, held objects, obstacles, in order"
-        )
-        need((name in self.links) == (kind == "link"), f"{what}: '{name}' is a link, or is to be one")
+        need(type(name) is str and kind in KINDS, f"{what}: name or kind")
+        last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
+        need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
+        as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
+        need(as_said, f"{what}: '{name}' is a link, or is to be one")
+        taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
+        need(not taken, f"{what}: the name '{name}' is taken")
         joint, pose = self.carried_frame(place, what)
         if kind == "obstacle":
             need(joint == -1, f"{what}: an obstacle is carried by no joint")
             joint, turn = self.drifting.get(name, (-1, HERE[0]))
             pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
-        count = len({x.key for x in self.pieces if x.name == name})
-        need(count == 0 or kind == "link", f"{what}: the name '{name}' is taken")
-        key = f"{name} {count}" if kind == "link" else name
-        need(key not in {x.key for x in self.pieces}, f"{what}: '{key}' stands for two bodies")
-        corners, off, sweep = self.shape(shape, what)
+        called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
+        if kind == "link":  # which may have several
+            called += f" {len({x.body for x in self.pieces if x.name == name})}"
+        own, key = (name, kind, number, called, joint, pose), str(number)
+        corners, off, sweep = shape_of(shape, what)
         if corners.ndim == 2:
-            self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
+            self.pieces.append(Piece(*own, corners, off, sweep))
             return
         self.parts[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
-        need(groups.shape == corners.shape[:1], f"{key}: has {len(corners)} parts, not {len(groups)}")
+        need(groups.shape == corners.shape[:1], f"{what}: has {len(corners)} parts, not {len(groups)}")
         labels, inverse = np.unique(groups, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
-            own = np.unique(corners[rows].reshape(-1, 3), axis=0)
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
-            self.pieces.append(Piece(name, joint, pose, key, own, off, size))
-        if shape["type"] == "mesh" and len(labels) > 1:  # a surface: what it encloses is in none of its groups
-            every = np.unique(corners.reshape(-1, 3), axis=0)
-            self.pieces.append(Piece(name, joint, pose, key, every, off, sweep, True))
-
-    @staticmethod
-    def shape(value: Any, what: str) -> tuple[Any, float, Any]:
-        """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each
-        part (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
-        kind: Any = value.get("type") if type(value) is dict else None
-        off = 0.0
-        sizes = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
-        sizes |= {"capsule": "radius length", "points": "points", "mesh": "points triangles off"}
-        sizes |= {"balls": "points radii", "boxes": "low high"}
-        need(kind in sizes, f"{what}: a shape of a kind that is not known")
-        _, *rest = keys_of(value, what, f"type {sizes[kind]}")
-        if kind in ("balls", "boxes"):
-            first = numbers(rest[0], (-1, 3), what)
-            need(len(first), f"{what}: is empty")
-            if kind == "balls":
-                radii = numbers(rest[1], (len(first),), what)
-                need(radii.min() >= 0, f"{what}: a radius is negative")
-                return first[:, None], off, np.repeat(radii[:, None], 3, axis=1)
-            last = numbers(rest[1], (len(first), 3), what)
-            choice = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=bool)
-            return np.where(choice, last[:, None], first[:, None]), off, np.zeros(3)
-        if kind in ("points", "mesh"):
-            points = numbers(rest[0], (-1, 3), what)
-            if kind == "points":
-                need(len(points), f"{what}: has no points")
-                return points, off, np.zeros(3)
-            faces = numbers(rest[1], (-1, 3), what)
-            need(len(faces) and (faces % 1 == 0).all() and (faces >= 0).all(), f"{what}: has no triangles")
-            need(faces.max() < len(points), f"{what}: a triangle has a point that is not there")
-            return points[faces.astype(int)], off_of(rest[2], what), np.zeros(3)
-        three = numbers(rest[0] if kind in ("box", "ellipsoid") else [rest[0]] * 3, (3,), what)
-        length = float(numbers(rest[-1], (), what)) if len(rest) == 2 else 0.0
-        need(three.min() >= 0 <= length, f"{what}: a size is negative")
-        if kind == "box":
-            return (
-                np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * three,
-                off,
-                np.zeros(3),
-            )
-        line = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length
-        return line, off, three * np.array([1.0, 1.0, float(kind != "cylinder")])
+            self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
+        if shape["type"] == "mesh" and len(labels) > 1:
+            points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+            self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], faces.reshape(-1, 3)
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
@@ -390,36 +374,44 @@ class World:
             self.carried[i] = self.carried[each.parent]
             self.carried[i, i] = True
 
-    def pair_up(self, left_out: Any, kinds: dict[str, str]) -> None:
-        """List the pairs of pieces to be kept apart (P, 2), the pairs of hulls that have to be apart once (Q, 2)."""
-        joint, pieces = {x.name: x.joint for x in self.pieces}, self.pieces
-        need(all(joint[x.name] == x.joint for x in pieces), "bodies: those of one name are carried by one joint")
+    def pair_up(self, left_out: Any) -> None:
+        """List the pairs of pieces to be kept apart (P, 2), and the pieces that are to be outside of divided meshes."""
+        pieces, robot = self.pieces, [x for x in self.pieces if x.kind != "obstacle"]
+        joint, own = {x.name: x.joint for x in robot}, len(robot)
+        need(all(joint[x.name] == x.joint for x in robot), "bodies: those of one name are carried by one joint")
         self.left_out = dict[tuple[str, str], str]()
         for i, each in enumerate(left_out):
-            good = type(each) is list and len(each) == 3 and {*each[:2]} <= {*kinds} and each[2] in REASONS
-            need(good and each[0] != each[1], f"not_compared[{i}]: two names and a reason")
+            good = type(each) is list and len(each) == 3 and {*each[:2]} <= {*joint} and each[2] in REASONS
+            need(good and each[0] != each[1], f"not_compared[{i}]: two links or held objects, and a reason")
             one, two, why = each
-            same = joint[one] == joint[two]
-            need(same or why not in ("moving as one", "both stand still"), f"not_compared[{i}]: the two do move")
-            need(
-                "obstacle" not in (kinds[one], kinds[two]) or (why == "both stand still"),
-                f"not_compared[{i}]: an obstacle",
-            )
+            need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
-        own = sum(kinds[x.name] != "obstacle" for x in pieces)
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        cover = {x.key: i for i, x in enumerate(pieces) if x.cover}
-        rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        rows = list[tuple[int, int]]()
         for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
             one, two = pieces[a], pieces[b]
-            if one.cover or two.cover or one.name == two.name or (one.name, two.name) in self.left_out:
-                continue
-            rows.append((a, b))
-            whole = cover.get(one.key, a), cover.get(two.key, b)
-            if whole != (a, b) and not kinds[one.name] == kinds[two.name] == "link":  # of two links, ASSUMES has it
-                once[whole] = None
-        self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
+            within = two.kind != "obstacle"
+            excused = one.name == two.name or (one.name, two.name) in self.left_out
+            if not (excused if within else one.joint == two.joint == -1):
+                rows.append((a, b))
+        self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
+        number, links = np.array([[x.body, x.kind == "link"] for x in pieces], dtype=np.int64).reshape(-1, 2).T
+        near = np.unique(number[self.pairs[links[self.pairs].sum(axis=1) < 2]], axis=0)  # of two links, ASSUMES has it
+        ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
+        self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
         away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]
         self.radii = up(np.array(away) + [x.sweep.max() for x in pieces])  # of balls around the pieces
+
+    def connected(self, body: int) -> list[list[Piece]]:
+        """The pieces of a body, those together that hang together, as they share corners."""
+        own = [x for x in self.pieces if x.body == body]
+        piece = np.repeat(np.arange(len(own)), [len(x.corners) for x in own])
+        corner = np.unique(np.concatenate([x.corners for x in own]), axis=0, return_inverse=True)[1].ravel()
+        label, last = np.arange(len(own)), np.array([-1])
+        while (label != last).any():  # the least of all that share a corner
+            last, least = label.copy(), np.full(len(corner), len(own))
+            np.minimum.at(least, corner, label[piece])
+            np.minimum.at(label, piece, least[corner])
+        return [[x for x, y in zip(own, label, strict=True) if y == one] for one in np.unique(label)]

@@ -91,7 +91,7 @@ def forge(said: Said, hashes: dict[str, str], claims: list[str], clearance: floa
             found = motion.gaps(np.full(count, node), np.tile(pair, (count, 1)), WAYS)
             best.append(WAYS[np.nan_to_num(found, nan=-np.inf).argmax()])
     head = {
-        "version": VERSION, "files": hashes, "cuts": {}, "pairs": len(world.pairs), "leaves": len(best), "once": 0,
+        "version": VERSION, "files": hashes, "cuts": {}, "pairs": len(world.pairs), "leaves": len(best), "rays": 0,
         "clearance": None if world.within.all() else clearance, "claims": claims,
         "self_clearance": clearance if world.within.any() else None,
     }  # fmt: skip
@@ -195,7 +195,7 @@ CASES: dict[str, Case] = {
     "a joint held beyond its limits": (
         {"obstacles": at(0.05, 0, 1.25)}, {}, URDF,
         {"robot": {**ROBOT, "locked": {"g": -1.9}}}, {}, URDF,
-        LIMITS, r"the worlds differ: held\.g: 0.0 is read, the proof has -1.9", "hand 0 and o: leaf",
+        LIMITS, r"the worlds differ: held\.g: 0.0 is read, the proof has -1.9", "hand 0 and obstacle o: leaf",
     ),
     "an axis in a word that is none": (
         {"path": {"upright": {**UPRIGHT["path"]["upright"], "axis": "+z"}}, **HANGING}, HANGS, URDF,
@@ -248,11 +248,12 @@ CASES: dict[str, Case] = {
     ),
     "an obstacle elsewhere": (
         {"obstacles": at(0.3, 0, 0.95)}, {}, URDF, {}, {}, URDF,
-        LIMITS, r"the worlds differ: bodies\[o\]\.position\[0\]: 0.3 is read, the proof has 1.5", "fore 0 and o: leaf",
+        LIMITS, r"the worlds differ: bodies\[obstacle o\]\.position\[0\]: 0.3 is read, the proof has 1.5",
+        "fore 0 and obstacle o: leaf",
     ),
     "an obstacle less": (
         {"obstacles": [*at(0.3, 0, 0.95), {**BALL, "name": "p"}]}, {}, URDF, {"obstacles": [{**BALL, "name": "p"}]}, {},
-        URDF, LIMITS, r"the worlds differ: bodies: 6 entries are read, the proof has 5", "fore 0 and o: leaf",
+        URDF, LIMITS, r"the worlds differ: bodies: 6 entries are read, the proof has 5", "fore 0 and obstacle o: leaf",
     ),
     "a goal elsewhere": (
         {"goal": {"joints": [0.1, 0.6]}}, {}, URDF, {}, {}, URDF,
@@ -396,9 +397,12 @@ TIP = '<link name="tip"/><joint name="t" type="fixed"><parent link="hand"/><chil
 TOOL: Said = {"name": "tool", "link": "hand", "shape": {"type": "box", "size": [0.01] * 3}}
 
 
-@pytest.mark.parametrize("name", ["fore", "tip", "tool", "o", "fore 0"])
-@pytest.mark.parametrize("kind", ["obstacles", "attached"])
-def test_no_name_stands_for_two_of_links_held_objects_and_obstacles(kind: str, name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "name"), [("obstacles", "o"), ("attached", "fore"), ("attached", "tip"), ("attached", "tool")]
+)
+def test_no_name_stands_for_two_obstacles_or_for_two_of_links_and_held_objects(
+    kind: str, name: str, tmp_path: Path
+) -> None:
     """Nor for a link that has no geometry; whoever writes the world."""
     scene: Said = {"obstacles": [BALL], "attached": [TOOL]}
     urdf = URDF.replace("</robot>", TIP)
@@ -407,9 +411,9 @@ def test_no_name_stands_for_two_of_links_held_objects_and_obstacles(kind: str, n
     (body,) = [x for x in honest["bodies"] if x["kind"] == ("obstacle" if kind == "obstacles" else "held")]
     last = honest["bodies"].index(body) + 1
     bodies = [*honest["bodies"][:last], {**body, "name": name}, *honest["bodies"][last:]]
-    with pytest.raises(RejectedError, match=r"bodies\[\d\]: .*(taken|two bodies|a link|name or kind)"):
+    with pytest.raises(RejectedError, match=r"bodies\[\d\]: .*(taken|a link)"):
         World({**honest, "bodies": bodies}, {})
-    with pytest.raises(RejectedError, match=r"taken|two bodies"):
+    with pytest.raises(RejectedError, match="taken"):
         World(
             read_world(
                 *files(tmp_path, {**scene, kind: [*scene[kind], {**scene[kind][0], "name": name}]}, {}, urdf)
@@ -457,7 +461,7 @@ def test_clearances_that_are_not_reached_are_missing(honest: Honest) -> None:
         verdict, _ = check(*given, claiming(true, claims, least))
         assert verdict.whole == (not lacking)
         assert lacking in verdict.text.splitlines()[0]
-        assert "20 mm from o" in verdict.text  # which has a clearance of its own
+        assert "20 mm from obstacle o" in verdict.text  # which has a clearance of its own
 
 
 def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> None:
@@ -468,7 +472,7 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
         assert 0 <= Fraction(length) - printed < Fraction(1, 10**9)
     world = World({**honest[1], "clearances": {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0}}, {})
     text, _ = statement(world, {"clearance": 0.029999999999, "self_clearance": 0.0123456789, "claims": []})
-    assert "at least 29.999999 mm from every obstacle; 123.456789 mm from o\n" in text
+    assert "at least 29.999999 mm from every obstacle; 123.456789 mm from obstacle o\n" in text
     assert "at least 12.345678 mm from one another\n" in text
 
 
@@ -480,9 +484,9 @@ def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
         text, _ = statement(World(other, {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []})
         (own,) = re.findall("10 mm from every obstacle; (.*)", text)
         quoted = kernel.shown(json.dumps(name))
-        assert own == f"20 mm from {quoted}"
+        assert own == f"20 mm from obstacle {quoted}"
         (still,) = re.findall("not compared, both stand still: (.*)", text)
-        assert f"base-{quoted}" in still
+        assert still == f"base and obstacles {quoted}"
         assert text.count("\n") == statement(
             World(honest[1], {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []}
         )[0].count("\n")
@@ -499,9 +503,7 @@ def test_what_stands_still_is_listed_beside_obstacles(tmp_path: Path) -> None:
     reading = read_world(*given)
     verdict, _ = check(*given, forge(reading.world, reading.hashes, LIMITS))
     (line,) = re.findall("not compared, both stand still: (.*)", verdict.text)
-    assert {*line.split(", ")} == {
-        "-".join(sorted((link, other))) for link in ("base", "fore", "up") for other in ("o", "wall")
-    }
+    assert line == "base, fore, up and obstacles wall, o"
     assert "held: a at 0, b at 0" in verdict.text
 
 
@@ -555,7 +557,7 @@ def test_a_collada_file_is_rejected_or_has_the_triangles_of_hdplan_and_coal(kind
         np.testing.assert_allclose(np.sort(other.reshape(-1, 3), axis=0), found, atol=1e-6)
 
 
-@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 1}', "[]", ""])
+@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 2}', "[]", ""])
 def test_the_kernel_alone_rejects_worlds_that_are_none(
     world: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

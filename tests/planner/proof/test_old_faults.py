@@ -54,7 +54,7 @@ def forged(folder: Path, scene: str, names: list[str], motion: dict[str, object]
     head = {
         "version": VERSION, "files": reading.hashes, "cuts": {}, "pairs": count,
         "clearance": None if own.all() else 1e-6, "self_clearance": 1e-6 if own.any() else None,
-        "leaves": count, "once": 0, "claims": ["limits", "start", "goal", *["torque"] * ("torque" in scene)],
+        "leaves": count, "rays": 0, "claims": ["limits", "start", "goal", *["torque"] * ("torque" in scene)],
     }  # fmt: skip
     arrays = np.ones(count, "<u4"), np.zeros(count, "<u1"), best.astype("<i4")
     return words_of(*files, packed(head, reading.world, b"".join(x.tobytes() for x in arrays)))
@@ -103,7 +103,7 @@ def test_an_obstacle_that_spins_through_the_arm_is_not_kept_apart(tmp_path: Path
         "motion: {spin: [0, 0, 20.0]}}\n"
     )
     motion = {"positions": [HOME, [0.001, *HOME[1:]]], "times": [0.0, 1.0]}
-    with pytest.raises(RejectedError, match="and rod: leaf"):
+    with pytest.raises(RejectedError, match="and obstacle rod: leaf"):
         forged(tmp_path, rod + PANDA + GOAL, NAMES, motion)
 
 

@@ -213,7 +213,7 @@ def test_an_arm_inside_a_solid_has_no_proof(monkeypatch: pytest.MonkeyPatch, tmp
     (tmp_path / "dented.obj").write_text(DENTED)
     solid = hdplan.Obstacle("solid", hdplan.Mesh(tmp_path / "dented.obj", (5.0, 5.0, 5.0)))
     scene = hdplan.Scene(robot="panda", obstacles=[solid], start=HOME, goal=AWAY)
-    with pytest.raises(hdplan.NotProvenError, match="one may lie inside the other"):
+    with pytest.raises(hdplan.NotProvenError, match="may lie within obstacle solid"):
         believed(monkeypatch, tmp_path, scene, [HOME, AWAY])
 
 
@@ -235,7 +235,7 @@ def test_a_ball_inside_a_held_solid_has_no_proof(monkeypatch: pytest.MonkeyPatch
         goal=AWAY,
         self_collision=hdplan.SelfCollision(checked=False),
     )
-    with pytest.raises(hdplan.NotProvenError, match=r"solid and ball|ball and solid"):
+    with pytest.raises(hdplan.NotProvenError, match="obstacle ball may lie within solid"):
         believed(monkeypatch, tmp_path, scene, [HOME, [0.01, *HOME[1:]]])
 
 
@@ -245,7 +245,7 @@ def test_an_arm_that_sweeps_through_a_thin_wall_between_samples_has_no_proof(
     wall = hdplan.Obstacle("wall", hdplan.Box([0.3, 0.0005, 0.3]), hdplan.Pose((0.5, 0.0, 0.5)))
     left, right = [[side, *HOME[1:]] for side in (-0.7, 0.7)]
     scene = hdplan.Scene(robot="panda", obstacles=[wall], start=left, goal=right)
-    with pytest.raises(hdplan.NotProvenError, match=r"no plane keeps .* and wall apart"):
+    with pytest.raises(hdplan.NotProvenError, match=r"no plane keeps .* and obstacle wall apart"):
         believed(monkeypatch, tmp_path, scene, [left, right])
 
 
@@ -418,7 +418,6 @@ def _depths(rows: int) -> np.ndarray[Any, Any]:
         ("hdplan: 1", "hdplan: 1\nfloor: 3"),
         ("hdplan: 1", "hdplan: 1\nobstacles: []"),
         ("radius: 0.012, length", "radius: 0.012, radius: 0.001, length"),
-        ("name: bar0", "name: panda_link5 0"),
         ("hdplan: 1", "hdplan: 1\ntiming: " + "[" * 100_000 + "]" * 100_000),
         ("hdplan: 1", "hdplan: 1\nlimits: {position: {panda_joint1: [-0.01, 0.01]}}"),
     ],
@@ -480,8 +479,8 @@ def test_a_claim_that_is_not_proven_is_rejected(proven: Callable[[str], Proven])
         {"pairs": head["pairs"] - 1},
         {"leaves": 10**15},
         {"leaves": -1},
-        {"once": 1},
-        {"cuts": {"panda_link5 0": 10**9}},
+        {"rays": 1},
+        {"cuts": {"5": 10**9}},
         {"cuts": []},
         {"files": None},
         {"claims": {"limits": 1}},

@@ -219,7 +219,7 @@ def test_turns_of_any_angle_are_enclosed() -> None:
         way = {"times": [0.0, 1.0, 2.0, 3.0], "frames": [frame(*x, off) for x in zip(turns, places, strict=True)]}
         world = World(
             {
-                "hdplan_world": 1, "joints": [joint], "held": {}, "links": {}, "bodies": [body], "motions": {"o": way},
+                "hdplan_world": 2, "joints": [joint], "held": {}, "links": {}, "bodies": [body], "motions": {"o": way},
                 "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
                 "motion": {"rule": "linear", "times": way["times"], "positions": [[0.0]] * 4},
                 "start": [], "goal": [], "duration": None, "also": [],

@@ -20,7 +20,7 @@ from hdplan.verify import RejectedError, balls
 from hdplan.verify.balls import Ball
 from hdplan.verify.effects import check_rates
 from hdplan.verify.kernel import Motion
-from hdplan.verify.world import World, turn_of
+from hdplan.verify.world import World
 
 from .worlds import read_and_planned
 
@@ -128,13 +128,13 @@ def test_axis_and_angle_of_a_rotation_are_enclosed() -> None:
     rng = np.random.default_rng(6)
     for angle in (1e-5, 0.01, 0.5, np.pi / 2, 2.0, 3.0, 3.1415):
         axis = balls.unit(rng.normal(size=3))
-        way, turn = turn_of(balls.rotation(axis, angle))
+        way, turn = balls.turn_of(balls.rotation(axis, angle))
         assert (np.abs(way.mid - axis.mid) <= way.rad + axis.rad).all()
         assert abs(turn.mid - angle) <= turn.rad < 1e-10
         assert way.rad.max() < 1e-12 / np.sin(angle)
     for angle in (1e-7, np.pi):
         with pytest.raises(balls.RejectedError, match="turns by"):
-            turn_of(balls.rotation(axis, angle))
+            balls.turn_of(balls.rotation(axis, angle))
 
 
 def motions() -> list[tuple[str, str]]:
@@ -236,16 +236,15 @@ def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind
             pin.updateGeometryPlacements(robot.model, data, robot.collision, placed, robot.pin_q(each))
             ends = []
             for i in world.pairs[p].tolist():
-                key = world.pieces[i].key
-                name = key if key in items else key.replace(" ", "_")
-                if name in items:
-                    index = robot.collision.getGeometryId(name)
-                    pose = placed.oMg[index]
-                    ends += [items[name].geometry, coal.Transform3s(pose.rotation, pose.translation)]
-                else:
-                    pose = solids[key].pose.matrix
-                    shape = operations(solids[key].shape).coal(solids[key].shape, key)
+                key, name = world.pieces[i].key, world.pieces[i].name
+                if world.pieces[i].kind == "obstacle":
+                    pose = solids[name].pose.matrix
+                    shape = operations(solids[name].shape).coal(solids[name].shape, name)
                     ends += [shape, coal.Transform3s(pose[:3, :3], pose[:3, 3])]
+                    continue
+                name = key if key in items else key.replace(" ", "_")
+                pose = placed.oMg[robot.collision.getGeometryId(name)]
+                ends += [items[name].geometry, coal.Transform3s(pose.rotation, pose.translation)]
             result = coal.DistanceResult()
             distance = coal.distance(*ends, coal.DistanceRequest(), result)
             if distance < least:
@@ -288,7 +287,7 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
     share = rng.random(60)
     low = np.concatenate([np.floor(rng.random(60) * (len(refined) - 1) * 64) / 64, [0.0]])
     motion = Motion(world, np.stack([low, low + 1 / 64], axis=1))
-    for piece in [x for x in world.pieces if x.name not in world.robot]:
+    for piece in [x for x in world.pieces if x.kind == "obstacle"]:
         exact = ObstacleMotion.of(next(each for each in setup.scene.obstacles if each.name == piece.name))
         for k, s in enumerate([*(2 * share - 1), 0.0]):
             now = float(np.interp(low[k] + (s + 1) / 128, np.arange(len(refined)), refined))

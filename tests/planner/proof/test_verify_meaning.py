@@ -179,7 +179,7 @@ def test_an_obstacle_may_ask_for_less_than_the_others(own: float, usual: float, 
     two = files(tmp_path, asked)
     proof = hdplan.prove(*two)
     assert proof.text.startswith("accepted:")
-    assert ("; 299.999999 mm from o\n" in proof.text) == (usual == 0.3)  # the double 0.3 is below 0.3
+    assert ("; 299.999999 mm from obstacle o\n" in proof.text) == (usual == 0.3)  # the double 0.3 is below 0.3
     world = read(*two)
     least = least_distances(world, {"clearance": 1e-4, "self_clearance": 1e-4, "claims": ["clearance"]})
     for name, wanted in (("o", usual), ("near", own)):
