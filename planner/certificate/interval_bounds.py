@@ -188,7 +188,7 @@ class Bounds:
         local = np.einsum("iba,sib->sia", nodes.rotation[row], directions)
         order = np.argsort(body, kind="stable")
         cuts = np.flatnonzero(np.diff(body[order])) + 1
-        for rows in np.split(order, cuts):
+        for rows in np.split(order, cuts) if len(order) else []:
             piece = self.bodies.pieces[body[rows[0]]]
             values[:, rows] += piece.support(local[:, rows].reshape(-1, 3)).reshape(3, -1)
         return np.asarray(values)

@@ -119,6 +119,15 @@ def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytes
         assert np.isfinite(np.delete(found, np.s_[::7])).all()
 
 
+def test_no_items_have_no_bounds(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+    certifier, intervals, _ = laid_out
+    bounds, none = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), Items.all(4, np.arange(0))
+    for _ in range(2):
+        assert [len(found) for found in bounds.by_ball(intervals, none)] == [0, 0]
+        assert [len(found) for found in bounds.by_best_plane(intervals, none)] == [0, 0, 0, 0]
+        monkeypatch.setattr(interval_bounds, "library", lambda: None)
+
+
 def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
     certifier, intervals, _ = laid_out
     bounds = Bounds(certifier.sweep.bodies, certifier.sweep.pairs)
