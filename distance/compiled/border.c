@@ -181,7 +181,11 @@ static void deallocate(PyObject* self) {
   Py_DECREF(type);
 }
 
-static PyType_Slot slots[] = {{Py_tp_dealloc, deallocate}, {0, NULL}};
+static PyObject* described(PyObject* self) {
+  return PyUnicode_FromFormat("<struct '%s' of hdplan._loops>", ((struct_object*)self)->kind);
+}
+
+static PyType_Slot slots[] = {{Py_tp_dealloc, deallocate}, {Py_tp_repr, described}, {0, NULL}};
 static PyType_Spec specification = {"hdplan._loops.Struct", sizeof(struct_object), 0,
                                     Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, slots};
 
