@@ -4,10 +4,15 @@
 #ifndef HDPLAN_CLONES_H
 #define HDPLAN_CLONES_H
 
-#include <stdlib.h> /* says which C library it is: the choice is made by a loader that knows IFUNC, glibc's */
+#include <stdlib.h> /* says which C library it is: the loader makes the choice, and glibc's knows how */
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && \
-    __GNUC__ >= 12 && !defined(__SANITIZE_ADDRESS__)
+#if defined(__clang__)
+#define HAS_CLONES (__clang_major__ >= 14)
+#else
+#define HAS_CLONES (__GNUC__ >= 12)
+#endif
+
+#if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && HAS_CLONES && !defined(HDPLAN_NO_CLONES)
 #define CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define CLONES

@@ -2,7 +2,6 @@
    What is not a number stays so, and passes no bound: a direction that is not finite has no support value. */
 
 #include "../../distance/compiled/border.h"
-#include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 
 /* Bodies: of each, `number` vertices from row `first` on, and what sweeps them: a ball, a disc normal to z, an

@@ -2,7 +2,6 @@
    directions settle, and pairs of single parts that they do not. */
 
 #include "../../distance/compiled/border.h"
-#include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 
 #define MOST_CHILDREN 64 /* of a node, as in `parts.py` */

@@ -89,21 +89,15 @@ int make_projection(const tables* of, projection* found) {
   return 0;
 }
 
+/* x_ik = n_k·p_i − h_k − r of vertices in the frame of the planes; returns the largest least x. */
 CLONES
-double project(const double* a, const double* b, const link_body* body, const halfspaces* planes, projection* found) {
+static double spread(const link_body* body, const halfspaces* planes, const projection* found) {
   const long long width = planes->width;
   const double *restrict nx = planes->rows, *restrict ny = nx + width, *restrict nz = ny + width;
   const double *restrict supports = nz + width, radius = body->radius;
-  double *restrict x = found->x, *restrict least = found->least, *point = found->points;
-  double turn[9], apart[3], shift[3]; /* from frame a to frame b */
-  difference(a + 9, b + 9, apart);
-  turned_back(b, apart, shift);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
-  for (long long i = 0; i < body->slots; ++i, point += 3, x += width) {
-    turned(turn, body->vertices + 3 * i, point);
-    for (int j = 0; j < 3; ++j) point[j] += shift[j];
-    const double px = point[0], py = point[1], pz = point[2];
+  double *restrict x = found->x, *restrict least = found->least;
+  for (long long i = 0; i < body->slots; ++i, x += width) {
+    const double px = found->points[3 * i], py = found->points[3 * i + 1], pz = found->points[3 * i + 2];
     for (long long k = 0; k < width; ++k) {
       const double along = nx[k] * px + ny[k] * py + nz[k] * pz - (supports[k] + radius);
       x[k] = along;
@@ -111,6 +105,20 @@ double project(const double* a, const double* b, const link_body* body, const ha
     }
   }
   return largest(width, found->least);
+}
+
+double project(const double* a, const double* b, const link_body* body, const halfspaces* planes, projection* found) {
+  double turn[9], apart[3], shift[3]; /* from frame a to frame b */
+  difference(a + 9, b + 9, apart);
+  turned_back(b, apart, shift);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
+  for (long long i = 0; i < body->slots; ++i) {
+    double* point = found->points + 3 * i;
+    turned(turn, body->vertices + 3 * i, point);
+    for (int j = 0; j < 3; ++j) point[j] += shift[j];
+  }
+  return spread(body, planes, found);
 }
 
 /* Whether one plane of a body in frame b, row `which` of a projection's, separates a body in frame a by `least`. */

@@ -160,11 +160,15 @@ static ALWAYS double shaped_inside(const int gamma, double length, const sums* a
   return value;
 }
 
-/* D, for the default order as a constant: its powers and roots are written out. */
+/* The default order is a constant: its powers and roots are written out. Outside, columns of x are summed one after the
+   other, which wider vectors only slow down. */
 CLONES
-static double shaped_maximum(int gamma, double length, double apart, const sums* at) {
-  if (apart > TINY) return gamma == 2 ? shaped_outside(2, length, at) : shaped_outside(gamma, length, at);
+static double inside(int gamma, double length, const sums* at) {
   return gamma == 2 ? shaped_inside(2, length, at) : shaped_inside(gamma, length, at);
+}
+
+static double outside(int gamma, double length, const sums* at) {
+  return gamma == 2 ? shaped_outside(2, length, at) : shaped_outside(gamma, length, at);
 }
 
 /* The force and the moment about the frame's origin that the derivatives by x_ik come to: Σ_i f_i and Σ_i p_i × f_i,
@@ -199,7 +203,7 @@ double hdsdf(int gamma, double length, const double* b, const link_body* body, c
   const sums of = {.slots = body->slots, .width = width, .weights = body->weights, .least = at->least, .x = at->x,
                    .g = at->work, .factor = at->work + width};
   double force[3] = {0.0}, moment[3] = {0.0}, across[3];
-  const double distance = shaped_maximum(gamma, length, apart, &of);
+  const double distance = apart > TINY ? outside(gamma, length, &of) : inside(gamma, length, &of);
   pulls(&of, at->points, planes, force, moment);
   turned(b, force, wrench);
   turned(b, moment, wrench + 3);

@@ -4,7 +4,6 @@
    Its distance only decides which boxes are worth halving: the bound holds along any unit normal. */
 
 #include "../../distance/compiled/border.h"
-#include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 #include "../kinematics/forward_loop.h"
 

@@ -3,7 +3,6 @@
    sums are taken in another order. */
 
 #include "../../distance/compiled/border.h"
-#include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 #include "../collision/close_pairs.h"
 #include "../collision/hdsdf_loop.h"
@@ -136,7 +135,6 @@ static double at_samples(const motion* of, double least, const double* positions
 
 /* Sums over samples (batch, n) and (batch, n, n), carried back to waypoints, as `Samples` says: of a gradient to slope
    (N, n), of a curvature to blocks (N, n, n) and to those between neighbours (N − 1, n, n). */
-CLONES
 static void to_waypoints(long long intervals, const long long* counts, const double* fraction, long long n,
                          const double* restrict gradient, const double* restrict curvature, double* restrict slope,
                          double* restrict diagonal, double* restrict coupling) {
