@@ -122,7 +122,7 @@ double project(const double* a, const double* b, const link_body* body, const ha
 }
 
 /* Whether one plane of a body in frame b, row `which` of a projection's, separates a body in frame a by `least`. */
-static int separates(const double* a, const double* b, const link_body* body, const halfspaces* planes, long long which,
+static inline int separates(const double* a, const double* b, const link_body* body, const halfspaces* planes, long long which,
                      double least) {
   const double *row = planes->rows + which, normal[3] = {row[0], row[planes->width], row[2 * planes->width]};
   double world[3], local[3], apart[3]; /* the normal in the world, and in frame a */
@@ -149,7 +149,7 @@ typedef struct {
 static int is_moving(const search* asked, long long pair) { return asked->of->joint_b[pair] > 0; }
 
 /* Whether balls around a group of samples come close: a body's, and a box's or a standing box. −1: all samples. */
-static int group_reaches(const search* asked, long long pair, long long group) {
+static inline int group_reaches(const search* asked, long long pair, long long group) {
   const tables* of = asked->of;
   const long long body = of->body[pair], box = of->box[pair];
   const double* ball = asked->around + 4 * ((asked->groups + 1) * body + group + 1);
@@ -166,7 +166,7 @@ static int group_reaches(const search* asked, long long pair, long long group) {
 }
 
 /* Whether a body's ball reaches the box at a sample. */
-static int reaches(const search* asked, long long pair, long long sample) {
+static inline int reaches(const search* asked, long long pair, long long sample) {
   const tables* of = asked->of;
   const long long body = of->body[pair], box = of->box[pair];
   const double *centre = asked->centres + 3 * (asked->batch * body + sample), reach = asked->reach[body];
@@ -184,7 +184,7 @@ static int reaches(const search* asked, long long pair, long long sample) {
 }
 
 /* Whether no plane separates a pair at a sample; the plane that did so last is tried first. */
-static int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
+static inline int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
                           const halfspaces* planes, long long* last, double* apart, projection* found) {
   const double* frames = asked->placements + 12 * sample * asked->joints;
   const double *a = frames + 12 * asked->of->joint_a[pair], *b = frames + 12 * asked->of->joint_b[pair];
@@ -196,10 +196,10 @@ static int none_separates(const search* asked, long long pair, long long sample,
 }
 
 static void visit_pair(const search* asked, long long pair, projection* found, action* act, void* given) {
+  if (!group_reaches(asked, pair, -1)) return;
   const link_body body = body_of(asked->of, pair);
   const halfspaces planes = planes_of(asked->of, pair);
   long long last = 0;
-  if (!group_reaches(asked, pair, -1)) return;
   for (long long group = 0; group < asked->groups; ++group) {
     if (!group_reaches(asked, pair, group)) continue;
     for (long long sample = group * GROUP; sample < asked->batch && sample < (group + 1) * GROUP; ++sample) {

@@ -32,18 +32,19 @@ static ALWAYS double power(double base, int exponent) {
   return found;
 }
 
+/* One step of Halley's method towards the cube root. */
+static ALWAYS double halley(double s, double y) {
+  const double cube = y * y * y;
+  return y * ((cube + 2.0 * s) / (2.0 * cube + s));
+}
+
 /* s^(1/p), s ≥ 1: the cube root by Halley's method, three times, from q (1 + 2 q) / (2 + q), q = s^(1/4). */
 static ALWAYS double root(double s, int p) {
   if (p == 1) return s;
   if (p == 2) return sqrt(s);
   if (p == 3) {
     const double q = sqrt(sqrt(s));
-    double y = q * (1.0 + 2.0 * q) / (2.0 + q);
-    for (int i = 0; i < 3; ++i) {
-      const double cube = y * y * y;
-      y *= (cube + 2.0 * s) / (2.0 * cube + s);
-    }
-    return y;
+    return halley(s, halley(s, halley(s, q * (1.0 + 2.0 * q) / (2.0 + q))));
   }
   if (p == 4) return sqrt(sqrt(s));
   return pow(s, 1.0 / p);
