@@ -8,14 +8,23 @@
 
 #if defined(__clang__)
 #define HAS_CLONES (__clang_major__ >= 14)
-#else
+#elif defined(__GNUC__)
 #define HAS_CLONES (__GNUC__ >= 12)
+#else
+#define HAS_CLONES 0
 #endif
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && HAS_CLONES && !defined(HDPLAN_NO_CLONES)
+#if HAS_CLONES && defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && !defined(HDPLAN_NO_CLONES)
 #define CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define CLONES
+#endif
+
+/* For what clones call: as functions of their own, those would be compiled for the oldest processor. */
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
 #endif
 
 #endif

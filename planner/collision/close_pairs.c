@@ -27,7 +27,7 @@ static void place_points(long long batch, long long joints, const double* placem
 
 /* A ball (centre, radius) around the samples `begin` to `end` of a path. Its centre is the middle sample: as good as
    any on a path that hardly bends. */
-static void ball_around(const double* path, long long begin, long long end, double* ball) {
+INLINE void ball_around(const double* path, long long begin, long long end, double* ball) {
   const double* middle = path + 3 * ((begin + end) / 2);
   double apart[3], most = 0.0;
   for (long long sample = begin; sample < end; ++sample) {
@@ -40,6 +40,7 @@ static void ball_around(const double* path, long long begin, long long end, doub
 }
 
 /* For each of `count` paths (batch, 3): a ball around all of it, then one around each group of samples. */
+CLONES
 static void balls_around(long long count, long long batch, const double* paths, double* balls) {
   const long long groups = (batch + GROUP - 1) / GROUP;
   for (long long k = 0; k < count; ++k) {
@@ -58,7 +59,7 @@ static void balls_around(long long count, long long batch, const double* paths, 
 }
 
 /* Squared distance of a point, given from the box's centre, from a box: its placement (4, 4) row by row and half size. */
-static inline double beyond(const double* point, const double* at, const double* half) {
+INLINE double beyond(const double* point, const double* at, const double* half) {
   double total = 0.0;
   for (int i = 0; i < 3; ++i) {
     const double along = point[0] * at[i] + point[1] * at[4 + i] + point[2] * at[8 + i];
@@ -122,7 +123,7 @@ double project(const double* a, const double* b, const link_body* body, const ha
 }
 
 /* Whether one plane of a body in frame b, row `which` of a projection's, separates a body in frame a by `least`. */
-static inline int separates(const double* a, const double* b, const link_body* body, const halfspaces* planes, long long which,
+INLINE int separates(const double* a, const double* b, const link_body* body, const halfspaces* planes, long long which,
                      double least) {
   const double *row = planes->rows + which, normal[3] = {row[0], row[planes->width], row[2 * planes->width]};
   double world[3], local[3], apart[3]; /* the normal in the world, and in frame a */
@@ -146,10 +147,10 @@ typedef struct {
   const double *centres, *origins, *around, *beside;
 } search;
 
-static int is_moving(const search* asked, long long pair) { return asked->of->joint_b[pair] > 0; }
+INLINE int is_moving(const search* asked, long long pair) { return asked->of->joint_b[pair] > 0; }
 
 /* Whether balls around a group of samples come close: a body's, and a box's or a standing box. −1: all samples. */
-static inline int group_reaches(const search* asked, long long pair, long long group) {
+INLINE int group_reaches(const search* asked, long long pair, long long group) {
   const tables* of = asked->of;
   const long long body = of->body[pair], box = of->box[pair];
   const double* ball = asked->around + 4 * ((asked->groups + 1) * body + group + 1);
@@ -166,7 +167,7 @@ static inline int group_reaches(const search* asked, long long pair, long long g
 }
 
 /* Whether a body's ball reaches the box at a sample. */
-static inline int reaches(const search* asked, long long pair, long long sample) {
+INLINE int reaches(const search* asked, long long pair, long long sample) {
   const tables* of = asked->of;
   const long long body = of->body[pair], box = of->box[pair];
   const double *centre = asked->centres + 3 * (asked->batch * body + sample), reach = asked->reach[body];
@@ -184,7 +185,7 @@ static inline int reaches(const search* asked, long long pair, long long sample)
 }
 
 /* Whether no plane separates a pair at a sample; the plane that did so last is tried first. */
-static inline int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
+INLINE int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
                           const halfspaces* planes, long long* last, double* apart, projection* found) {
   const double* frames = asked->placements + 12 * sample * asked->joints;
   const double *a = frames + 12 * asked->of->joint_a[pair], *b = frames + 12 * asked->of->joint_b[pair];
@@ -195,6 +196,7 @@ static inline int none_separates(const search* asked, long long pair, long long 
   return 0;
 }
 
+CLONES
 static void visit_pair(const search* asked, long long pair, projection* found, action* act, void* given) {
   if (!group_reaches(asked, pair, -1)) return;
   const link_body body = body_of(asked->of, pair);

@@ -13,15 +13,10 @@
 #include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 
-#if defined(__GNUC__)
-#define ALWAYS inline __attribute__((always_inline))
-#else
-#define ALWAYS inline
-#endif
 #define TINY 1e-150 /* as in `one_axis` */
 
 /* base^exponent */
-static ALWAYS double power(double base, int exponent) {
+INLINE double power(double base, int exponent) {
   if (exponent == 1) return base;
   if (exponent == 2) return base * base;
   if (exponent == 3) return base * base * base;
@@ -33,13 +28,13 @@ static ALWAYS double power(double base, int exponent) {
 }
 
 /* One step of Halley's method towards the cube root. */
-static ALWAYS double halley(double s, double y) {
+INLINE double halley(double s, double y) {
   const double cube = y * y * y;
   return y * ((cube + 2.0 * s) / (2.0 * cube + s));
 }
 
 /* s^(1/p), s ≥ 1: the cube root by Halley's method, three times, from q (1 + 2 q) / (2 + q), q = s^(1/4). */
-static ALWAYS double root(double s, int p) {
+INLINE double root(double s, int p) {
   if (p == 1) return s;
   if (p == 2) return sqrt(s);
   if (p == 3) {
@@ -51,7 +46,7 @@ static ALWAYS double root(double s, int p) {
 }
 
 /* Phi(u) / u of the shaping function; its derivative by u goes to *slope. */
-static ALWAYS double shaping(double u, double length, int gamma, double* slope) {
+INLINE double shaping(double u, double length, int gamma, double* slope) {
   const double size = u < 0.0 ? -u : u;
   const double small = size < length ? size : length, large = size < length ? length : size;
   const double raised = power(small / large, gamma), whole_share = 1.0 / (1.0 + raised);
@@ -70,14 +65,14 @@ typedef struct {
   double *restrict x, *restrict g, *restrict factor;
 } sums;
 
-static ALWAYS double nothing(const sums* at) {
+INLINE double nothing(const sums* at) {
   for (long long k = 0; k < at->slots * at->width; ++k) at->x[k] = 0.0;
   return 0.0;
 }
 
 /* D where planes separate the bodies: those planes count, each with its Hölder minimum
    g_k = Phi(l_k / (Σ_i w_i (l_k / x_ik)^p)^(1/p)), and D = Phi((Σ_k g_k^p)^(1/p)). */
-static ALWAYS double shaped_outside(const int gamma, double length, const sums* at) {
+INLINE double shaped_outside(const int gamma, double length, const sums* at) {
   const int p = gamma + 1;
   const long long slots = at->slots, width = at->width;
   const double *restrict least = at->least, *weights = at->weights;
@@ -111,7 +106,7 @@ static ALWAYS double shaped_outside(const int gamma, double length, const sums* 
 }
 
 /* The Hölder maximum of −x_ik along every plane, shaped: g_k = Phi(−l_k (1 + Σ_i w_i (x_ik / l_k)^p)^(1/p)). */
-static ALWAYS void depths(const int gamma, double length, const sums* at) {
+INLINE void depths(const int gamma, double length, const sums* at) {
   const int p = gamma + 1;
   const long long width = at->width;
   const double* restrict least = at->least;
@@ -139,7 +134,7 @@ static ALWAYS void depths(const int gamma, double length, const sums* at) {
 
 /* D where no plane separates them: the Hölder minimum of the depths, D = Phi(g / (Σ_k (g / g_k)^p)^(1/p)), g the largest
    g_k, which is closest to zero. */
-static ALWAYS double shaped_inside(const int gamma, double length, const sums* at) {
+INLINE double shaped_inside(const int gamma, double length, const sums* at) {
   const int p = gamma + 1;
   const long long width = at->width;
   double *restrict g = at->g, *restrict factor = at->factor, slope, four[4] = {0.0};
