@@ -3,6 +3,7 @@ refused is named, nothing has been written then, and nothing crashes; what is he
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import multiprocessing
 import pickle
@@ -57,6 +58,9 @@ FREE = {
 }
 
 
+MADE: dict[int, tuple[str, Call]] = {}  # structs by their identity: the function, its arguments, and the struct
+
+
 def fresh(given: Any) -> Any:
     return given.copy() if isinstance(given, np.ndarray) else given
 
@@ -88,7 +92,10 @@ def recorded() -> dict[str, list[Call]]:
             before = tuple(map(fresh, given))
             empty = tuple(isinstance(each, np.ndarray) and each.size == 0 for each in given)
             found.setdefault((name, tuple(each is None for each in given), any(empty)), before)
-            return function(*given)
+            returned = function(*given)
+            if type(returned).__name__ == "Struct":
+                MADE[id(returned)] = name, (*before, returned)  # which keeps it
+            return returned
 
         return called
 
@@ -454,3 +461,66 @@ def test_structs_outlive_a_fork(recorded: dict[str, list[Call]]) -> None:
     child.join(30)
     assert found == placed(struct)
     assert child.exitcode == 0
+
+
+ODD = (np.nan, np.inf, -np.inf, 5e-324, -5e-324, 1e308, -1e308, 0.0, -0.0)  # subnormal, about to overflow
+
+
+def spoiled_values(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The same with some of its numbers odd ones, or rows that may or may not be there."""
+    changed, some = array.copy(), rng.random(array.shape) < rng.choice([0.02, 0.3, 1.0])
+    if array.dtype == np.float64:
+        changed[some] = rng.choice(ODD, some.sum())
+    elif array.size:
+        changed[some] = rng.integers(array.min(), array.max() + 2, some.sum())
+    return changed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_value_crashes(name: str, recorded: dict[str, list[Call]]) -> None:
+    """Odd numbers and rows at random: a call ends, with what is not a number or in words, and leaves what it reads;
+    the same call with structs that are made of such values as well."""
+    rng, function = np.random.default_rng(NAMES.index(name)), functions()[name]
+    for given in recorded[name]:
+        written = [
+            isinstance(each, np.ndarray) and is_written(name, given, place, argument)
+            for place, (each, argument) in enumerate(zip(given, names_of(function, given), strict=True))
+        ]
+        for _ in range(12):
+            values = [
+                spoiled_values(each, rng)
+                if isinstance(each, np.ndarray) and (own or rng.random() < 0.5)
+                else fresh(each)
+                for each, own in zip(given, written, strict=True)
+            ]
+            before = list(map(fresh, values))
+            with contextlib.suppress(TypeError, ValueError):
+                function(*values)
+            for value, old, own in zip(values, before, written, strict=True):
+                assert own or not isinstance(value, np.ndarray) or value.tobytes() == old.tobytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_struct_crashes(name: str, recorded: dict[str, list[Call]]) -> None:
+    """Loops on structs that are made of odd numbers, and of rows that passed."""
+    rng, function = np.random.default_rng(1 + NAMES.index(name)), functions()[name]
+
+    def remade(given: Any, made_by: dict[int, tuple[str, Call]]) -> Any:
+        if isinstance(given, tuple):
+            return tuple(remade(each, made_by) for each in given)
+        if id(given) not in made_by:
+            return fresh(given)
+        maker, parts = made_by[id(given)]
+        new = [
+            spoiled_values(x, rng) if isinstance(x, np.ndarray) and rng.random() < 0.3 else remade(x, made_by)
+            for x in parts[:-1]
+        ]
+        try:
+            return functions()[maker](*new)
+        except (TypeError, ValueError):
+            return given
+
+    for given in recorded[name]:
+        for _ in range(12):
+            with contextlib.suppress(TypeError, ValueError):
+                function(*remade(given, MADE))
