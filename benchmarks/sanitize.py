@@ -3,7 +3,8 @@ number and every other step outside of C's rules ends the run.
 
     python benchmarks/sanitize.py [TEST ...]      # by default, the suites below
 
-Needs gcc with its sanitizers (libasan). Not for tests that load CasADi's solvers, which sanitizers cannot watch. Python's own leaks are not looked for; the laws of the border do that.
+Needs gcc with its sanitizers (libasan). Not for tests with CasADi's solvers, which those cannot watch. Leaks of
+Python are not looked for; the laws of the border do that.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SUITES = (
     "tests/distance/test_border.py",
+    "tests/planner/test_loop_twins.py",
     "tests/planner/problem/test_loops.py",
     "tests/planner/motion/test_reach_loop.py",
     "tests/planner/collision/test_broad_phase.py",

@@ -7,6 +7,10 @@
 
 #include <math.h>
 
+/* The smaller and the larger of two numbers; what is not a number stays so, and proves nothing. */
+static inline double least_of(double a, double b) { return a != a || a < b ? a : b; }
+static inline double most_of(double a, double b) { return a != a || a > b ? a : b; }
+
 /* a·b */
 static inline double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

@@ -50,10 +50,6 @@ static mover mover_of(const question* asked, long long item, int second) {
   };
 }
 
-/* What is not a number stays so, and proves nothing. */
-static double least(double a, double b) { return a != a || a < b ? a : b; }
-static double most(double a, double b) { return a != a || a > b ? a : b; }
-
 /* --- by balls ----------------------------------------------------------------------------------------------------- */
 
 /* How far any point of a body moves from its place at the midpoint: Σ (|d_j| + e_j) ρ_j. */
@@ -198,7 +194,7 @@ static void by_plane(const question* asked, const double* normal, double* gap, d
     for (int s = 0; s < 3; ++s) gaps[s] = -near[s] - far[s];
     travels[i] = first.first + second.first;
     gap[i] = gaps[0];
-    bound[i] = most(least(gaps[1], gaps[2]) - (first.second + second.second), gaps[0] - travels[i]);
+    bound[i] = most_of(least_of(gaps[1], gaps[2]) - (first.second + second.second), gaps[0] - travels[i]);
   }
 }
 

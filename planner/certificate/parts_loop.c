@@ -42,10 +42,7 @@ static double reach(const side* body, long long node, long long row) {
   if (!body->of) return body->offsets[row];
   const double* corners = body->of->corners + 12 * node;
   double best = dot(way, corners);
-  for (int i = 1; i < 4; ++i) {
-    const double along = dot(way, corners + 3 * i);
-    best = along > best ? along : best;
-  }
+  for (int i = 1; i < 4; ++i) best = most_of(best, dot(way, corners + 3 * i));
   const double radius = body->of->radius[node];
   return body->offsets[row] + best + (radius != 0.0 ? radius * norm(way) : radius);
 }
@@ -54,8 +51,7 @@ static double reach(const side* body, long long node, long long row) {
 static gap gap_along(const side* a, const side* b, const state* is, long long i, long long j, long long direction) {
   double gaps[3];
   for (int s = 0; s < 3; ++s) gaps[s] = -reach(a, i, 3 * direction + s) - reach(b, j, 3 * direction + s);
-  const double straight = (gaps[1] < gaps[2] ? gaps[1] : gaps[2]) - is->second, low = gaps[0] - is->first;
-  return (gap){gaps[0], straight > low ? straight : low};
+  return (gap){gaps[0], most_of(least_of(gaps[1], gaps[2]) - is->second, gaps[0] - is->first)};
 }
 
 static int settles(const state* is, gap found) {

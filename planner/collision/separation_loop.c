@@ -127,8 +127,9 @@ typedef struct {
   const double *moves, *half, *columns;
 } ranges;
 
-/* e_j: how far one coordinate moves a point along a unit vector at most, by its rate u = v + ω × p there, h of the
-   coordinate: h |n·u|, and what bends the way; or the chord's length, where that is less. */
+/* How far coordinate j shifts a point p along a unit vector n at most, at the rate u = v + ω × p, if those before it turn
+   it by Σ h_i: e_j = min(s |u|, h |n·u| + ½ h² |u| + s |u| min(2, Σ h_i)), s = 2 sin(h / 2); of one that slides s = h,
+   and there is no second term. */
 static double shift(const double* column, double h, const double* n, const double* point, double* before) {
   const double *velocity = column, *turning = column + 3, rate[3] = {
       velocity[0] + turning[1] * point[2] - turning[2] * point[1],

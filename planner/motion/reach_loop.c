@@ -16,9 +16,6 @@ typedef struct {
   double radius, low, high;
 } cylinder;
 
-static double larger(double a, double b) { return a > b ? a : b; }
-static double smaller(double a, double b) { return a < b ? a : b; }
-
 /* How far the point of the axis at this height is beside the axis of the parent. */
 static double beside(const double* inward, double height) {
   const double *offset = inward + 2, *slope = inward + 5;
@@ -31,9 +28,9 @@ static cylinder around(const double* inward, cylinder own) {
   const double tilt = inward[8] * own.radius;
   const double one = inward[0] + inward[1] * own.low, other = inward[0] + inward[1] * own.high;
   return (cylinder){
-      .radius = own.radius + larger(beside(inward, own.low), beside(inward, own.high)),
-      .low = smaller(one, other) - tilt,
-      .high = larger(other, one) + tilt,
+      .radius = own.radius + most_of(beside(inward, own.low), beside(inward, own.high)),
+      .low = least_of(one, other) - tilt,
+      .high = most_of(other, one) + tilt,
   };
 }
 
@@ -62,9 +59,9 @@ typedef struct {
 } moves;
 
 /* The reach of one body, whose ball has a centre and a radius, on interval k: for each joint from the last inward the
-   distance of its axis from any point of the ball, wherever the joints between bring it, and `most` at most. What is
+   distance of its axis from any point of the ball, wherever the joints between bring it, and rho at most. What is
    not a number stays so, and proves nothing. */
-static void ball_reach(const chain* of, const moves* during, long long k, const long long* carried, const double* most,
+static void ball_reach(const chain* of, const moves* during, long long k, const long long* carried, const double* rho,
                        const double* centre, double radius, double* local) {
   const long long n = of->n;
   double after = 0.0; /* how far the joints between move the ball */
@@ -77,7 +74,7 @@ static void ball_reach(const chain* of, const moves* during, long long k, const 
       difference(centre, origin, arm);
       cross(arm, axis, across);
       const double away = norm(across) + radius + after;
-      local[j] = away >= most[j] ? most[j] : away;
+      local[j] = least_of(away, rho[j]);
     }
     after += during->half[k * n + j] * local[j];
   }
