@@ -1,5 +1,5 @@
-"""Loops of C against their twins, at odd sizes and odd numbers: empty, one row, not a power of two; subnormal, huge, not
-a number."""
+"""Loops of C against their twins, at odd sizes and odd numbers: empty, one row, not a power of two; subnormal, huge,
+not a number."""
 
 from __future__ import annotations
 
