@@ -25,7 +25,6 @@ SUITES = (
     "tests/planner/collision/test_broad_phase.py",
     "tests/planner/collision/test_hdsdf.py",
     "tests/planner/kinematics/test_inverse.py",
-    "tests/planner/collision/test_separation_bounds.py",
     "tests/planner/certificate/test_interval_bounds.py",
 )
 FLAGS = ("-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", "-ffp-contract=off", "-fvisibility=hidden")
