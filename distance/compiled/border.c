@@ -3,145 +3,152 @@
 #include "border.h"
 
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 _Static_assert(sizeof(long long) == 8 && sizeof(double) == 8, "arrays are of int64 and float64");
 
-call begin(const char* function, PyObject* const* given, Py_ssize_t count) {
-  call c = {0};
-  c.function = function;
-  c.given = given;
-  c.count = count;
-  return c;
+arguments begin(const char* function, PyObject* const* given, Py_ssize_t count) {
+  return (arguments){.function = function, .given = given, .count = count};
 }
 
 /* The next argument; null after an error, or if there is none. */
-static PyObject* next(call* c, const char* name) {
-  if (c->failed) return NULL;
-  if (c->next >= MOST_ARGUMENTS) {
-    c->failed = 1;
-    PyErr_Format(PyExc_SystemError, "%s: %s is one argument too many", c->function, name);
+static PyObject* next(arguments* taken, const char* name) {
+  if (taken->failed) return NULL;
+  if (taken->next >= MOST_ARGUMENTS) {
+    taken->failed = 1;
+    PyErr_Format(PyExc_SystemError, "%s: %s is one argument too many", taken->function, name);
     return NULL;
   }
-  if (c->next >= c->count) {
-    c->failed = 1;
-    PyErr_Format(PyExc_TypeError, "%s: %s is missing", c->function, name);
+  if (taken->next >= taken->count) {
+    taken->failed = 1;
+    PyErr_Format(PyExc_TypeError, "%s: %s is missing", taken->function, name);
     return NULL;
   }
-  return c->given[c->next++];
+  return taken->given[taken->next++];
 }
 
-double number(call* c, const char* name) {
-  PyObject* given = next(c, name);
-  double value;
+void wrong(arguments* taken, const char* name, const char* expected) {
+  if (taken->failed) return;
+  taken->failed = 1;
+  PyErr_Format(PyExc_ValueError, "%s: %s must be %s", taken->function, name, expected);
+}
+
+/* --- numbers ---------------------------------------------------------------------------------------------------- */
+
+double number(arguments* taken, const char* name) {
+  PyObject* given = next(taken, name);
   if (!given) return 0.0;
-  value = PyFloat_AsDouble(given);
+  const double value = PyFloat_AsDouble(given);
   if (value == -1.0 && PyErr_Occurred()) {
-    c->failed = 1;
-    PyErr_Format(PyExc_TypeError, "%s: %s must be a number, not %R", c->function, name, given);
+    taken->failed = 1;
+    PyErr_Format(PyExc_TypeError, "%s: %s must be a number, not %R", taken->function, name, Py_TYPE(given));
     return 0.0;
   }
   return value;
 }
 
-long long whole(call* c, const char* name, long long least, long long most) {
-  PyObject* given = next(c, name);
-  long long value;
+long long whole(arguments* taken, const char* name, long long least, long long most) {
+  PyObject* given = next(taken, name);
   if (!given) return 0;
-  value = PyLong_AsLongLong(given);
+  const long long value = PyLong_AsLongLong(given);
   if ((value == -1 && PyErr_Occurred()) || value < least || value > most) {
-    c->failed = 1;
-    PyErr_Format(PyExc_ValueError, "%s: %s must be a whole number from %lld to %lld, not %R", c->function, name, least,
-                 most, given);
+    taken->failed = 1;
+    PyErr_Format(PyExc_ValueError, "%s: %s must be a whole number from %lld to %lld, not %R", taken->function, name,
+                 least, most, given);
     return 0;
   }
   return value;
 }
 
+/* --- arrays ----------------------------------------------------------------------------------------------------- */
+
+/* What is asked of an array. */
+typedef struct {
+  int of_indices, writable, optional, dimensions;
+  const long long* shape;
+} wanted;
+
 /* Say what an array must be, and what it is. */
-static void complain(call* c, const char* name, PyObject* given, const char* kind, int writable, int dimensions,
-                     const long long* shape) {
-  char expected[160];
-  int i, used = 0;
-  PyObject *type, *size, *message;
-  c->failed = 1;
+static void complain(arguments* taken, const char* name, PyObject* given, const wanted* asked) {
+  char shape[160];
+  int used = 0;
+  for (int i = 0; i < asked->dimensions && used < 120; ++i)
+    used += asked->shape[i] < 0 ? PyOS_snprintf(shape + used, 24, i ? ", any" : "any")
+                                : PyOS_snprintf(shape + used, 24, i ? ", %lld" : "%lld", asked->shape[i]);
+  shape[used] = '\0';
+  taken->failed = 1;
   PyErr_Clear();
-  for (i = 0; i < dimensions && used < 120; ++i)
-    used += shape[i] < 0 ? PyOS_snprintf(expected + used, 24, i ? ", any" : "any")
-                         : PyOS_snprintf(expected + used, 24, i ? ", %lld" : "%lld", shape[i]);
-  expected[used] = '\0';
-  type = PyObject_GetAttrString(given, "dtype");
-  size = type ? PyObject_GetAttrString(given, "shape") : NULL;
+  PyObject* type = PyObject_GetAttrString(given, "dtype");
+  PyObject* size = type ? PyObject_GetAttrString(given, "shape") : NULL;
   PyErr_Clear();
-  message = type && size ? PyUnicode_FromFormat("%S of shape %S", type, size) : PyUnicode_FromFormat("%R", given);
-  if (message) {
-    PyErr_Format(PyExc_ValueError, "%s: %s must be %s, aligned and contiguous, of shape (%s)%s, not %U", c->function,
-                 name, kind, expected, writable ? " and writable" : "", message);
-  }
+  PyObject* found = type && size ? PyUnicode_FromFormat("%S of shape %S", type, size)
+                                 : PyUnicode_FromFormat("%R", Py_TYPE(given));
+  if (found)
+    PyErr_Format(PyExc_ValueError, "%s: %s must be %s, aligned and contiguous, of shape (%s)%s, not %U",
+                 taken->function, name, asked->of_indices ? "int64" : "float64", shape,
+                 asked->writable ? " and writable" : "", found);
   Py_XDECREF(type);
   Py_XDECREF(size);
-  Py_XDECREF(message);
+  Py_XDECREF(found);
 }
 
-static int is_numbers(const Py_buffer* view) { return view->itemsize == 8 && strcmp(view->format, "d") == 0; }
-
-static int is_whole(const Py_buffer* view) {
-  return view->itemsize == 8 && (strcmp(view->format, "q") == 0 || strcmp(view->format, "l") == 0);
+static int fits(const Py_buffer* view, const wanted* asked) {
+  if (view->ndim != asked->dimensions || view->itemsize != 8 || !view->format) return 0;
+  if ((uintptr_t)view->buf % sizeof(double) != 0) return 0;
+  for (int i = 0; i < asked->dimensions; ++i)
+    if (asked->shape[i] >= 0 && view->shape[i] != asked->shape[i]) return 0;
+  if (!asked->of_indices) return strcmp(view->format, "d") == 0;
+  return strcmp(view->format, "q") == 0 || strcmp(view->format, "l") == 0;
 }
 
-static void* array(call* c, const char* name, int optional, int of_whole, int writable, int dimensions,
-                   const long long* shape) {
-  const char* kind = of_whole ? "int64" : "float64";
-  PyObject* given = next(c, name);
-  Py_buffer* view = c->held + c->holding;
-  int i, good;
-  if (!given || (optional && given == Py_None)) return NULL;
-  if (PyObject_GetBuffer(given, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (writable ? PyBUF_WRITABLE : 0))) {
-    complain(c, name, given, kind, writable, dimensions, shape);
+static void* array(arguments* taken, const char* name, const wanted* asked) {
+  PyObject* given = next(taken, name);
+  if (!given || (asked->optional && given == Py_None)) return NULL;
+  Py_buffer* view = taken->held + taken->holding;
+  if (PyObject_GetBuffer(given, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (asked->writable ? PyBUF_WRITABLE : 0))) {
+    complain(taken, name, given, asked);
     return NULL;
   }
-  good = view->ndim == dimensions && view->format && (of_whole ? is_whole(view) : is_numbers(view));
-  good = good && (uintptr_t)view->buf % sizeof(double) == 0;
-  for (i = 0; good && i < dimensions; ++i) {
-    good = shape[i] < 0 || view->shape[i] == shape[i];
-    c->shape[i] = view->shape[i];
-  }
-  if (!good) {
+  if (!fits(view, asked)) {
     PyBuffer_Release(view);
-    complain(c, name, given, kind, writable, dimensions, shape);
+    complain(taken, name, given, asked);
     return NULL;
   }
-  ++c->holding;
+  for (int i = 0; i < asked->dimensions; ++i) taken->shape[i] = view->shape[i];
+  taken->names[taken->holding] = name;
+  taken->outputs[taken->holding] = asked->writable;
+  ++taken->holding;
   return view->buf;
 }
 
-const double* numbers(call* c, const char* name, int dimensions, const long long* shape) {
-  return array(c, name, 0, 0, 0, dimensions, shape);
+const double* numbers(arguments* taken, const char* name, int dimensions, const long long* shape) {
+  return array(taken, name, &(wanted){.dimensions = dimensions, .shape = shape});
 }
 
-const double* numbers_or_none(call* c, const char* name, int dimensions, const long long* shape) {
-  return array(c, name, 1, 0, 0, dimensions, shape);
+const double* numbers_or_none(arguments* taken, const char* name, int dimensions, const long long* shape) {
+  return array(taken, name, &(wanted){.optional = 1, .dimensions = dimensions, .shape = shape});
 }
 
-double* written(call* c, const char* name, int dimensions, const long long* shape) {
-  return array(c, name, 0, 0, 1, dimensions, shape);
+double* written(arguments* taken, const char* name, int dimensions, const long long* shape) {
+  return array(taken, name, &(wanted){.writable = 1, .dimensions = dimensions, .shape = shape});
 }
 
-long long* written_rows(call* c, const char* name, int dimensions, const long long* shape) {
-  return array(c, name, 0, 1, 1, dimensions, shape);
+long long* written_indices(arguments* taken, const char* name, int dimensions, const long long* shape) {
+  return array(taken, name, &(wanted){.of_indices = 1, .writable = 1, .dimensions = dimensions, .shape = shape});
 }
 
-const long long* rows(call* c, const char* name, long long least, long long end, int dimensions,
-                      const long long* shape) {
-  const long long* values = array(c, name, 0, 1, 0, dimensions, shape);
-  long long size = 1, i;
+const long long* indices(arguments* taken, const char* name, long long least, long long end, int dimensions,
+                         const long long* shape) {
+  const long long* values = array(taken, name, &(wanted){.of_indices = 1, .dimensions = dimensions, .shape = shape});
   if (!values) return NULL;
-  for (i = 0; i < dimensions; ++i) size *= c->shape[i];
-  for (i = 0; i < size; ++i)
+  long long size = 1;
+  for (int i = 0; i < dimensions; ++i) size *= taken->shape[i];
+  for (long long i = 0; i < size; ++i)
     if (values[i] < least || values[i] >= end) {
-      c->failed = 1;
-      PyErr_Format(PyExc_ValueError, "%s: %s has %lld, which is not from %lld to %lld", c->function, name, values[i],
-                   least, end - 1);
+      taken->failed = 1;
+      PyErr_Format(PyExc_ValueError, "%s: %s has %lld, which is not from %lld to %lld", taken->function, name,
+                   values[i], least, end - 1);
       return NULL;
     }
   return values;
@@ -161,24 +168,24 @@ typedef struct {
 
 static PyTypeObject* record_type; /* one for the process: the module is never unloaded */
 
-static void released(struct_object* object) {
-  int i;
-  for (i = 0; i < object->holding; ++i) PyBuffer_Release(object->held + i);
-  for (i = 0; i < object->including; ++i) Py_DECREF(object->within[i]);
+static void deallocate(PyObject* self) {
+  struct_object* object = (struct_object*)self;
+  PyTypeObject* type = Py_TYPE(self);
+  for (int i = 0; i < object->holding; ++i) PyBuffer_Release(object->held + i);
+  for (int i = 0; i < object->including; ++i) Py_DECREF(object->within[i]);
   PyMem_Free(object->held);
   PyMem_Free(object->within);
   PyMem_Free(object->memory);
   PyMem_Free(object->addresses);
-}
-
-static void deallocate(PyObject* self) {
-  PyTypeObject* type = Py_TYPE(self);
-  released((struct_object*)self);
   PyObject_Free(self);
   Py_DECREF(type);
 }
 
-static PyType_Slot slots[] = {{Py_tp_dealloc, deallocate}, {0, NULL}};
+static PyObject* described(PyObject* self) {
+  return PyUnicode_FromFormat("<struct '%s' of hdplan._loops>", ((struct_object*)self)->kind);
+}
+
+static PyType_Slot slots[] = {{Py_tp_dealloc, deallocate}, {Py_tp_repr, described}, {0, NULL}};
 static PyType_Spec specification = {"hdplan._loops.Struct", sizeof(struct_object), 0,
                                     Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, slots};
 
@@ -187,107 +194,141 @@ int add_record_type(PyObject* module) {
   return record_type ? PyModule_AddObjectRef(module, "Struct", (PyObject*)record_type) : -1;
 }
 
-static struct_object* struct_of(call* c, const char* name, const char* kind, PyObject* given) {
+static struct_object* struct_of(arguments* taken, const char* name, const char* kind, PyObject* given) {
   struct_object* object = (struct_object*)given;
   if (Py_TYPE(given) != record_type || strcmp(object->kind, kind) != 0) {
-    c->failed = 1;
-    PyErr_Format(PyExc_TypeError, "%s: %s must be a struct '%s', not %R", c->function, name, kind, given);
+    taken->failed = 1;
+    PyErr_Format(PyExc_TypeError, "%s: %s must be a struct '%s', not %R", taken->function, name, kind,
+                 Py_TYPE(given) == record_type ? given : (PyObject*)Py_TYPE(given));
     return NULL;
   }
   return object;
 }
 
-static void keep(call* c, PyObject* given) { c->within[c->including++] = Py_NewRef(given); }
+static void keep(arguments* taken, PyObject* given) { taken->within[taken->including++] = Py_NewRef(given); }
 
-const void* record(call* c, const char* name, const char* kind) {
-  PyObject* given = next(c, name);
-  struct_object* object = given ? struct_of(c, name, kind, given) : NULL;
+const void* record(arguments* taken, const char* name, const char* kind) {
+  PyObject* given = next(taken, name);
+  struct_object* object = given ? struct_of(taken, name, kind, given) : NULL;
   if (!object) return NULL;
-  keep(c, given);
+  keep(taken, given);
   return object->memory;
 }
 
-const void* record_or_none(call* c, const char* name, const char* kind) {
-  if (!c->failed && c->next < c->count && c->given[c->next] == Py_None) {
-    ++c->next;
+const void* record_or_none(arguments* taken, const char* name, const char* kind) {
+  if (!taken->failed && taken->next < taken->count && taken->given[taken->next] == Py_None) {
+    ++taken->next;
     return NULL;
   }
-  return record(c, name, kind);
+  return record(taken, name, kind);
 }
 
-const void* const* records(call* c, const char* name, const char* kind) {
-  PyObject* given = next(c, name);
-  Py_ssize_t count, i;
+const void* const* records(arguments* taken, const char* name, const char* kind) {
+  PyObject* given = next(taken, name);
   if (!given) return NULL;
   if (!PyTuple_Check(given)) {
-    c->failed = 1;
-    PyErr_Format(PyExc_TypeError, "%s: %s must be a tuple, not %R", c->function, name, given);
+    taken->failed = 1;
+    PyErr_Format(PyExc_TypeError, "%s: %s must be a tuple, not %R", taken->function, name, Py_TYPE(given));
     return NULL;
   }
-  c->shape[0] = count = PyTuple_Size(given);
-  c->addresses = PyMem_Calloc((size_t)count + 1, sizeof(void*));
-  if (!c->addresses) {
-    c->failed = 1;
+  const Py_ssize_t count = PyTuple_Size(given);
+  taken->shape[0] = count;
+  taken->addresses = PyMem_Calloc((size_t)count + 1, sizeof(void*));
+  if (!taken->addresses) {
+    taken->failed = 1;
     PyErr_NoMemory();
     return NULL;
   }
-  for (i = 0; i < count; ++i) {
-    struct_object* object = struct_of(c, name, kind, PyTuple_GetItem(given, i));
+  for (Py_ssize_t i = 0; i < count; ++i) {
+    struct_object* object = struct_of(taken, name, kind, PyTuple_GetItem(given, i));
     if (!object) return NULL;
-    c->addresses[i] = object->memory;
+    taken->addresses[i] = object->memory;
   }
-  keep(c, given);
-  return c->addresses;
+  keep(taken, given);
+  return taken->addresses;
 }
 
-PyObject* made(call* c, const char* kind, const void* from, size_t size) {
-  struct_object* object;
-  if (!ready(c)) return NULL;
-  object = PyObject_New(struct_object, record_type);
-  if (!object) return NULL;
-  object->kind = kind;
-  object->holding = object->including = 0;
-  object->addresses = NULL;
+/* All that was taken, handed over to a struct; 0 without memory. */
+static int handed_over(arguments* taken, struct_object* object, const void* from, size_t size) {
+  const size_t holding = (size_t)taken->holding, including = (size_t)taken->including;
   object->memory = PyMem_Malloc(size);
-  object->held = PyMem_Calloc((size_t)c->holding + 1, sizeof(Py_buffer));
-  object->within = PyMem_Calloc((size_t)c->including + 1, sizeof(PyObject*));
-  if (!object->memory || !object->held || !object->within) {
-    Py_DECREF(object);
-    return PyErr_NoMemory();
-  }
+  object->held = PyMem_Calloc(holding + 1, sizeof(Py_buffer));
+  object->within = PyMem_Calloc(including + 1, sizeof(PyObject*));
+  if (!object->memory || !object->held || !object->within) return 0;
   memcpy(object->memory, from, size);
-  memcpy(object->held, c->held, (size_t)c->holding * sizeof(Py_buffer));
-  memcpy(object->within, c->within, (size_t)c->including * sizeof(PyObject*));
-  object->addresses = c->addresses;
-  object->holding = c->holding;
-  object->including = c->including;
-  c->holding = c->including = 0;
-  c->addresses = NULL;
-  return (PyObject*)object;
+  memcpy(object->held, taken->held, holding * sizeof(Py_buffer));
+  memcpy(object->within, taken->within, including * sizeof(PyObject*));
+  object->addresses = taken->addresses;
+  object->holding = taken->holding;
+  object->including = taken->including;
+  taken->holding = taken->including = 0;
+  taken->addresses = NULL;
+  return 1;
 }
 
-void wrong(call* c, const char* name, const char* expected) {
-  if (c->failed) return;
-  c->failed = 1;
-  PyErr_Format(PyExc_ValueError, "%s: %s must be %s", c->function, name, expected);
+PyObject* made(arguments* taken, const char* kind, const void* from, size_t size) {
+  if (!ready(taken)) return ended(taken, NULL);
+  struct_object* object = PyObject_New(struct_object, record_type);
+  if (!object) return ended(taken, NULL);
+  object->kind = kind;
+  object->memory = NULL;
+  object->addresses = NULL;
+  object->held = NULL;
+  object->within = NULL;
+  object->holding = object->including = 0;
+  if (handed_over(taken, object, from, size)) return ended(taken, (PyObject*)object);
+  Py_DECREF(object);
+  return ended(taken, no_memory());
 }
 
-/* --- the end of a call ------------------------------------------------------------------------------------------ */
+/* --- a call ----------------------------------------------------------------------------------------------------- */
 
-int ready(call* c) {
-  if (!c->failed && c->next < c->count) {
-    c->failed = 1;
-    PyErr_Format(PyExc_TypeError, "%s: takes %zd arguments, not %zd", c->function, c->next, c->count);
+static void* room(arguments* taken, long long count, size_t size) {
+  if (taken->failed) return NULL;
+  void* found = NULL;
+  if (taken->scratching < MOST_SCRATCH && count >= 0 && (unsigned long long)count < SIZE_MAX / 2 / size)
+    found = malloc((size_t)count * size + 1);
+  if (found) return taken->scratch[taken->scratching++] = found;
+  taken->failed = 1;
+  PyErr_NoMemory();
+  return NULL;
+}
+
+double* scratch(arguments* taken, long long count) { return room(taken, count, sizeof(double)); }
+long long* scratch_indices(arguments* taken, long long count) { return room(taken, count, sizeof(long long)); }
+
+static int overlap(const Py_buffer* one, const Py_buffer* other) {
+  const char *first = one->buf, *second = other->buf;
+  return one->len > 0 && other->len > 0 && first < second + other->len && second < first + one->len;
+}
+
+/* Refuse what is written where another array is read or written: loops rely on what they have read. */
+static void refuse_overlaps(arguments* taken) {
+  for (int i = 0; i < taken->holding; ++i)
+    for (int j = 0; taken->outputs[i] && j < taken->holding; ++j)
+      if (i != j && overlap(taken->held + i, taken->held + j)) {
+        taken->failed = 1;
+        PyErr_Format(PyExc_ValueError, "%s: %s is written, and must not overlap %s", taken->function, taken->names[i],
+                     taken->names[j]);
+        return;
+      }
+}
+
+int ready(arguments* taken) {
+  if (!taken->failed && taken->next < taken->count) {
+    taken->failed = 1;
+    PyErr_Format(PyExc_TypeError, "%s: takes %zd arguments, not %zd", taken->function, taken->next, taken->count);
   }
-  return !c->failed;
+  if (!taken->failed) refuse_overlaps(taken);
+  return !taken->failed;
 }
 
-PyObject* ended(call* c, PyObject* result) {
-  int i;
-  for (i = 0; i < c->holding; ++i) PyBuffer_Release(c->held + i);
-  for (i = 0; i < c->including; ++i) Py_DECREF(c->within[i]);
-  PyMem_Free(c->addresses);
-  if (!c->failed) return result;
+PyObject* ended(arguments* taken, PyObject* result) {
+  for (int i = 0; i < taken->holding; ++i) PyBuffer_Release(taken->held + i);
+  for (int i = 0; i < taken->including; ++i) Py_DECREF(taken->within[i]);
+  for (int i = 0; i < taken->scratching; ++i) free(taken->scratch[i]);
+  PyMem_Free(taken->addresses);
+  if (!taken->failed) return result;
   Py_XDECREF(result);
   return NULL;
 }

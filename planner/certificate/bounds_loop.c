@@ -1,9 +1,8 @@
 /* The bounds of many pairs on many intervals: `Bounds.by_ball` and `Bounds.by_plane`, to rounding the same as in NumPy.
    What is not a number stays so, and passes no bound: a direction that is not finite has no support value. */
 
-#include <math.h>
-
 #include "../../distance/compiled/border.h"
+#include "../../distance/compiled/vectors.h"
 
 /* Bodies: of each, `number` vertices from row `first` on, and what sweeps them: a ball, a disc normal to z, an
    ellipsoid; half the size of its box, the radius of its ball; on interval k it has row `row` + k `step` of the places
@@ -22,244 +21,275 @@ typedef struct {
   const double *drift_omega, *drift_velocity, *drift_first, *drift_second;
 } intervals;
 
+/* What is asked: pairs on intervals. */
 typedef struct {
-  double omega[3], velocity[3], first, second;
-} motion;
+  const world* of;
+  const intervals* during;
+  const long long *node, *pair;
+  long long items;
+} question;
 
-/* What is not a number stays so, and proves nothing. */
-static double least(double a, double b) { return a != a || a < b ? a : b; }
-static double most(double a, double b) { return a != a || a > b ? a : b; }
+/* One body of a pair on an interval: its row of the places, and which coordinates move it and not the other. */
+typedef struct {
+  const world* of;
+  const intervals* during;
+  long long k, body, row;
+  const long long* moves;
+} mover;
 
-static double travel(const world* w, const intervals* at, long long k, long long row, const long long* moves) {
-  const double *reach = at->reach + row * w->n, *d = at->delta + k * w->n, *e = at->deviation + k * w->n;
+static mover mover_of(const question* asked, long long item, int second) {
+  const world* of = asked->of;
+  const long long k = asked->node[item], pair = asked->pair[item], body = second ? of->b[pair] : of->a[pair];
+  return (mover){
+      .of = of,
+      .during = asked->during,
+      .k = k,
+      .body = body,
+      .row = of->row[body] + k * of->step[body],
+      .moves = (second ? of->moves_b : of->moves_a) + pair * of->n,
+  };
+}
+
+/* --- by balls ----------------------------------------------------------------------------------------------------- */
+
+/* How far any point of a body moves from its place at the midpoint: Σ (|d_j| + e_j) ρ_j. */
+static double travel(const mover* by) {
+  const long long n = by->of->n;
+  const double* reach = by->during->reach + by->row * n;
+  const double *delta = by->during->delta + by->k * n, *deviation = by->during->deviation + by->k * n;
   double total = 0.0;
-  long long j;
-  for (j = 0; j < w->n; ++j) if (moves[j]) total += (fabs(d[j]) + e[j]) * reach[j];
+  for (long long j = 0; j < n; ++j)
+    if (by->moves[j]) total += (fabs(delta[j]) + deviation[j]) * reach[j];
   return total;
+}
+
+/* The distance of the centre of the first body's ball from the second one's box, and its direction; from inside, that
+   from the box's centre. */
+static double centre_to_box(const mover* ball, const mover* box, double* normal) {
+  const double* rotation = box->during->rotation + 9 * box->row;
+  const double* half = box->of->half + 3 * box->body;
+  double gap[3], local[3], away[3];
+  difference(ball->during->center + 3 * ball->row, box->during->center + 3 * box->row, gap);
+  turned_back(rotation, gap, local);
+  for (int i = 0; i < 3; ++i)
+    away[i] = local[i] - (local[i] < -half[i] ? -half[i] : (local[i] > half[i] ? half[i] : local[i]));
+  const double square = dot(away, away);
+  turned(rotation, square == 0.0 ? local : away, normal);
+  const double length = norm(normal);
+  for (int i = 0; i < 3; ++i) normal[i] = length > 0.0 ? normal[i] / length : (i == 2 ? 1.0 : 0.0);
+  return sqrt(square);
 }
 
 /* From the ball around the first body of each item's pair to the box of the second: the distance, less radius and
    travel, and its direction. */
-static void by_ball(const world* w, const intervals* at, long long items, const long long* node, const long long* pair,
-             double* bound, double* normal) {
-  long long i;
-  int c;
-  for (i = 0; i < items; ++i, normal += 3) {
-    long long k = node[i], p = pair[i], a = w->a[p], b = w->b[p];
-    long long row = w->row[a] + k * w->step[a], other_row = w->row[b] + k * w->step[b];
-    const double *turn = at->rotation + 9 * other_row, *half = w->half + 3 * b;
-    const double *ours = at->center + 3 * row, *other = at->center + 3 * other_row;
-    double gap[3], local[3], away[3], square = 0.0, length, *out;
-    for (c = 0; c < 3; ++c) gap[c] = ours[c] - other[c];
-    for (c = 0; c < 3; ++c) {
-      double x = turn[c] * gap[0] + turn[3 + c] * gap[1] + turn[6 + c] * gap[2];
-      local[c] = x;
-      away[c] = x - (x < -half[c] ? -half[c] : (x > half[c] ? half[c] : x));
-      square += away[c] * away[c];
-    }
-    bound[i] = sqrt(square) - w->radius[a] - travel(w, at, k, row, w->moves_a + p * w->n) -
-               travel(w, at, k, other_row, w->moves_b + p * w->n);
-    out = square == 0.0 ? local : away;
-    for (c = 0; c < 3; ++c) normal[c] = turn[3 * c] * out[0] + turn[3 * c + 1] * out[1] + turn[3 * c + 2] * out[2];
-    length = sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
-    for (c = 0; c < 3; ++c) normal[c] = length > 0.0 ? normal[c] / length : (c == 2 ? 1.0 : 0.0);
+static void by_ball(const question* asked, double* bound, double* normal) {
+  for (long long i = 0; i < asked->items; ++i) {
+    const mover ours = mover_of(asked, i, 0), theirs = mover_of(asked, i, 1);
+    const double distance = centre_to_box(&ours, &theirs, normal + 3 * i);
+    bound[i] = distance - asked->of->radius[ours.body] - travel(&ours) - travel(&theirs);
   }
 }
 
-/* The motion of the body in a row of the places, due to the joints that `moves` names and to its own drift. */
-static motion motion_of(const world* w, const intervals* at, long long k, long long row, const long long* moves) {
-  const double *reach = at->reach + row * w->n, *d = at->delta + k * w->n, *e = at->deviation + k * w->n;
+/* --- by planes ---------------------------------------------------------------------------------------------------- */
+
+/* x' = omega × x + velocity, how far a body moves at most, and how far beyond that straight line. */
+typedef struct {
+  double omega[3], velocity[3], first, second;
+} motion;
+
+/* Add what the coordinate j that moves by `delta` adds: about an axis z through o, delta z and o × delta z; along z only
+   a velocity. */
+static void add_joint(const mover* by, long long j, double delta, motion* found) {
+  const double* axis = by->during->axes + 3 * (by->k * by->of->n + j);
+  const double* point = by->during->points + 3 * (by->k * by->of->n + j);
+  double across[3];
+  if (!by->of->turns[j]) {
+    for (int i = 0; i < 3; ++i) found->velocity[i] += delta * axis[i];
+    return;
+  }
+  cross(point, axis, across);
+  for (int i = 0; i < 3; ++i) {
+    found->omega[i] += delta * axis[i];
+    found->velocity[i] += delta * across[i];
+  }
+}
+
+static void add_drift(const intervals* during, long long row, motion* found) {
+  for (int i = 0; i < 3; ++i) {
+    found->omega[i] += during->drift_omega[3 * row + i];
+    found->velocity[i] += during->drift_velocity[3 * row + i];
+  }
+  found->first += during->drift_first[row];
+  found->second += during->drift_second[row];
+}
+
+/* The motion of a body, due to the joints that move it and to its own drift. */
+static motion motion_of(const mover* by) {
+  const intervals* during = by->during;
+  const long long n = by->of->n;
+  const double* reach = during->reach + by->row * n;
+  const double *delta = during->delta + by->k * n, *deviation = during->deviation + by->k * n;
   double total = 0.0, leaving = 0.0, bend = 0.0, before = 0.0;
-  long long j, n = w->n;
-  int c;
   motion found = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, 0.0, 0.0};
-  for (j = 0; j < n; ++j) {
-    const double *z = at->axes + 3 * (k * n + j), *o = at->points + 3 * (k * n + j);
-    double speed, turn = w->turns[j] ? fabs(d[j]) : 0.0;
-    if (!moves[j]) continue;
-    speed = fabs(d[j]) * reach[j];
-    leaving += e[j] * reach[j];
+  for (long long j = 0; j < n; ++j) {
+    if (!by->moves[j]) continue;
+    const double turn = by->of->turns[j] ? fabs(delta[j]) : 0.0, speed = fabs(delta[j]) * reach[j];
+    leaving += deviation[j] * reach[j];
     total += speed;
     bend += speed * (turn + 2.0 * before);
     before += turn;
-    if (w->turns[j]) {
-      for (c = 0; c < 3; ++c) found.omega[c] += d[j] * z[c];
-      found.velocity[0] += d[j] * (o[1] * z[2] - o[2] * z[1]);
-      found.velocity[1] += d[j] * (o[2] * z[0] - o[0] * z[2]);
-      found.velocity[2] += d[j] * (o[0] * z[1] - o[1] * z[0]);
-    } else {
-      for (c = 0; c < 3; ++c) found.velocity[c] += d[j] * z[c];
-    }
+    add_joint(by, j, delta[j], &found);
   }
   found.first = total + leaving;
   found.second = 0.5 * bend + leaving;
-  if (at->drift_omega) {
-    for (c = 0; c < 3; ++c) {
-      found.omega[c] += at->drift_omega[3 * row + c];
-      found.velocity[c] += at->drift_velocity[3 * row + c];
-    }
-    found.first += at->drift_first[row];
-    found.second += at->drift_second[row];
-  }
+  if (during->drift_omega) add_drift(during, by->row, &found);
   return found;
 }
 
-static double support(const world* w, long long b, double x, double y, double z) {
-  const double *v = w->vertices + 3 * w->first[b], *end = v + 3 * w->number[b], *r = w->radii + 3 * b;
-  double best = x * v[0] + y * v[1] + z * v[2];
-  for (v += 3; v < end; v += 3) {
-    double along = x * v[0] + y * v[1] + z * v[2];
+/* max v·x over vertices (number, 3). */
+static double farthest(const double* vertices, long long number, const double* v) {
+  double best = dot(v, vertices);
+  for (long long k = 1; k < number; ++k) {
+    const double along = dot(v, vertices + 3 * k);
     best = along > best ? along : best;
   }
-  best += w->ball[b] * sqrt(x * x + y * y + z * z) + w->disc[b] * sqrt(x * x + y * y);
-  return best + sqrt(r[0] * x * r[0] * x + r[1] * y * r[1] * y + r[2] * z * r[2] * z);
+  return best;
+}
+
+/* max v·x over the points x of a body, in its own frame; what is not finite has none. */
+static double support(const world* of, long long body, const double* v) {
+  const double* radii = of->radii + 3 * body;
+  double best = farthest(of->vertices + 3 * of->first[body], of->number[body], v);
+  best += of->ball[body] * norm(v) + of->disc[body] * sqrt(v[0] * v[0] + v[1] * v[1]);
+  best += sqrt(radii[0] * v[0] * radii[0] * v[0] + radii[1] * v[1] * radii[1] * v[1] +
+               radii[2] * v[2] * radii[2] * v[2]);
+  return v[0] - v[0] == 0.0 && v[1] - v[1] == 0.0 && v[2] - v[2] == 0.0 ? best : NAN;
 }
 
 /* max n·(x + s x') over the points x of a body, x' = omega × x + velocity, for s = 0, 1, −1. */
-static void extremes(const world* w, const intervals* at, long long body, long long row, const double* n,
-                     const motion* by, double* values) {
-  const double *u = by->velocity, *v = by->omega, *o = at->origin + 3 * row, *turn = at->rotation + 9 * row;
-  double across[3];
-  int s, j;
-  across[0] = n[1] * v[2] - n[2] * v[1];
-  across[1] = n[2] * v[0] - n[0] * v[2];
-  across[2] = n[0] * v[1] - n[1] * v[0];
-  for (s = 0; s < 3; ++s) {
-    double d[3], local[3], value = s ? (s == 1 ? 1.0 : -1.0) * (n[0] * u[0] + n[1] * u[1] + n[2] * u[2]) : 0.0;
-    for (j = 0; j < 3; ++j) d[j] = s ? (s == 1 ? n[j] + across[j] : n[j] - across[j]) : n[j];
-    for (j = 0; j < 3; ++j) local[j] = turn[j] * d[0] + turn[3 + j] * d[1] + turn[6 + j] * d[2];
-    value += d[0] * o[0] + d[1] * o[1] + d[2] * o[2];
-    value += support(w, body, local[0], local[1], local[2]);
-    if (!(local[0] - local[0] == 0.0 && local[1] - local[1] == 0.0 && local[2] - local[2] == 0.0)) value = NAN;
-    values[s] = value;
+static void extremes(const mover* by, const double* n, const motion* moved, double* values) {
+  const double *origin = by->during->origin + 3 * by->row, *rotation = by->during->rotation + 9 * by->row;
+  const double along = dot(n, moved->velocity);
+  double across[3], way[3], local[3];
+  cross(n, moved->omega, across);
+  for (int s = 0; s < 3; ++s) {
+    for (int i = 0; i < 3; ++i) way[i] = s == 0 ? n[i] : (s == 1 ? n[i] + across[i] : n[i] - across[i]);
+    turned_back(rotation, way, local);
+    values[s] = s == 0 ? 0.0 : (s == 1 ? along : -along);
+    values[s] += dot(way, origin);
+    values[s] += support(by->of, by->body, local);
   }
 }
 
 /* Between parallel planes normal to a direction from the second body of each item's pair to the first: their distance
    at the midpoint, the bound over the interval, and how far the two bodies move at most. */
-static void by_plane(const world* w, const intervals* at, long long items, const long long* node, const long long* pair,
-              const double* normal, double* gap, double* bound, double* travels) {
-  long long i;
-  for (i = 0; i < items; ++i, normal += 3) {
-    long long k = node[i], p = pair[i], a = w->a[p], b = w->b[p];
-    long long row = w->row[a] + k * w->step[a], other = w->row[b] + k * w->step[b];
-    motion ours = motion_of(w, at, k, row, w->moves_a + p * w->n);
-    motion theirs = motion_of(w, at, k, other, w->moves_b + p * w->n);
-    double back[3], near[3], far[3], gaps[3], moved;
-    int s;
-    for (s = 0; s < 3; ++s) back[s] = -normal[s];
-    extremes(w, at, a, row, back, &ours, near);
-    extremes(w, at, b, other, normal, &theirs, far);
-    for (s = 0; s < 3; ++s) gaps[s] = -near[s] - far[s];
-    moved = ours.first + theirs.first;
+static void by_plane(const question* asked, const double* normal, double* gap, double* bound, double* travels) {
+  for (long long i = 0; i < asked->items; ++i) {
+    const mover ours = mover_of(asked, i, 0), theirs = mover_of(asked, i, 1);
+    const motion first = motion_of(&ours), second = motion_of(&theirs);
+    const double *n = normal + 3 * i, back[3] = {-n[0], -n[1], -n[2]};
+    double near[3], far[3], gaps[3];
+    extremes(&ours, back, &first, near);
+    extremes(&theirs, n, &second, far);
+    for (int s = 0; s < 3; ++s) gaps[s] = -near[s] - far[s];
+    travels[i] = first.first + second.first;
     gap[i] = gaps[0];
-    bound[i] = most(least(gaps[1], gaps[2]) - (ours.second + theirs.second), gaps[0] - moved);
-    travels[i] = moved;
+    bound[i] = most_of(least_of(gaps[1], gaps[2]) - (first.second + second.second), gaps[0] - travels[i]);
   }
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-static PyObject* make_world(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("world", given, count);
-  const long long many = 1LL << 40;
-  world w;
-  long long vertices, k;
-  PyObject* found;
-  (void)self;
-  w.turns = rows(&c, "turns", 0, 2, SHAPE(ANY));
-  w.n = c.shape[0];
-  w.row = rows(&c, "row", 0, many, SHAPE(ANY));
-  w.bodies = c.shape[0];
-  w.step = rows(&c, "step", 0, many, SHAPE(w.bodies));
-  w.a = rows(&c, "a", 0, w.bodies, SHAPE(ANY));
-  w.pairs = c.shape[0];
-  w.b = rows(&c, "b", 0, w.bodies, SHAPE(w.pairs));
-  w.moves_a = rows(&c, "moves_a", 0, 2, SHAPE(w.pairs, w.n));
-  w.moves_b = rows(&c, "moves_b", 0, 2, SHAPE(w.pairs, w.n));
-  w.vertices = numbers(&c, "vertices", SHAPE(ANY, 3));
-  vertices = c.shape[0];
-  w.first = rows(&c, "first", 0, vertices, SHAPE(w.bodies));
-  w.number = rows(&c, "number", 1, vertices + 1, SHAPE(w.bodies));
-  w.ball = numbers(&c, "ball", SHAPE(w.bodies));
-  w.disc = numbers(&c, "disc", SHAPE(w.bodies));
-  w.radii = numbers(&c, "radii", SHAPE(w.bodies, 3));
-  w.half = numbers(&c, "half", SHAPE(w.bodies, 3));
-  w.radius = numbers(&c, "radius", SHAPE(w.bodies));
-  for (k = 0; !c.failed && k < w.bodies; ++k)
-    if (w.first[k] + w.number[k] > vertices) wrong(&c, "number", "rows within `vertices`");
-  found = made(&c, "world", &w, sizeof w);
-  return ended(&c, found);
+static void take_bodies(arguments* taken, world* of, long long vertices) {
+  of->first = indices(taken, "first", 0, vertices, SHAPE(of->bodies));
+  of->number = indices(taken, "number", 1, vertices + 1, SHAPE(of->bodies));
+  of->ball = numbers(taken, "ball", SHAPE(of->bodies));
+  of->disc = numbers(taken, "disc", SHAPE(of->bodies));
+  of->radii = numbers(taken, "radii", SHAPE(of->bodies, 3));
+  of->half = numbers(taken, "half", SHAPE(of->bodies, 3));
+  of->radius = numbers(taken, "radius", SHAPE(of->bodies));
+  for (long long k = 0; !taken->failed && k < of->bodies; ++k)
+    if (of->first[k] + of->number[k] > vertices) wrong(taken, "number", "rows within `vertices`");
 }
 
-static PyObject* make_intervals(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("intervals", given, count);
-  intervals at;
-  PyObject* found;
-  (void)self;
-  at.rotation = numbers(&c, "rotation", SHAPE(ANY, 3, 3));
-  at.places = c.shape[0];
-  at.origin = numbers(&c, "origin", SHAPE(at.places, 3));
-  at.center = numbers(&c, "center", SHAPE(at.places, 3));
-  at.reach = numbers(&c, "reach", SHAPE(at.places, ANY));
-  at.n = c.shape[1];
-  at.delta = numbers(&c, "delta", SHAPE(ANY, at.n));
-  at.count = c.shape[0];
-  at.deviation = numbers(&c, "deviation", SHAPE(at.count, at.n));
-  at.axes = numbers(&c, "axes", SHAPE(at.count, at.n, 3));
-  at.points = numbers(&c, "points", SHAPE(at.count, at.n, 3));
-  at.drift_omega = numbers_or_none(&c, "drift_omega", SHAPE(at.places, 3));
-  at.drift_velocity = numbers_or_none(&c, "drift_velocity", SHAPE(at.places, 3));
-  at.drift_first = numbers_or_none(&c, "drift_first", SHAPE(at.places));
-  at.drift_second = numbers_or_none(&c, "drift_second", SHAPE(at.places));
-  if (!at.drift_omega != !at.drift_velocity || !at.drift_omega != !at.drift_first || !at.drift_omega != !at.drift_second)
-    wrong(&c, "drift", "given whole, or not at all");
-  found = made(&c, "intervals", &at, sizeof at);
-  return ended(&c, found);
+WRAPPER(make_world) {
+  arguments taken = begin("world", given, count);
+  world of;
+  of.turns = indices(&taken, "turns", 0, 2, SHAPE(ANY));
+  of.n = taken.shape[0];
+  of.row = indices(&taken, "row", 0, MANY, SHAPE(ANY));
+  of.bodies = taken.shape[0];
+  of.step = indices(&taken, "step", 0, MANY, SHAPE(of.bodies));
+  of.a = indices(&taken, "a", 0, of.bodies, SHAPE(ANY));
+  of.pairs = taken.shape[0];
+  of.b = indices(&taken, "b", 0, of.bodies, SHAPE(of.pairs));
+  of.moves_a = indices(&taken, "moves_a", 0, 2, SHAPE(of.pairs, of.n));
+  of.moves_b = indices(&taken, "moves_b", 0, 2, SHAPE(of.pairs, of.n));
+  of.vertices = numbers(&taken, "vertices", SHAPE(ANY, 3));
+  take_bodies(&taken, &of, taken.shape[0]);
+  return made(&taken, "world", &of, sizeof of);
 }
 
-/* What both functions take first; whether every body has its place on every interval. */
-typedef struct {
-  const world* w;
-  const intervals* at;
-  const long long *node, *pair;
-  long long items;
-} asked;
-
-static asked take_asked(call* c) {
-  asked found;
-  long long k;
-  found.w = record(c, "world", "world");
-  found.at = record(c, "intervals", "intervals");
-  found.node = rows(c, "node", 0, found.at ? found.at->count : 0, SHAPE(ANY));
-  found.items = c->shape[0];
-  found.pair = rows(c, "pair", 0, found.w ? found.w->pairs : 0, SHAPE(found.items));
-  if (c->failed) return found;
-  if (found.at->n != found.w->n) wrong(c, "intervals", "of the joints of the world");
-  for (k = 0; k < found.w->bodies && found.at->count > 0; ++k)
-    if (found.w->row[k] + (found.at->count - 1) * found.w->step[k] >= found.at->places)
-      wrong(c, "intervals", "those in which the bodies of the world have places");
-  return found;
+WRAPPER(make_intervals) {
+  arguments taken = begin("intervals", given, count);
+  intervals during;
+  during.rotation = numbers(&taken, "rotation", SHAPE(ANY, 3, 3));
+  during.places = taken.shape[0];
+  during.origin = numbers(&taken, "origin", SHAPE(during.places, 3));
+  during.center = numbers(&taken, "center", SHAPE(during.places, 3));
+  during.reach = numbers(&taken, "reach", SHAPE(during.places, ANY));
+  during.n = taken.shape[1];
+  during.delta = numbers(&taken, "delta", SHAPE(ANY, during.n));
+  during.count = taken.shape[0];
+  during.deviation = numbers(&taken, "deviation", SHAPE(during.count, during.n));
+  during.axes = numbers(&taken, "axes", SHAPE(during.count, during.n, 3));
+  during.points = numbers(&taken, "points", SHAPE(during.count, during.n, 3));
+  during.drift_omega = numbers_or_none(&taken, "drift_omega", SHAPE(during.places, 3));
+  during.drift_velocity = numbers_or_none(&taken, "drift_velocity", SHAPE(during.places, 3));
+  during.drift_first = numbers_or_none(&taken, "drift_first", SHAPE(during.places));
+  during.drift_second = numbers_or_none(&taken, "drift_second", SHAPE(during.places));
+  const int drifts = !!during.drift_omega + !!during.drift_velocity + !!during.drift_first + !!during.drift_second;
+  if (drifts != 0 && drifts != 4) wrong(&taken, "drift_omega", "given with the three after it, or none of the four");
+  return made(&taken, "intervals", &during, sizeof during);
 }
 
-static PyObject* call_by_ball(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("by_ball", given, count);
-  asked of = take_asked(&c);
-  double *bound = written(&c, "bound", SHAPE(of.items)), *normal = written(&c, "normal", SHAPE(of.items, 3));
-  (void)self;
-  if (ready(&c)) WITHOUT_LOCK(by_ball(of.w, of.at, of.items, of.node, of.pair, bound, normal));
-  return ended(&c, none());
+/* What both functions take first; every body has its place on every interval. */
+static question take_question(arguments* taken) {
+  question asked;
+  asked.of = record(taken, "world", "world");
+  asked.during = record(taken, "intervals", "intervals");
+  asked.node = indices(taken, "node", 0, asked.during ? asked.during->count : 0, SHAPE(ANY));
+  asked.items = taken->shape[0];
+  asked.pair = indices(taken, "pair", 0, asked.of ? asked.of->pairs : 0, SHAPE(asked.items));
+  if (taken->failed) return asked;
+  const long long last = asked.during->count - 1, places = asked.during->places;
+  if (asked.during->n != asked.of->n) wrong(taken, "intervals", "of the joints of the world");
+  for (long long k = 0; k < asked.of->bodies && last >= 0; ++k) {
+    const long long row = asked.of->row[k], step = asked.of->step[k];
+    if (row >= places || (step > 0 && last > (places - 1 - row) / step))
+      wrong(taken, "intervals", "those in which the bodies of the world have places");
+  }
+  return asked;
 }
 
-static PyObject* call_by_plane(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("by_plane", given, count);
-  asked of = take_asked(&c);
-  const double* normal = numbers(&c, "normal", SHAPE(of.items, 3));
-  double *gap = written(&c, "gap", SHAPE(of.items)), *bound = written(&c, "bound", SHAPE(of.items));
-  double* travels = written(&c, "travels", SHAPE(of.items));
-  (void)self;
-  if (ready(&c)) WITHOUT_LOCK(by_plane(of.w, of.at, of.items, of.node, of.pair, normal, gap, bound, travels));
-  return ended(&c, none());
+WRAPPER(call_by_ball) {
+  arguments taken = begin("by_ball", given, count);
+  const question asked = take_question(&taken);
+  double* bound = written(&taken, "bound", SHAPE(asked.items));
+  double* normal = written(&taken, "normal", SHAPE(asked.items, 3));
+  if (ready(&taken)) WITHOUT_LOCK(by_ball(&asked, bound, normal));
+  return ended(&taken, none());
+}
+
+WRAPPER(call_by_plane) {
+  arguments taken = begin("by_plane", given, count);
+  const question asked = take_question(&taken);
+  const double* normal = numbers(&taken, "normal", SHAPE(asked.items, 3));
+  double* gap = written(&taken, "gap", SHAPE(asked.items));
+  double* bound = written(&taken, "bound", SHAPE(asked.items));
+  double* travels = written(&taken, "travels", SHAPE(asked.items));
+  if (ready(&taken)) WITHOUT_LOCK(by_plane(&asked, normal, gap, bound, travels));
+  return ended(&taken, none());
 }
 
 PyMethodDef bounds_functions[] = {

@@ -5,305 +5,329 @@
 
 #include "close_pairs.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 #include "../../distance/compiled/border.h"
+#include "../../distance/compiled/clones.h"
+#include "../../distance/compiled/vectors.h"
 
 enum { GROUP = 8 };
 
+#define ROUNDING 1e-12 /* [m] by which balls are larger */
+
+/* --- paths of points -------------------------------------------------------------------------------------------- */
+
 /* Points (count, 3) in the frames of joints, in the world at every sample: (count, batch, 3). */
-static void place(long long batch, long long joints, const double* placements, long long count, const long long* joint,
-                  const double* points, double* placed) {
-  long long s, k;
-  int i;
-  for (k = 0; k < count; ++k)
-    for (s = 0; s < batch; ++s) {
-      const double *frame = placements + 12 * (s * joints + joint[k]), *p = points + 3 * k;
-      for (i = 0; i < 3; ++i)
-        *placed++ = frame[3 * i] * p[0] + frame[3 * i + 1] * p[1] + frame[3 * i + 2] * p[2] + frame[9 + i];
-    }
+static void place_points(long long batch, long long joints, const double* placements, long long count,
+                         const long long* joint, const double* points, double* found) {
+  for (long long k = 0; k < count; ++k)
+    for (long long sample = 0; sample < batch; ++sample, found += 3)
+      placed(placements + 12 * (sample * joints + joint[k]), points + 3 * k, found);
 }
 
-/* For each of `count` paths (batch, 3): a ball (centre, radius) around all of it, then one around each group of
-   samples, with room for rounding. Centres are the middle samples: as good as any on a path that hardly bends. */
-static double* balls_around(long long count, long long batch, const double* paths) {
-  long long groups = (batch + GROUP - 1) / GROUP, k, g, s;
-  double* balls = malloc((size_t)((count * (groups + 1) + 1) * 4) * sizeof(double));
-  int i;
-  for (k = 0; balls && k < count; ++k) {
+/* A ball (centre, radius) around the samples `begin` to `end` of a path. Its centre is the middle sample: as good as
+   any on a path that hardly bends. */
+INLINE void ball_around(const double* path, long long begin, long long end, double* ball) {
+  const double* middle = path + 3 * ((begin + end) / 2);
+  double apart[3], most = 0.0;
+  for (long long sample = begin; sample < end; ++sample) {
+    difference(path + 3 * sample, middle, apart);
+    const double square = dot(apart, apart);
+    most = square > most ? square : most;
+  }
+  for (int i = 0; i < 3; ++i) ball[i] = middle[i];
+  ball[3] = sqrt(most) + ROUNDING;
+}
+
+/* For each of `count` paths (batch, 3): a ball around all of it, then one around each group of samples. */
+CLONES
+static void balls_around(long long count, long long batch, const double* paths, double* balls) {
+  const long long groups = (batch + GROUP - 1) / GROUP;
+  for (long long k = 0; k < count; ++k) {
     const double* path = paths + 3 * batch * k;
-    double *all = balls + 4 * (groups + 1) * k, *ball = all + 4;
-    for (i = 0; i < 3; ++i) all[i] = path[3 * (batch / 2) + i];
+    double *all = balls + 4 * (groups + 1) * k, *ball = all + 4, apart[3];
+    for (int i = 0; i < 3; ++i) all[i] = path[3 * (batch / 2) + i];
     all[3] = 0.0;
-    for (g = 0; g < groups; ++g, ball += 4) {
-      long long begin = g * GROUP, end = begin + GROUP < batch ? begin + GROUP : batch;
-      const double* middle = path + 3 * ((begin + end) / 2);
-      double x, y, z, most = 0.0;
-      for (s = begin; s < end; ++s) {
-        double apart;
-        x = path[3 * s] - middle[0];
-        y = path[3 * s + 1] - middle[1];
-        z = path[3 * s + 2] - middle[2];
-        apart = x * x + y * y + z * z;
-        most = apart > most ? apart : most;
-      }
-      for (i = 0; i < 3; ++i) ball[i] = middle[i];
-      ball[3] = sqrt(most) + 1e-12;
-      x = ball[0] - all[0];
-      y = ball[1] - all[1];
-      z = ball[2] - all[2];
-      x = sqrt(x * x + y * y + z * z) + ball[3] + 1e-12;
-      all[3] = x > all[3] ? x : all[3];
+    for (long long group = 0; group < groups; ++group, ball += 4) {
+      const long long begin = group * GROUP, end = begin + GROUP < batch ? begin + GROUP : batch;
+      ball_around(path, begin, end, ball);
+      difference(ball, all, apart);
+      const double radius = norm(apart) + ball[3] + ROUNDING;
+      all[3] = radius > all[3] ? radius : all[3];
     }
   }
-  return balls;
 }
 
-/* Squared distance from a box, of a point given from its centre; `box` is its placement (4, 4), row by row. */
-static double beyond(double x, double y, double z, const double* box, const double* half) {
+/* Squared distance of a point, given from the box's centre, from a box: its placement (4, 4) row by row and half size. */
+INLINE double beyond(const double* point, const double* at, const double* half) {
   double total = 0.0;
-  int i;
-  for (i = 0; i < 3; ++i) {
-    double along = x * box[i] + y * box[4 + i] + z * box[8 + i];
-    double out = (along < 0.0 ? -along : along) - half[i];
+  for (int i = 0; i < 3; ++i) {
+    const double along = point[0] * at[i] + point[1] * at[4 + i] + point[2] * at[8 + i];
+    const double out = (along < 0.0 ? -along : along) - half[i];
     if (out > 0.0) total += out * out;
   }
   return total;
 }
 
-/* Room for any pair; `points` is to be freed. Returns 0, or −1 without memory. */
-int make_projection(const tables* t, projection* of) {
-  of->points = malloc((size_t)(3 * t->slots + (t->slots + 3) * t->widest) * sizeof(double));
-  if (!of->points) return -1;
-  of->x = of->points + 3 * t->slots;
-  of->least = of->x + t->slots * t->widest;
-  of->work = of->least + t->widest;
+/* --- planes ----------------------------------------------------------------------------------------------------- */
+
+link_body body_of(const tables* of, long long pair) {
+  const double* row = of->table + (4 * of->slots + 1) * of->body[pair];
+  return (link_body){of->slots, row, row + 3 * of->slots, row[4 * of->slots]};
+}
+
+halfspaces planes_of(const tables* of, long long pair) {
+  const long long box = of->box[pair];
+  return (halfspaces){of->width[box], of->planes + of->first[box]};
+}
+
+int make_projection(const tables* of, projection* found) {
+  found->points = malloc((size_t)(3 * of->slots + (of->slots + 3) * of->widest) * sizeof(double));
+  if (!found->points) return -1;
+  found->x = found->points + 3 * of->slots;
+  found->least = found->x + of->slots * of->widest;
+  found->work = found->least + of->widest;
   return 0;
 }
 
-/* The largest of `width` numbers, a multiple of four: four at a time, as wide as vectors are. */
-double largest(long long width, const double* values) {
-  double most[4];
-  long long k;
-  int j;
-  for (j = 0; j < 4; ++j) most[j] = values[j];
-  for (k = 4; k < width; k += 4)
-    for (j = 0; j < 4; ++j) most[j] = values[k + j] > most[j] ? values[k + j] : most[j];
-  most[0] = most[1] > most[0] ? most[1] : most[0];
-  most[2] = most[3] > most[2] ? most[3] : most[2];
-  return most[2] > most[0] ? most[2] : most[0];
-}
-
-/* Project a body (vertices, weights, radius) in frame a on the planes of a body in frame b, a row of all x, of all y
-   and z of the normals and one of the supports. Returns the largest least x: more than 0 only where a plane separates
-   the two. */
-double project(const double* a, const double* b, long long slots, const double* body, long long width,
-                      const double* restrict planes, projection* of) {
-  double turn[9], shift[3], radius = body[4 * slots], *p = of->points;
-  double *restrict x = of->x, *restrict least = of->least;
-  const double *nx = planes, *ny = nx + width, *nz = ny + width, *h = nz + width;
-  long long i, j, k;
-  for (i = 0; i < 3; ++i) {
-    shift[i] = b[i] * (a[9] - b[9]) + b[3 + i] * (a[10] - b[10]) + b[6 + i] * (a[11] - b[11]);
-    for (j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
-  }
-  for (i = 0; i < slots; ++i, body += 3, p += 3, x += width) {
-    double px, py, pz;
-    for (j = 0; j < 3; ++j)
-      p[j] = turn[3 * j] * body[0] + turn[3 * j + 1] * body[1] + turn[3 * j + 2] * body[2] + shift[j];
-    px = p[0];
-    py = p[1];
-    pz = p[2];
-    for (k = 0; k < width; ++k) {
-      double along = nx[k] * px + ny[k] * py + nz[k] * pz - (h[k] + radius);
+/* x_ik = n_k·p_i − h_k − r of vertices in the frame of the planes; returns the largest least x. */
+CLONES
+static double spread(const link_body* body, const halfspaces* planes, const projection* found) {
+  const long long width = planes->width;
+  const double *restrict nx = planes->rows, *restrict ny = nx + width, *restrict nz = ny + width;
+  const double *restrict supports = nz + width, radius = body->radius;
+  double *restrict x = found->x, *restrict least = found->least;
+  for (long long i = 0; i < body->slots; ++i, x += width) {
+    const double px = found->points[3 * i], py = found->points[3 * i + 1], pz = found->points[3 * i + 2];
+    for (long long k = 0; k < width; ++k) {
+      const double along = nx[k] * px + ny[k] * py + nz[k] * pz - (supports[k] + radius);
       x[k] = along;
       least[k] = i == 0 || along < least[k] ? along : least[k];
     }
   }
-  return largest(width, least);
+  return largest(width, found->least);
+}
+
+double project(const double* a, const double* b, const link_body* body, const halfspaces* planes, projection* found) {
+  double turn[9], apart[3], shift[3]; /* from frame a to frame b */
+  difference(a + 9, b + 9, apart);
+  turned_back(b, apart, shift);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
+  for (long long i = 0; i < body->slots; ++i) {
+    double* point = found->points + 3 * i;
+    turned(turn, body->vertices + 3 * i, point);
+    for (int j = 0; j < 3; ++j) point[j] += shift[j];
+  }
+  return spread(body, planes, found);
 }
 
 /* Whether one plane of a body in frame b, row `which` of a projection's, separates a body in frame a by `least`. */
-static int separates(const double* a, const double* b, long long slots, const double* body, long long width,
-                     const double* planes, long long which, double least) {
-  const double* n = planes + which;
-  double nx = n[0], ny = n[width], nz = n[2 * width], x, y, z, gap;
-  long long i;
-  x = b[0] * nx + b[1] * ny + b[2] * nz;  /* the normal in the world, then in frame a */
-  y = b[3] * nx + b[4] * ny + b[5] * nz;
-  z = b[6] * nx + b[7] * ny + b[8] * nz;
-  gap = x * (a[9] - b[9]) + y * (a[10] - b[10]) + z * (a[11] - b[11]) - n[3 * width] - body[4 * slots] - least;
-  nx = x * a[0] + y * a[3] + z * a[6];
-  ny = x * a[1] + y * a[4] + z * a[7];
-  nz = x * a[2] + y * a[5] + z * a[8];
-  for (i = 0; i < slots; ++i, body += 3)
-    if (!(nx * body[0] + ny * body[1] + nz * body[2] + gap > 0.0)) return 0;
+INLINE int separates(const double* a, const double* b, const link_body* body, const halfspaces* planes, long long which,
+                     double least) {
+  const double *row = planes->rows + which, normal[3] = {row[0], row[planes->width], row[2 * planes->width]};
+  double world[3], local[3], apart[3]; /* the normal in the world, and in frame a */
+  turned(b, normal, world);
+  turned_back(a, world, local);
+  difference(a + 9, b + 9, apart);
+  const double gap = dot(world, apart) - row[3 * planes->width] - body->radius - least;
+  for (long long i = 0; i < body->slots; ++i)
+    if (!(dot(local, body->vertices + 3 * i) + gap > 0.0)) return 0;
   return 1;
 }
 
-/* Visit the rows (sample, pair) of balls that reach their box, pair by pair, that no plane of the box's body separates
-   by `least`; the plane that did so at the sample before is tried first. With `centres` (bodies, batch, 3) given, those
-   of standing boxes only, without planes. Returns 0, or −1 without memory. */
-int visit(const tables* t, long long batch, long long joints, const double* placements, const double* centres,
-                 const double* reach, double least, action* act, void* given) {
-  long long groups = (batch + GROUP - 1) / GROUP, pairs = centres ? t->standing : t->pairs, r, g, s;
-  long long boxes = t->pairs > t->standing && !centres ? t->boxes : 0;
-  double *placed, *origins, *around, *beside;
-  projection of;
-  if (batch == 0) return 0;
-  if (make_projection(t, &of)) return -1;
-  placed = malloc((size_t)(3 * batch * (t->bodies + boxes + 1)) * sizeof(double));
-  if (!placed) {
-    free(of.points);
-    return -1;
+/* --- the search ------------------------------------------------------------------------------------------------- */
+
+/* What is asked, and paths of the bodies' and of the moving boxes' centres (…, batch, 3) with the balls around them. */
+typedef struct {
+  const tables* of;
+  long long batch, joints, groups;
+  const double *placements, *reach; /* without placements there are no planes, and no moving boxes */
+  double least;
+  const double *centres, *origins, *around, *beside;
+} search;
+
+INLINE int is_moving(const search* asked, long long pair) { return asked->of->joint_b[pair] > 0; }
+
+/* Whether balls around a group of samples come close: a body's, and a box's or a standing box. −1: all samples. */
+INLINE int group_reaches(const search* asked, long long pair, long long group) {
+  const tables* of = asked->of;
+  const long long body = of->body[pair], box = of->box[pair];
+  const double* ball = asked->around + 4 * ((asked->groups + 1) * body + group + 1);
+  double apart[3], most = asked->reach[body] + ball[3];
+  if (is_moving(asked, pair)) {
+    const double* other = asked->beside + 4 * ((asked->groups + 1) * box + group + 1);
+    most += of->balls[box] + other[3];
+    difference(ball, other, apart);
+    return dot(apart, apart) < most * most;
   }
-  origins = placed + 3 * batch * t->bodies;
-  if (!centres) place(batch, joints, placements, t->bodies, t->body_joint, t->centres, placed);
-  place(batch, joints, placements, boxes, t->box_joint, t->middles, origins);
-  if (!centres) centres = placed; else placements = 0;
-  around = balls_around(t->bodies, batch, centres);
-  beside = balls_around(boxes, batch, origins);
-  for (r = 0; around && beside && r < pairs; ++r) {
-    long long k = t->order[r], a = t->body[k], b = t->box[k], last = 0;
-    int moving = t->joint_b[k] > 0;
-    const double *at = t->at + 16 * b, *half = t->half + 3 * b, *ball = around + 4 * (groups + 1) * a;
-    const double *other = moving ? beside + 4 * (groups + 1) * b : 0, *body = t->table + (4 * t->slots + 1) * a;
-    const double* planes = t->planes + t->first[b];
-    for (g = -1; g < groups; ++g, ball += 4, other += moving ? 4 : 0) {  /* −1: all samples */
-      double most = reach[a] + ball[3];
-      int far;
-      if (moving) {
-        double x = ball[0] - other[0], y = ball[1] - other[1], z = ball[2] - other[2];
-        most += t->balls[b] + other[3];
-        far = !(x * x + y * y + z * z < most * most);
-      } else far = !(beyond(ball[0] - at[3], ball[1] - at[7], ball[2] - at[11], at, half) < most * most);
-      if (far && g < 0) break;
-      if (far || g < 0) continue;
-      for (s = g * GROUP; s < batch && s < (g + 1) * GROUP; ++s) {
-        const double* p = centres + 3 * (batch * a + s);
-        most = reach[a] * reach[a];
-        if (moving) {
-          const double *o = origins + 3 * (batch * b + s), *frame = placements + 12 * (s * joints + t->joint_b[k]);
-          double x = p[0] - o[0], y = p[1] - o[1], z = p[2] - o[2], near = reach[a] + t->balls[b];
-          if (!(x * x + y * y + z * z < near * near)) continue;
-          if (!(beyond(frame[0] * x + frame[3] * y + frame[6] * z, frame[1] * x + frame[4] * y + frame[7] * z,
-                       frame[2] * x + frame[5] * y + frame[8] * z, at, half) < most)) continue;
-        } else if (!(beyond(p[0] - at[3], p[1] - at[7], p[2] - at[11], at, half) < most)) continue;
-        most = 0.0;
-        if (placements) {
-          const double* frame = placements + 12 * (s * joints + t->joint_a[k]);
-          const double* beside_it = placements + 12 * (s * joints + t->joint_b[k]);
-          if (separates(frame, beside_it, t->slots, body, t->width[b], planes, last, least)) continue;
-          most = project(frame, beside_it, t->slots, body, t->width[b], planes, &of);
-          if (most > least) {
-            for (last = 0; of.least[last] < most;) ++last;
-            continue;
-          }
-        }
-        act(given, s, k, most, &of);
-      }
+  const double *at = of->at + 16 * box, origin[3] = {at[3], at[7], at[11]};
+  difference(ball, origin, apart);
+  return beyond(apart, at, of->half + 3 * box) < most * most;
+}
+
+/* Whether a body's ball reaches the box at a sample. */
+INLINE int reaches(const search* asked, long long pair, long long sample) {
+  const tables* of = asked->of;
+  const long long body = of->body[pair], box = of->box[pair];
+  const double *centre = asked->centres + 3 * (asked->batch * body + sample), reach = asked->reach[body];
+  const double *at = of->at + 16 * box, origin[3] = {at[3], at[7], at[11]};
+  double apart[3], local[3];
+  if (!is_moving(asked, pair)) {
+    difference(centre, origin, local);
+  } else {
+    const double near = reach + of->balls[box];
+    difference(centre, asked->origins + 3 * (asked->batch * box + sample), apart);
+    if (!(dot(apart, apart) < near * near)) return 0;
+    turned_back(asked->placements + 12 * (sample * asked->joints + of->joint_b[pair]), apart, local);
+  }
+  return beyond(local, at, of->half + 3 * box) < reach * reach;
+}
+
+/* Whether no plane separates a pair at a sample; the plane that did so last is tried first. */
+INLINE int none_separates(const search* asked, long long pair, long long sample, const link_body* body,
+                          const halfspaces* planes, long long* last, double* apart, projection* found) {
+  const double* frames = asked->placements + 12 * sample * asked->joints;
+  const double *a = frames + 12 * asked->of->joint_a[pair], *b = frames + 12 * asked->of->joint_b[pair];
+  if (separates(a, b, body, planes, *last, asked->least)) return 0;
+  *apart = project(a, b, body, planes, found);
+  if (!(*apart > asked->least)) return 1;
+  for (*last = 0; found->least[*last] < *apart;) ++*last;
+  return 0;
+}
+
+CLONES
+static void visit_pair(const search* asked, long long pair, projection* found, action* act, void* given) {
+  if (!group_reaches(asked, pair, -1)) return;
+  const link_body body = body_of(asked->of, pair);
+  const halfspaces planes = planes_of(asked->of, pair);
+  long long last = 0;
+  for (long long group = 0; group < asked->groups; ++group) {
+    if (!group_reaches(asked, pair, group)) continue;
+    for (long long sample = group * GROUP; sample < asked->batch && sample < (group + 1) * GROUP; ++sample) {
+      double apart = 0.0;
+      if (!reaches(asked, pair, sample)) continue;
+      if (asked->placements && !none_separates(asked, pair, sample, &body, &planes, &last, &apart, found)) continue;
+      act(given, sample, pair, apart, found);
     }
   }
-  s = around && beside ? 0 : -1;
-  free(of.points);
-  free(placed);
-  free(around);
-  free(beside);
-  return (int)s;
 }
 
-typedef struct { long long count, room, *samples, *pairs; } kept_rows;
+int visit(const tables* of, long long batch, long long joints, const double* placements, const double* centres,
+          const double* reach, double least, action* act, void* given) {
+  const long long pairs = centres ? of->standing : of->pairs, groups = (batch + GROUP - 1) / GROUP;
+  const long long bodies = of->bodies, boxes = of->pairs > of->standing && !centres ? of->boxes : 0;
+  const long long points = 3 * batch * (bodies + boxes), balls = 4 * (groups + 1) * (bodies + boxes);
+  projection found;
+  if (batch == 0) return 0;
+  if (make_projection(of, &found)) return -1;
+  double* placed_points = malloc((size_t)(points + balls + 1) * sizeof(double));
+  if (placed_points) {
+    double *origins = placed_points + 3 * batch * bodies, *around = placed_points + points;
+    double* beside = around + 4 * (groups + 1) * bodies;
+    if (!centres) place_points(batch, joints, placements, bodies, of->body_joint, of->centres, placed_points);
+    place_points(batch, joints, placements, boxes, of->box_joint, of->middles, origins);
+    const search asked = {of,    batch, joints, groups, centres ? NULL : placements, reach, least,
+                          centres ? centres : placed_points, origins, around, beside};
+    balls_around(bodies, batch, asked.centres, around);
+    balls_around(boxes, batch, origins, beside);
+    for (long long r = 0; r < pairs; ++r) visit_pair(&asked, of->order[r], &found, act, given);
+  }
+  free(found.points);
+  free(placed_points);
+  return placed_points ? 0 : -1;
+}
 
-static void keep(void* given, long long sample, long long pair, double apart, projection* of) {
+/* --- the rows themselves ---------------------------------------------------------------------------------------- */
+
+typedef struct {
+  long long count, room, *samples, *pairs;
+} kept_rows;
+
+static void keep(void* given, long long sample, long long pair, double apart, projection* found) {
   kept_rows* kept = given;
-  (void)apart, (void)of;
-  if (kept->count < kept->room) { kept->samples[kept->count] = sample; kept->pairs[kept->count] = pair; }
+  (void)apart, (void)found;
+  if (kept->count < kept->room) {
+    kept->samples[kept->count] = sample;
+    kept->pairs[kept->count] = pair;
+  }
   ++kept->count;
-}
-
-/* Write those rows down; returns their number, which may exceed the room for them, or −1. */
-static long long close_rows(const tables* t, long long batch, long long joints, const double* placements,
-                     const double* centres, const double* reach, double least, long long room, long long* samples,
-                     long long* pairs) {
-  kept_rows kept;
-  kept.count = 0; kept.room = room; kept.samples = samples; kept.pairs = pairs;
-  if (visit(t, batch, joints, placements, centres, reach ? reach : t->reach, least, keep, &kept)) return -1;
-  return kept.count;
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-static PyObject* make_tables(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("tables", given, count);
-  tables t;
-  const long long joints = 1LL << 30;
-  long long k, size;
-  PyObject* found;
-  (void)self;
-  t.standing = whole(&c, "standing", 0, 1LL << 40);
-  t.body_joint = rows(&c, "body_joint", 0, joints, SHAPE(ANY));
-  t.bodies = c.shape[0];
-  t.box_joint = rows(&c, "box_joint", 0, joints, SHAPE(ANY));
-  t.boxes = c.shape[0];
-  t.order = rows(&c, "order", 0, 1LL << 40, SHAPE(ANY));
-  t.pairs = c.shape[0];
-  t.joint_a = rows(&c, "joint_a", 0, joints, SHAPE(t.pairs));
-  t.joint_b = rows(&c, "joint_b", 0, joints, SHAPE(t.pairs));
-  t.body = rows(&c, "body", 0, t.bodies, SHAPE(t.pairs));
-  t.box = rows(&c, "box", 0, t.boxes, SHAPE(t.pairs));
-  t.first = rows(&c, "first", 0, 1LL << 40, SHAPE(t.boxes));
-  t.width = rows(&c, "width", 0, 1LL << 30, SHAPE(t.boxes));
-  t.centres = numbers(&c, "centres", SHAPE(t.bodies, 3));
-  t.reach = numbers(&c, "reach", SHAPE(t.bodies));
-  t.middles = numbers(&c, "middles", SHAPE(t.boxes, 3));
-  t.balls = numbers(&c, "balls", SHAPE(t.boxes));
-  t.at = numbers(&c, "at", SHAPE(t.boxes, 4, 4));
-  t.half = numbers(&c, "half", SHAPE(t.boxes, 3));
-  t.table = numbers(&c, "table", SHAPE(t.bodies, ANY));
-  t.slots = (c.shape[1] - 1) / 4;
-  if (!c.failed && (c.shape[1] < 5 || c.shape[1] % 4 != 1)) wrong(&c, "table", "4 slots + 1 numbers for each body");
-  t.planes = numbers(&c, "planes", SHAPE(ANY));
-  size = c.shape[0];
-  if (!c.failed && t.standing > t.pairs) wrong(&c, "standing", "a number of pairs");
-  t.widest = 4;
-  t.joints = 1;
-  for (k = 0; !c.failed && k < t.pairs; ++k) {
-    long long width = t.width[t.box[k]];
-    if (width < 4 || width % 4 != 0 || t.first[t.box[k]] + 4 * width > size) wrong(&c, "width", "rows within `planes`");
-    if (t.order[k] >= t.pairs) wrong(&c, "order", "rows of pairs");
-    t.widest = width > t.widest ? width : t.widest;
-    t.joints = t.joint_a[k] >= t.joints ? t.joint_a[k] + 1 : t.joints;
-    t.joints = t.joint_b[k] >= t.joints ? t.joint_b[k] + 1 : t.joints;
-  }
-  for (k = 0; !c.failed && k < t.bodies; ++k) t.joints = t.body_joint[k] >= t.joints ? t.body_joint[k] + 1 : t.joints;
-  for (k = 0; !c.failed && k < t.boxes; ++k) t.joints = t.box_joint[k] >= t.joints ? t.box_joint[k] + 1 : t.joints;
-  found = made(&c, "tables", &t, sizeof t);
-  return ended(&c, found);
+static long long above(long long most, long long count, const long long* values) {
+  for (long long k = 0; k < count; ++k) most = values[k] >= most ? values[k] + 1 : most;
+  return most;
 }
 
-static PyObject* call_close_rows(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("close_rows", given, count);
-  const tables* t = record(&c, "tables", "tables");
-  long long bodies = t ? t->bodies : 0, batch, joints, room, found = 0, *samples, *pairs;
-  const double *placements, *centres, *reach;
-  double least;
-  (void)self;
-  placements = numbers_or_none(&c, "placements", SHAPE(ANY, ANY, 12));
-  batch = c.shape[0];
-  joints = c.shape[1];
-  if (placements && joints < t->joints) wrong(&c, "placements", "those of all joints");
-  centres = numbers_or_none(&c, "centres", SHAPE(bodies, ANY, 3));
-  if (!placements) batch = c.shape[1];
-  reach = numbers_or_none(&c, "reach", SHAPE(bodies));
-  if (!c.failed && !placements == !centres) wrong(&c, "centres", "given, or else placements");
-  least = number(&c, "least");
-  samples = written_rows(&c, "samples", SHAPE(ANY));
-  room = c.shape[0];
-  pairs = written_rows(&c, "pairs", SHAPE(room));
-  if (ready(&c))
-    WITHOUT_LOCK(found = close_rows(t, batch, joints, placements, centres, reach, least, room, samples, pairs));
-  return ended(&c, found < 0 ? no_memory() : PyLong_FromLongLong(found));
+/* Whether the planes of all boxes that a pair names are there, and the first `standing` boxes stand; sizes follow. */
+static void check_pairs(arguments* taken, tables* of, long long numbers_of_planes) {
+  of->widest = 4;
+  for (long long k = 0; k < of->pairs; ++k) {
+    const long long first = of->first[of->box[k]], width = of->width[of->box[k]];
+    if (width < 4 || width % 4 != 0 || first + 4 * width > numbers_of_planes) wrong(taken, "width", "rows within `planes`");
+    if (of->order[k] >= of->pairs) wrong(taken, "order", "rows of pairs");
+    else if (k < of->standing && of->joint_b[of->order[k]] != 0) wrong(taken, "order", "pairs with standing boxes first");
+    of->widest = width > of->widest ? width : of->widest;
+  }
+  of->joints = above(above(1, of->pairs, of->joint_a), of->pairs, of->joint_b);
+  of->joints = above(above(of->joints, of->bodies, of->body_joint), of->boxes, of->box_joint);
+}
+
+WRAPPER(make_tables) {
+  arguments taken = begin("tables", given, count);
+  const long long joints = 1LL << 16;
+  tables of = {.standing = whole(&taken, "standing", 0, MANY)};
+  of.body_joint = indices(&taken, "body_joint", 0, joints, SHAPE(ANY));
+  of.bodies = taken.shape[0];
+  of.box_joint = indices(&taken, "box_joint", 0, joints, SHAPE(ANY));
+  of.boxes = taken.shape[0];
+  of.order = indices(&taken, "order", 0, MANY, SHAPE(ANY));
+  of.pairs = taken.shape[0];
+  of.joint_a = indices(&taken, "joint_a", 0, joints, SHAPE(of.pairs));
+  of.joint_b = indices(&taken, "joint_b", 0, joints, SHAPE(of.pairs));
+  of.body = indices(&taken, "body", 0, of.bodies, SHAPE(of.pairs));
+  of.box = indices(&taken, "box", 0, of.boxes, SHAPE(of.pairs));
+  of.first = indices(&taken, "first", 0, MANY, SHAPE(of.boxes));
+  of.width = indices(&taken, "width", 0, MANY, SHAPE(of.boxes));
+  of.centres = numbers(&taken, "centres", SHAPE(of.bodies, 3));
+  of.reach = numbers(&taken, "reach", SHAPE(of.bodies));
+  of.middles = numbers(&taken, "middles", SHAPE(of.boxes, 3));
+  of.balls = numbers(&taken, "balls", SHAPE(of.boxes));
+  of.at = numbers(&taken, "at", SHAPE(of.boxes, 4, 4));
+  of.half = numbers(&taken, "half", SHAPE(of.boxes, 3));
+  of.table = numbers(&taken, "table", SHAPE(of.bodies, ANY));
+  const long long row = taken.shape[1];
+  of.slots = (row - 1) / 4;
+  if (row < 5 || row % 4 != 1) wrong(&taken, "table", "4 slots + 1 numbers for each body");
+  of.planes = numbers(&taken, "planes", SHAPE(ANY));
+  if (of.standing > of.pairs) wrong(&taken, "standing", "a number of pairs");
+  if (!taken.failed) check_pairs(&taken, &of, taken.shape[0]);
+  return made(&taken, "tables", &of, sizeof of);
+}
+
+WRAPPER(call_close_rows) {
+  arguments taken = begin("close_rows", given, count);
+  const tables* of = record(&taken, "tables", "tables");
+  const long long bodies = of ? of->bodies : 0;
+  const double* placements = numbers_or_none(&taken, "placements", SHAPE(ANY, ANY, 12));
+  long long batch = taken.shape[0];
+  const long long joints = taken.shape[1];
+  if (placements && joints < of->joints) wrong(&taken, "placements", "those of all joints");
+  const double* centres = numbers_or_none(&taken, "centres", SHAPE(bodies, ANY, 3));
+  if (!placements == !centres) wrong(&taken, "centres", "given, or else placements");
+  if (centres) batch = taken.shape[1];
+  const double* reach = numbers_or_none(&taken, "reach", SHAPE(bodies));
+  const double least = number(&taken, "least");
+  kept_rows kept = {.samples = written_indices(&taken, "samples", SHAPE(ANY))};
+  kept.room = taken.shape[0];
+  kept.pairs = written_indices(&taken, "pairs", SHAPE(kept.room));
+  int failed = 0;
+  if (ready(&taken))
+    WITHOUT_LOCK(
+        failed = visit(of, batch, joints, placements, centres, reach ? reach : of->reach, least, keep, &kept));
+  return ended(&taken, failed ? no_memory() : PyLong_FromLongLong(kept.count));
 }
 
 PyMethodDef close_pairs_functions[] = {

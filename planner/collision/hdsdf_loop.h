@@ -5,8 +5,9 @@
 
 #include "close_pairs.h"
 
-/* D of a row that `project` has looked at; its wrench about the world's origin goes to `wrench`. */
-double hdsdf(long long gamma, double length, const double* b, long long slots, const double* weights, long long width,
-             const double* planes, double apart, projection* of, double* wrench);
+/* D of a row that `project` has looked at, whose result is `apart`, the halfspace body placed at b; its wrench about the
+   world's origin goes to `wrench`. What the projection holds of x is used up. */
+double hdsdf(int gamma, double length, const double* b, const link_body* body, const halfspaces* planes, double apart,
+             projection* at, double* wrench);
 
 #endif

@@ -1,255 +1,329 @@
 /* The search of `separation_bounds.py` for one pair: best box first, each halved alone.
 
-   The normal between the bodies is that of GJK (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, 1988) on their vertices. Its
-   distance only decides which boxes are worth halving: the bound holds along any unit normal. */
-
-#include <math.h>
-#include <stdlib.h>
+   The normal between the bodies is that of GJK (E. G. Gilbert, D. W. Johnson, S. S. Keerthi, 1988) on their vertices.
+   Its distance only decides which boxes are worth halving: the bound holds along any unit normal. */
 
 #include "../../distance/compiled/border.h"
+#include "../../distance/compiled/vectors.h"
 #include "../kinematics/forward_loop.h"
 
 #define PI 3.14159265358979323846
 
-/* Two bodies: vertices (count, 3) in the frame of a joint, and the radius of a ball that sweeps them. */
-typedef struct { long long joint, count; const double* vertices; } hull;
+/* Vertices (count, 3), in the frame of a joint or in the world. */
+typedef struct {
+  long long joint, count;
+  const double* vertices;
+} hull;
 
-static double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double smaller(double a, double b) { return a < b ? a : b; }
 
-/* The point v of least norm of the hull of k ≤ 4 points, by trying every face of it; keeps the points of that face. */
-static void nearest(double points[4][3], long long* count, double* v) {
-  double best = INFINITY, kept[4][3];
-  long long mask, size = 0, k = *count, m, i, j;
-  for (mask = 1; mask < 1 << k; ++mask) {
-    const double* p[4];
-    double e[3][3], g[3][4], found[3];
-    int inside = 1;
-    for (i = m = 0; i < k; ++i)
-      if (mask >> i & 1) p[m++] = points[i];
-    for (i = 0; i + 1 < m; ++i) for (j = 0; j < 3; ++j) e[i][j] = p[i + 1][j] - p[0][j];
-    for (i = 0; i + 1 < m; ++i) {
-      for (j = 0; j + 1 < m; ++j) g[i][j] = dot(e[i], e[j]);
-      g[i][m - 1] = -dot(e[i], p[0]);
-    }
-    for (i = 0; i + 1 < m && inside; ++i) {  /* Gauss-Jordan; a Gram matrix needs no pivots */
-      long long r, c;
-      if (!(g[i][i] > 1e-14 * dot(e[i], e[i]))) inside = 0;
-      else for (r = 0; r + 1 < m; ++r) {
-        double factor = g[r][i] / g[i][i];
-        if (r != i) for (c = i; c < m; ++c) g[r][c] -= factor * g[i][c];
-      }
-    }
-    if (!inside) continue;
-    for (j = 0; j < 3; ++j) found[j] = p[0][j];
-    {
-      double rest = 1.0;
-      for (i = 0; i + 1 < m; ++i) {
-        double weight = g[i][m - 1] / g[i][i];
-        rest -= weight;
-        inside = inside && weight > 0.0;
-        for (j = 0; j < 3; ++j) found[j] += weight * e[i][j];
-      }
-      inside = inside && rest > 0.0;
-    }
-    if (inside && dot(found, found) < best) {
-      best = dot(found, found);
-      size = m;
-      for (i = 0; i < m; ++i) for (j = 0; j < 3; ++j) kept[i][j] = p[i][j];
-      for (j = 0; j < 3; ++j) v[j] = found[j];
+static void copy(const double* from, double* to) {
+  for (int i = 0; i < 3; ++i) to[i] = from[i];
+}
+
+/* --- the normal ------------------------------------------------------------------------------------------------- */
+
+/* The weights of p_1 … p_m−1, in the last column of g, for which v = p_0 + Σ w_i e_i, e_i = p_i − p_0, is orthogonal to
+   all e_i: Gauss-Jordan on the Gram matrix, which needs no pivots. Returns 0 where the e_i are not independent. */
+static int weigh(long long m, double e[3][3], const double* first, double g[3][4]) {
+  for (long long i = 0; i + 1 < m; ++i) {
+    for (long long j = 0; j + 1 < m; ++j) g[i][j] = dot(e[i], e[j]);
+    g[i][m - 1] = -dot(e[i], first);
+  }
+  for (long long i = 0; i + 1 < m; ++i) {
+    if (!(g[i][i] > 1e-14 * dot(e[i], e[i]))) return 0;
+    for (long long row = 0; row + 1 < m; ++row) {
+      const double factor = g[row][i] / g[i][i];
+      for (long long column = i; row != i && column < m; ++column) g[row][column] -= factor * g[i][column];
     }
   }
-  for (i = 0; i < size; ++i) for (j = 0; j < 3; ++j) points[i][j] = kept[i][j];
+  for (long long i = 0; i + 1 < m; ++i) g[i][m - 1] /= g[i][i];
+  return 1;
+}
+
+/* The point of least norm of the plane through m points; whether it is inside of them. */
+static int foot(long long m, const double* const* points, double* found) {
+  double e[3][3], g[3][4], rest = 1.0;
+  int inside = 1;
+  for (long long i = 0; i + 1 < m; ++i) difference(points[i + 1], points[0], e[i]);
+  if (!weigh(m, e, points[0], g)) return 0;
+  copy(points[0], found);
+  for (long long i = 0; i + 1 < m; ++i) {
+    const double weight = g[i][m - 1];
+    rest -= weight;
+    inside = inside && weight > 0.0;
+    for (int j = 0; j < 3; ++j) found[j] += weight * e[i][j];
+  }
+  return inside && rest > 0.0;
+}
+
+/* The point v of least norm of the hull of 1 to 4 points, by trying every face of it; keeps the points of that face. */
+static void nearest(double points[4][3], int* count, double* v) {
+  double best = INFINITY, kept[4][3];
+  int size = 0;
+  for (int mask = 1; mask < 1 << *count; ++mask) {
+    const double* face[4];
+    double found[3];
+    int m = 0;
+    for (int i = 0; i < *count; ++i)
+      if (mask >> i & 1) face[m++] = points[i];
+    if (!foot(m, face, found) || !(dot(found, found) < best)) continue;
+    best = dot(found, found);
+    size = m;
+    for (int i = 0; i < m; ++i) copy(face[i], kept[i]);
+    copy(found, v);
+  }
+  for (int i = 0; i < size; ++i) copy(kept[i], points[i]);
   *count = size;
 }
 
-/* About the distance of two hulls, 0 where they meet, and the unit normal n from b to a, if they do not. */
-static double apart(long long count_a, const double* a, long long count_b, const double* b, double* n) {
+/* The vertex with the least v·x, or −v·x. */
+static const double* support(const hull* body, const double* v, double sign, double* least) {
+  const double* found = body->vertices;
+  *least = INFINITY;
+  for (long long i = 0; i < body->count; ++i) {
+    const double value = sign * dot(v, body->vertices + 3 * i);
+    if (value < *least) {
+      *least = value;
+      found = body->vertices + 3 * i;
+    }
+  }
+  return found;
+}
+
+static int is_among(int count, double points[4][3], const double* point) {
+  for (int i = 0; i < count; ++i)
+    if (point[0] == points[i][0] && point[1] == points[i][1] && point[2] == points[i][2]) return 1;
+  return 0;
+}
+
+/* About the distance of two hulls in the world, 0 where they meet, and the unit normal from b to a, if they do not. */
+static double apart(const hull* a, const hull* b, double* normal) {
   double points[4][3], v[3];
-  long long count = 0, round, i, j;
-  for (j = 0; j < 3; ++j) v[j] = a[j] - b[j];
-  for (round = 0; round < 50; ++round) {
-    double w[3], low = INFINITY, high = -INFINITY, square = dot(v, v);
-    const double *at_a = a, *at_b = b;
+  int count = 0;
+  difference(a->vertices, b->vertices, v);
+  for (int round = 0; round < 50; ++round) {
+    const double square = dot(v, v);
+    double low, high, between[3];
     if (square < 1e-18) return 0.0;
-    for (i = 0; i < count_a; ++i) {
-      double value = dot(v, a + 3 * i);
-      if (value < low) { low = value; at_a = a + 3 * i; }
-    }
-    for (i = 0; i < count_b; ++i) {
-      double value = dot(v, b + 3 * i);
-      if (value > high) { high = value; at_b = b + 3 * i; }
-    }
-    if (round && square - (low - high) <= 1e-10 * square) break;
-    for (j = 0; j < 3; ++j) w[j] = at_a[j] - at_b[j];
-    for (i = 0; i < count; ++i)
-      if (w[0] == points[i][0] && w[1] == points[i][1] && w[2] == points[i][2]) break;
-    if (i < count) break;
-    for (j = 0; j < 3; ++j) points[count][j] = w[j];
-    ++count;
+    difference(support(a, v, 1.0, &low), support(b, v, -1.0, &high), between);
+    if (round && square - (low + high) <= 1e-10 * square) break;
+    if (is_among(count, points, between)) break;
+    copy(between, points[count++]);
     nearest(points, &count, v);
     if (count == 4) return 0.0;
   }
-  {
-    double length = sqrt(dot(v, v));
-    for (j = 0; j < 3; ++j) n[j] = v[j] / length;
-    return length;
-  }
+  const double length = norm(v);
+  for (int j = 0; j < 3; ++j) normal[j] = v[j] / length;
+  return length;
 }
 
-/* The least of n·v − Σ e_j(v) over a body's vertices (count, 3) in the world; adds that vertex' e_j to `shifts`. */
-static double lowest(const tree* t, long long count, const double* vertices, const double* n, double sign, double side,
-                     const double* moves, const double* half, const double* columns, double* trial, double* shifts) {
+/* --- the bound over a box --------------------------------------------------------------------------------------- */
+
+/* A box of joint values: the coordinates that move the first body against the second have `moves` 1, those that move the
+   second −1; half widths (n), and the columns (n, 6) at its centre. */
+typedef struct {
+  long long n;
+  const double *moves, *half, *columns;
+} ranges;
+
+/* How far coordinate j shifts a point p along a unit vector n at most, at the rate u = v + ω × p, if those before it turn
+   it by Σ h_i: e_j = min(s |u|, h |n·u| + ½ h² |u| + s |u| min(2, Σ h_i)), s = 2 sin(h / 2); of one that slides s = h,
+   and there is no second term. */
+static double shift(const double* column, double h, const double* n, const double* point, double* before) {
+  const double *velocity = column, *turning = column + 3, rate[3] = {
+      velocity[0] + turning[1] * point[2] - turning[2] * point[1],
+      velocity[1] + turning[2] * point[0] - turning[0] * point[2],
+      velocity[2] + turning[0] * point[1] - turning[1] * point[0],
+  };
+  const double speed = norm(rate), along = fabs(dot(n, rate));
+  const int turns = dot(turning, turning) > 0.25;
+  const double chord = turns ? 2.0 * sin((h < PI ? h : PI) / 2.0) : h;
+  double bend = chord * smaller(*before, 2.0);
+  if (turns) {
+    bend = 0.5 * h * h + bend;
+    *before += h;
+  }
+  return smaller(chord * speed, h * along + bend * speed);
+}
+
+/* The least of n·v − Σ e_j(v) over a body's vertices in the world, n = sign · normal; that vertex' e_j go to `shifts`,
+   `trial` (n) is scratch. */
+static double lowest(const ranges* over, const hull* body, const double* normal, double side, double* trial,
+                     double* shifts) {
   double least = INFINITY;
-  long long i, j;
-  for (i = 0; i < count; ++i) {
-    const double* v = vertices + 3 * i;
-    double height = sign * dot(n, v), before = 0.0;
-    for (j = 0; j < t->n; ++j) {
-      const double *c = columns + 6 * j, h = half[j];
-      double speed, along, chord, bend, u[3];
-      if (moves[j] != side) continue;
-      u[0] = c[0] + c[4] * v[2] - c[5] * v[1];
-      u[1] = c[1] + c[5] * v[0] - c[3] * v[2];
-      u[2] = c[2] + c[3] * v[1] - c[4] * v[0];
-      speed = sqrt(dot(u, u));
-      along = fabs(dot(n, u));
-      if (dot(c + 3, c + 3) > 0.25) {
-        chord = 2.0 * sin((h < PI ? h : PI) / 2.0);
-        bend = 0.5 * h * h + chord * (before < 2.0 ? before : 2.0);
-        before += h;
-      } else {
-        chord = h;
-        bend = chord * (before < 2.0 ? before : 2.0);
-      }
-      trial[j] = chord * speed < h * along + bend * speed ? chord * speed : h * along + bend * speed;
+  for (long long i = 0; i < body->count; ++i) {
+    const double* vertex = body->vertices + 3 * i;
+    double height = side * dot(normal, vertex), before = 0.0;
+    for (long long j = 0; j < over->n; ++j) {
+      if (over->moves[j] != side) continue;
+      trial[j] = shift(over->columns + 6 * j, over->half[j], normal, vertex, &before);
       height -= trial[j];
     }
-    if (height < least) {
-      least = height;
-      for (j = 0; j < t->n; ++j) if (moves[j] == side) shifts[j] = trial[j];
-    }
+    if (!(height < least)) continue;
+    least = height;
+    for (long long j = 0; j < over->n; ++j)
+      if (over->moves[j] == side) shifts[j] = trial[j];
   }
   return least;
 }
 
-static void place(const hull* body, const double* placements, double* vertices) {
-  const double *turn = placements + 12 * body->joint, *origin = turn + 9;
-  long long i, j;
-  for (i = 0; i < body->count; ++i)
-    for (j = 0; j < 3; ++j) vertices[3 * i + j] = dot(turn + 3 * j, body->vertices + 3 * i) + origin[j];
+/* One pair, and room for the kinematics and the vertices at one configuration. */
+typedef struct {
+  const tree* arm;
+  hull a, b;
+  double radii;
+  const double *moves, *low, *high;
+  double *placements, *columns, *trial, *shifts, *at_a, *at_b;
+  double least; /* distance at a centre so far */
+} search;
+
+static hull place(const hull* body, const double* placements, double* vertices) {
+  for (long long i = 0; i < body->count; ++i)
+    placed(placements + 12 * body->joint, body->vertices + 3 * i, vertices + 3 * i);
+  return (hull){0, body->count, vertices};
 }
 
-/* The bound over the box (centre, half), and the joint that contributes most to its looseness; *least becomes the
-   distance at the centre, if that is less. `room`: of the kinematics and the vertices. */
-static double look(const tree* t, const hull* a, const hull* b, double radii, const double* moves, const double* centre,
-                   const double* half, double* room, double* least, long long* widest) {
-  double *placements = room, *columns = placements + 12 * t->joints, *trial = columns + 6 * t->n;
-  double *shifts = trial + t->n, *of_a = shifts + t->n, *of_b = of_a + 3 * a->count, n[3] = {1.0, 0.0, 0.0}, found, gap;
-  long long j;
-  forward(t, 1, centre, placements, columns);
-  place(a, placements, of_a);
-  place(b, placements, of_b);
-  found = apart(a->count, of_a, b->count, of_b, n) - radii;
-  if (found < *least) *least = found;
-  for (j = 0; j < t->n; ++j) shifts[j] = 0.0;
-  gap = lowest(t, a->count, of_a, n, 1.0, 1.0, moves, half, columns, trial, shifts)
-        + lowest(t, b->count, of_b, n, -1.0, -1.0, moves, half, columns, trial, shifts) - radii;
-  for (*widest = 0, j = 1; j < t->n; ++j) if (shifts[j] > shifts[*widest]) *widest = j;
-  return gap;
+/* The bound over the box (centre, half), and the coordinate that contributes most to its looseness. */
+static double look(search* of, const double* centre, const double* half, long long* widest) {
+  const long long n = of->arm->n;
+  const ranges over = {n, of->moves, half, of->columns};
+  double normal[3] = {1.0, 0.0, 0.0};
+  forward(of->arm, 1, centre, of->placements, of->columns);
+  const hull a = place(&of->a, of->placements, of->at_a), b = place(&of->b, of->placements, of->at_b);
+  const double distance = apart(&a, &b, normal) - of->radii;
+  if (distance < of->least) of->least = distance;
+  for (long long j = 0; j < n; ++j) of->shifts[j] = 0.0;
+  const double above = lowest(&over, &a, normal, 1.0, of->trial, of->shifts);
+  const double bound = above + lowest(&over, &b, normal, -1.0, of->trial, of->shifts) - of->radii;
+  *widest = 0;
+  for (long long j = 1; j < n; ++j)
+    if (of->shifts[j] > of->shifts[*widest]) *widest = j;
+  return bound;
 }
 
-/* A lower bound of the distance of a pair over the box of the limits, and in *looked how many boxes it took. `boxes`
-   (most + 2, 2 n + 1): a heap of centre, half widths and bound, the least bound first; `widest` goes with it. */
-static double separation(const tree* t, const hull* a, const hull* b, double radii, const double* moves,
-                         const double* low, const double* high, double wanted, double tight, long long most,
-                         double* boxes, long long* widest, double* room, long long* looked) {
-  long long n = t->n, row = 2 * n + 1, count = 1, boxed = 1, i, j, s;
-  double least = INFINITY;
-  for (j = 0; j < n; ++j) {
-    boxes[j] = 0.5 * (low[j] + high[j]);
-    boxes[n + j] = moves[j] != 0.0 ? 0.5 * (high[j] - low[j]) : 0.0;
+/* --- the search ------------------------------------------------------------------------------------------------- */
+
+/* Boxes, each a row of centre (n), half widths (n) and bound: a heap, the least bound first; `widest` goes with it. */
+typedef struct {
+  long long row, count;
+  double* boxes;
+  long long* widest;
+} heap;
+
+static double* box_of(const heap* of, long long i) { return of->boxes + of->row * i; }
+static double bound_of(const heap* of, long long i) { return box_of(of, i)[of->row - 1]; }
+
+static void put(heap* into, long long i, const double* box, long long widest) {
+  double* to = box_of(into, i);
+  for (long long j = 0; j < into->row; ++j) to[j] = box[j];
+  into->widest[i] = widest;
+}
+
+/* Put a box in the place of the first: it sinks. */
+static void replace_first(heap* into, const double* box, long long widest) {
+  long long i = 0;
+  for (;;) {
+    long long child = 2 * i + 1;
+    if (child + 1 < into->count && bound_of(into, child + 1) < bound_of(into, child)) ++child;
+    if (child >= into->count || bound_of(into, child) >= box[into->row - 1]) break;
+    put(into, i, box_of(into, child), into->widest[child]);
+    i = child;
   }
-  boxes[2 * n] = look(t, a, b, radii, moves, boxes, boxes + n, room, &least, widest);
-  while (boxes[2 * n] < tight * least && least > wanted && boxed < most) {
-    double *one = boxes + row * count, *other = one + row;
-    long long split = widest[0], w[2];
-    for (j = 0; j < row; ++j) one[j] = boxes[j];
-    one[n + split] /= 2.0;
-    for (j = 0; j < row; ++j) other[j] = one[j];
-    one[split] -= one[n + split];
-    other[split] += one[n + split];
-    one[2 * n] = look(t, a, b, radii, moves, one, one + n, room, &least, w);
-    other[2 * n] = look(t, a, b, radii, moves, other, other + n, room, &least, w + 1);
-    boxed += 2;
-    for (s = 0; s < 2; ++s) {  /* the first takes the place of the box that was halved, at the top: it sinks */
-      double* from = s ? other : one;
-      if (s == 0) {
-        for (i = 0;;) {
-          long long child = 2 * i + 1;
-          if (child + 1 < count && boxes[row * (child + 1) + 2 * n] < boxes[row * child + 2 * n]) ++child;
-          if (child >= count || boxes[row * child + 2 * n] >= from[2 * n]) break;
-          for (j = 0; j < row; ++j) boxes[row * i + j] = boxes[row * child + j];
-          widest[i] = widest[child];
-          i = child;
-        }
-        for (j = 0; j < row; ++j) boxes[row * i + j] = from[j];
-        widest[i] = w[0];
-      } else {  /* the second comes last: it rises */
-        for (j = 0; j < row; ++j) room[j] = from[j];
-        for (i = count++; i > 0; i = (i - 1) / 2) {
-          long long parent = (i - 1) / 2;
-          if (boxes[row * parent + 2 * n] <= room[2 * n]) break;
-          for (j = 0; j < row; ++j) boxes[row * i + j] = boxes[row * parent + j];
-          widest[i] = widest[parent];
-        }
-        for (j = 0; j < row; ++j) boxes[row * i + j] = room[j];
-        widest[i] = w[1];
-      }
-    }
+  put(into, i, box, widest);
+}
+
+/* Put a box last: it rises. */
+static void push(heap* into, const double* box, long long widest) {
+  long long i = into->count++;
+  while (i > 0) {
+    const long long parent = (i - 1) / 2;
+    if (bound_of(into, parent) <= box[into->row - 1]) break;
+    put(into, i, box_of(into, parent), into->widest[parent]);
+    i = parent;
   }
-  *looked = boxed;
-  return boxes[2 * n];
+  put(into, i, box, widest);
+}
+
+/* The two halves of a box along a coordinate, with their bounds. */
+static void halve(search* of, const double* box, long long split, double* one, double* other, long long* widest) {
+  const long long n = of->arm->n;
+  for (long long j = 0; j < 2 * n; ++j) one[j] = box[j];
+  one[n + split] /= 2.0;
+  for (long long j = 0; j < 2 * n; ++j) other[j] = one[j];
+  one[split] -= one[n + split];
+  other[split] += one[n + split];
+  one[2 * n] = look(of, one, one + n, widest);
+  other[2 * n] = look(of, other, other + n, widest + 1);
+}
+
+/* A lower bound of the distance of a pair over the box of the limits, and in *looked how many boxes it took, until it is
+   `tight`, a distance is not more than `wanted`, or there are `most`; `halves` is room for two boxes. */
+static double separation(search* of, double wanted, double tight, long long most, heap* boxes, double* halves,
+                         long long* looked) {
+  const long long n = of->arm->n;
+  double *first = boxes->boxes, *other = halves + boxes->row;
+  long long widest[2];
+  for (long long j = 0; j < n; ++j) {
+    first[j] = 0.5 * (of->low[j] + of->high[j]);
+    first[n + j] = of->moves[j] != 0.0 ? 0.5 * (of->high[j] - of->low[j]) : 0.0;
+  }
+  first[2 * n] = look(of, first, first + n, boxes->widest);
+  boxes->count = 1;
+  *looked = 1;
+  while (bound_of(boxes, 0) < tight * of->least && of->least > wanted && *looked < most) {
+    halve(of, first, boxes->widest[0], halves, other, widest);
+    *looked += 2;
+    replace_first(boxes, halves, widest[0]);
+    push(boxes, other, widest[1]);
+  }
+  return bound_of(boxes, 0);
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-static PyObject* call_separation(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("separation", given, count);
-  const tree* t = record(&c, "tree", "tree");
-  long long n = t ? t->n : 0, joints = t ? t->joints : 0, most, looked = 0, room, *widest;
-  hull hulls[2];
-  const double *moves, *low, *high;
-  double radii, wanted, tight, *boxes, *work, bound = 0.0;
-  int i;
-  (void)self;
-  for (i = 0; i < 2; ++i) {
-    hulls[i].joint = whole(&c, "joint", 0, joints - 1);
-    hulls[i].vertices = numbers(&c, "vertices", SHAPE(ANY, 3));
-    hulls[i].count = c.shape[0];
-    if (!c.failed && hulls[i].count < 1) wrong(&c, "vertices", "one or more");
-  }
-  radii = number(&c, "radii");
-  moves = numbers(&c, "moves", SHAPE(n));
-  low = numbers(&c, "low", SHAPE(n));
-  high = numbers(&c, "high", SHAPE(n));
-  wanted = number(&c, "wanted");
-  tight = number(&c, "tight");
-  most = whole(&c, "most", 0, 1LL << 30);
-  if (!ready(&c)) return ended(&c, NULL);
-  room = 12 * joints + 8 * n + 3 * (hulls[0].count + hulls[1].count) + 1;
-  boxes = malloc((size_t)((most + 3) * (2 * n + 1)) * sizeof(double));
-  widest = malloc((size_t)(most + 3) * sizeof(long long));
-  work = malloc((size_t)room * sizeof(double));
-  if (boxes && widest && work)
-    WITHOUT_LOCK(bound = separation(t, hulls, hulls + 1, radii, moves, low, high, wanted, tight, most, boxes, widest,
-                                    work, &looked));
-  free(boxes);
-  free(widest);
-  free(work);
-  return ended(&c, boxes && widest && work ? Py_BuildValue("dL", bound, looked) : no_memory());
+static hull take_hull(arguments* taken, long long joints) {
+  hull body = {.joint = whole(taken, "joint", 0, joints - 1)};
+  body.vertices = numbers(taken, "vertices", SHAPE(ANY, 3));
+  body.count = taken->shape[0];
+  if (body.count < 1) wrong(taken, "vertices", "one or more");
+  return body;
+}
+
+/* Room for the kinematics of an arm and the vertices of two bodies. */
+static void take_room(arguments* taken, search* of, long long joints, long long n) {
+  of->placements = scratch(taken, 12 * joints + 8 * n + 3 * (of->a.count + of->b.count));
+  if (!of->placements) return;
+  of->columns = of->placements + 12 * joints;
+  of->trial = of->columns + 6 * n;
+  of->shifts = of->trial + n;
+  of->at_a = of->shifts + n;
+  of->at_b = of->at_a + 3 * of->a.count;
+}
+
+WRAPPER(call_separation) {
+  arguments taken = begin("separation", given, count);
+  search of = {.arm = record(&taken, "tree", "tree"), .least = INFINITY};
+  const long long n = of.arm ? of.arm->n : 0, joints = of.arm ? of.arm->joints : 1, row = 2 * n + 1;
+  if (n < 1) wrong(&taken, "tree", "one that moves");
+  of.a = take_hull(&taken, joints);
+  of.b = take_hull(&taken, joints);
+  of.radii = number(&taken, "radii");
+  of.moves = numbers(&taken, "moves", SHAPE(n));
+  of.low = numbers(&taken, "low", SHAPE(n));
+  of.high = numbers(&taken, "high", SHAPE(n));
+  const double wanted = number(&taken, "wanted"), tight = number(&taken, "tight");
+  const long long most = whole(&taken, "most", 0, 1LL << 30);
+  take_room(&taken, &of, joints, n);
+  heap boxes = {.row = row, .boxes = scratch(&taken, (most + 2) * row), .widest = scratch_indices(&taken, most + 2)};
+  double *halves = scratch(&taken, 2 * row), bound = 0.0;
+  long long looked = 0;
+  if (ready(&taken)) WITHOUT_LOCK(bound = separation(&of, wanted, tight, most, &boxes, halves, &looked));
+  return ended(&taken, Py_BuildValue("dL", bound, looked));
 }
 
 PyMethodDef separation_functions[] = {
-    FUNCTION("separation", call_separation, "A lower bound of a pair's distance over all joint values; boxes looked at."),
+    FUNCTION("separation", call_separation,
+             "A lower bound of a pair's distance over all joint values; boxes looked at."),
     END_OF_FUNCTIONS,
 };

@@ -2,80 +2,89 @@
 
 #include "forward_loop.h"
 
-#include <math.h>
-
 #include "../../distance/compiled/border.h"
+#include "../../distance/compiled/vectors.h"
 
-/* Placements (batch, joints, 12) and columns (batch, n, 6) at configurations (batch, n). */
-void forward(const tree* t, long long batch, const double* q, double* placements, double* columns) {
-  long long s, k;
-  int i, j;
-  for (s = 0; s < batch; ++s, q += t->n, placements += 12 * t->joints, columns += 6 * t->n) {
-    for (i = 0; i < 12; ++i) placements[i] = i == 0 || i == 4 || i == 8 ? 1.0 : 0.0;
-    for (k = 1; k < t->joints; ++k) {
-      const double *on = placements + 12 * t->parents[k - 1], *x = t->placed + 12 * (k - 1), *a = t->axes + 3 * (k - 1);
-      double *found = placements + 12 * k, *column = columns + 6 * t->coordinates[k - 1], turn[9], d[3], *o = found + 9;
-      double value = q[t->coordinates[k - 1]];
-      for (i = 0; i < 3; ++i) {
-        for (j = 0; j < 3; ++j)
-          turn[3 * i + j] = on[3 * i] * x[j] + on[3 * i + 1] * x[3 + j] + on[3 * i + 2] * x[6 + j];
-        o[i] = on[9 + i] + (on[3 * i] * x[9] + on[3 * i + 1] * x[10] + on[3 * i + 2] * x[11]);
-      }
-      for (i = 0; i < 3; ++i) d[i] = turn[3 * i] * a[0] + turn[3 * i + 1] * a[1] + turn[3 * i + 2] * a[2];
-      if (t->turns[k - 1]) {  /* Rodrigues: a aᵀ + cos q (I − a aᵀ) + sin q [a]× */
-        double c = cos(value), n = sin(value), m[9];
-        for (i = 0; i < 3; ++i)
-          for (j = 0; j < 3; ++j) m[3 * i + j] = a[i] * a[j] + c * ((i == j ? 1.0 : 0.0) - a[i] * a[j]);
-        m[1] -= n * a[2]; m[2] += n * a[1]; m[3] += n * a[2]; m[5] -= n * a[0]; m[6] -= n * a[1]; m[7] += n * a[0];
-        for (i = 0; i < 3; ++i)
-          for (j = 0; j < 3; ++j)
-            found[3 * i + j] = turn[3 * i] * m[j] + turn[3 * i + 1] * m[3 + j] + turn[3 * i + 2] * m[6 + j];
-        column[0] = o[1] * d[2] - o[2] * d[1];
-        column[1] = o[2] * d[0] - o[0] * d[2];
-        column[2] = o[0] * d[1] - o[1] * d[0];
-        for (i = 0; i < 3; ++i) column[3 + i] = d[i];
-      } else {
-        for (i = 0; i < 9; ++i) found[i] = turn[i];
-        for (i = 0; i < 3; ++i) {
-          column[i] = d[i];
-          column[3 + i] = 0.0;
-          o[i] += d[i] * value;
-        }
-      }
+static const double WORLD[12] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+
+/* Rodrigues: R = a aᵀ + cos q (I − a aᵀ) + sin q [a]× */
+static void rotation_about(const double* axis, double angle, double* rotation) {
+  const double cosine = cos(angle), sine = sin(angle);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      rotation[3 * i + j] = axis[i] * axis[j] + cosine * ((i == j ? 1.0 : 0.0) - axis[i] * axis[j]);
+  rotation[1] -= sine * axis[2];
+  rotation[2] += sine * axis[1];
+  rotation[3] += sine * axis[2];
+  rotation[5] -= sine * axis[0];
+  rotation[6] -= sine * axis[1];
+  rotation[7] += sine * axis[0];
+}
+
+/* The placement of a joint that has `value`, and its column: the velocity of the point at the world's origin, and the
+   angular velocity, for a unit rate; about an axis d through o they are o × d and d, along it d and 0. */
+static void move_joint(const tree* arm, long long row, double value, const double* parent, double* placement,
+                       double* column) {
+  const double *local = arm->placed + 12 * row, *axis = arm->axes + 3 * row;
+  double unmoved[9], rotation[9], *origin = placement + 9, direction[3];
+  product(parent, local, unmoved);
+  placed(parent, local + 9, origin);
+  turned(unmoved, axis, direction);
+  if (arm->turns[row]) {
+    rotation_about(axis, value, rotation);
+    product(unmoved, rotation, placement);
+    cross(origin, direction, column);
+    for (int i = 0; i < 3; ++i) column[3 + i] = direction[i];
+    return;
+  }
+  for (int i = 0; i < 9; ++i) placement[i] = unmoved[i];
+  for (int i = 0; i < 3; ++i) {
+    column[i] = direction[i];
+    column[3 + i] = 0.0;
+    origin[i] += direction[i] * value;
+  }
+}
+
+void forward(const tree* arm, long long batch, const double* q, double* placements, double* columns) {
+  for (long long sample = 0; sample < batch; ++sample) {
+    for (int i = 0; i < 12; ++i) placements[i] = WORLD[i];
+    for (long long row = 0; row < arm->joints - 1; ++row) {
+      const long long coordinate = arm->coordinates[row];
+      move_joint(arm, row, q[coordinate], placements + 12 * arm->parents[row], placements + 12 * (row + 1),
+                 columns + 6 * coordinate);
     }
+    q += arm->n;
+    placements += 12 * arm->joints;
+    columns += 6 * arm->n;
   }
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-static PyObject* make_tree(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("tree", given, count);
-  tree made_of;
-  PyObject* found;
-  (void)self;
-  made_of.joints = whole(&c, "joints", 1, 1LL << 30);
-  made_of.n = whole(&c, "n", 0, 1LL << 30);
-  made_of.parents = rows(&c, "parents", 0, made_of.joints, SHAPE(made_of.joints - 1));
-  made_of.coordinates = rows(&c, "coordinates", 0, made_of.n, SHAPE(made_of.joints - 1));
-  made_of.turns = rows(&c, "turns", 0, 2, SHAPE(made_of.joints - 1));
-  made_of.placed = numbers(&c, "placed", SHAPE(made_of.joints - 1, 12));
-  made_of.axes = numbers(&c, "axes", SHAPE(made_of.joints - 1, 3));
-  found = made(&c, "tree", &made_of, sizeof made_of);
-  return ended(&c, found);
+WRAPPER(make_tree) {
+  arguments taken = begin("tree", given, count);
+  const long long joints = whole(&taken, "joints", 1, 1LL << 16);
+  tree arm = {.joints = joints, .n = whole(&taken, "n", 0, 1LL << 16)};
+  arm.parents = indices(&taken, "parents", 0, joints, SHAPE(joints - 1));
+  arm.coordinates = indices(&taken, "coordinates", 0, arm.n, SHAPE(joints - 1));
+  arm.turns = indices(&taken, "turns", 0, 2, SHAPE(joints - 1));
+  arm.placed = numbers(&taken, "placed", SHAPE(joints - 1, 12));
+  arm.axes = numbers(&taken, "axes", SHAPE(joints - 1, 3));
+  for (long long row = 0; !taken.failed && row < joints - 1; ++row)
+    if (arm.parents[row] > row) wrong(&taken, "parents", "earlier joints");
+  return made(&taken, "tree", &arm, sizeof arm);
 }
 
-static PyObject* call_forward(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("forward", given, count);
-  const tree* t = record(&c, "tree", "tree");
-  long long joints = t ? t->joints : 0, n = t ? t->n : 0, batch;
-  const double* q = numbers(&c, "q", SHAPE(ANY, n));
-  double *placements, *columns;
-  (void)self;
-  batch = c.shape[0];
-  placements = written(&c, "placements", SHAPE(batch, joints, 12));
-  columns = written(&c, "columns", SHAPE(batch, n, 6));
-  if (ready(&c)) WITHOUT_LOCK(forward(t, batch, q, placements, columns));
-  return ended(&c, none());
+WRAPPER(call_forward) {
+  arguments taken = begin("forward", given, count);
+  const tree* arm = record(&taken, "tree", "tree");
+  const long long joints = arm ? arm->joints : 0, n = arm ? arm->n : 0;
+  const double* q = numbers(&taken, "q", SHAPE(ANY, n));
+  const long long batch = taken.shape[0];
+  double* placements = written(&taken, "placements", SHAPE(batch, joints, 12));
+  double* columns = written(&taken, "columns", SHAPE(batch, n, 6));
+  if (ready(&taken)) WITHOUT_LOCK(forward(arm, batch, q, placements, columns));
+  return ended(&taken, none());
 }
 
 PyMethodDef forward_functions[] = {

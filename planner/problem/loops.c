@@ -2,119 +2,150 @@
    carried back to waypoints. `clearance.py` and `samples.py` have the same in NumPy; the two agree but for rounding, as
    sums are taken in another order. */
 
-#include <stdlib.h>
-
 #include "../../distance/compiled/border.h"
+#include "../../distance/compiled/vectors.h"
 #include "../collision/close_pairs.h"
 #include "../collision/hdsdf_loop.h"
 #include "../kinematics/forward_loop.h"
 
+/* A penalty on pairs: the order and the length of their distance's shaping, and by how much each coordinate moves the
+   first body of a pair against the second, 0, 1 or −1 (pairs, n). */
 typedef struct {
-  const tables* t;
-  long long n, gamma, joints, *moving;
-  const double *moves, *placements, *columns, *weight;
-  double length, total, *slope, *gradient, *curvature, *depth;
-} sums;
-
-static void add(void* given, long long s, long long k, double apart, projection* of) {
-  sums* to = given;
-  const tables* t = to->t;
-  long long n = to->n, box = t->box[k], active = 0, i, j, *moving = to->moving;
-  const double *moves = to->moves + n * k, *columns = to->columns + 6 * n * s, *placed = to->placements;
-  double distance, wrench[6], weight, *slope = to->slope;
-  if (apart > 0.0) return;
-  if (-apart > to->depth[s]) to->depth[s] = -apart;
-  if (!to->weight) return;
-  distance = hdsdf(to->gamma, to->length, placed + 12 * (s * to->joints + t->joint_b[k]), t->slots,
-                   t->table + (4 * t->slots + 1) * t->body[k] + 3 * t->slots, t->width[box], t->planes + t->first[box],
-                   apart, of, wrench);
-  weight = to->weight[s];
-  to->total += 0.5 * weight * distance * distance;
-  for (i = 0; i < n; ++i, columns += 6) {
-    double along = 0.0;
-    if (moves[i] == 0.0) continue;
-    for (j = 0; j < 6; ++j) along += columns[j] * wrench[j];
-    moving[active] = i;
-    slope[active++] = along * moves[i];
-    to->gradient[s * n + i] += weight * distance * along * moves[i];
-  }
-  for (i = 0; i < active; ++i)
-    for (j = 0; j <= i; ++j) {
-      double product = weight * slope[i] * slope[j];
-      to->curvature[(s * n + moving[i]) * n + moving[j]] += product;
-      if (j < i) to->curvature[(s * n + moving[j]) * n + moving[i]] += product;
-    }
-}
-
-/* Returns ½ Σ weight min(D, 0)² over the close rows, −1 without memory; adds its gradient (batch, n) and Gauss-Newton
-   curvature (batch, n, n), and puts the largest −D̃ of every sample into `depth`. Without weights, the last only. */
-static double penalties(const tables* t, long long gamma, double length, long long n, const double* moves, double least,
-                 long long batch, long long joints, const double* placements, const double* columns,
-                 const double* weight, long long* moving, double* slope, double* gradient, double* curvature,
-                 double* depth) {
-  sums to;
-  to.t = t; to.gamma = gamma; to.length = length; to.n = n; to.moves = moves; to.joints = joints; to.moving = moving;
-  to.placements = placements; to.columns = columns; to.weight = weight;
-  to.total = 0.0; to.slope = slope; to.gradient = gradient; to.curvature = curvature; to.depth = depth;
-  if (visit(t, batch, joints, placements, 0, t->reach, least, add, &to)) return -1.0;
-  return to.total;
-}
-
-/* What stays of a motion that is evaluated: a robot, samples of `intervals` intervals, and terms of pairs. */
-typedef struct {
-  const tables* t;
-  long long gamma, n;
+  const tables* pairs;
+  long long n;
+  int gamma;
   double length;
   const double* moves;
 } term;
+
+/* Samples: placements (batch, joints, 12), columns (batch, n, 6), weights (batch), null where only depths are asked. */
+typedef struct {
+  long long batch, joints;
+  const double *placements, *columns, *weight;
+} samples;
+
+/* What is added up: gradient (batch, n), Gauss-Newton curvature (batch, n, n), and the largest −D̃ of every sample. */
+typedef struct {
+  double *gradient, *curvature, *depth;
+} derivatives;
+
+/* --- penalties -------------------------------------------------------------------------------------------------- */
+
+/* A sum on the way; `moving` and `slope` (n) are the coordinates that move a pair, and dD/dq_i by them. */
+typedef struct {
+  const term* of;
+  const samples* at;
+  const derivatives* to;
+  long long* moving;
+  double *slope, total;
+} sum;
+
+/* dD/dq_i = column_i · wrench, times how q_i moves the pair. Returns the number of coordinates that move it. */
+static long long put_slopes(const sum* adding, long long sample, long long pair, const double* wrench) {
+  const long long n = adding->of->n;
+  const double *moves = adding->of->moves + n * pair, *columns = adding->at->columns + 6 * n * sample;
+  long long active = 0;
+  for (long long i = 0; i < n; ++i) {
+    if (moves[i] == 0.0) continue;
+    double along = 0.0;
+    for (int j = 0; j < 6; ++j) along += columns[6 * i + j] * wrench[j];
+    adding->moving[active] = i;
+    adding->slope[active++] = along * moves[i];
+  }
+  return active;
+}
+
+/* Add ½ w min(D, 0)² of a row that no plane separates, with w D ∇D and w ∇D ∇Dᵀ. */
+static void add(void* given, long long sample, long long pair, double apart, projection* found) {
+  sum* adding = given;
+  const samples* at = adding->at;
+  const derivatives* to = adding->to;
+  const tables* pairs = adding->of->pairs;
+  const long long n = adding->of->n;
+  double wrench[6];
+  if (apart > 0.0) return;
+  if (-apart > to->depth[sample]) to->depth[sample] = -apart;
+  if (!at->weight) return;
+  const double *frame = at->placements + 12 * (sample * at->joints + pairs->joint_b[pair]), weight = at->weight[sample];
+  const link_body body = body_of(pairs, pair);
+  const halfspaces planes = planes_of(pairs, pair);
+  const double distance = hdsdf(adding->of->gamma, adding->of->length, frame, &body, &planes, apart, found, wrench);
+  adding->total += 0.5 * weight * distance * distance;
+  const long long active = put_slopes(adding, sample, pair, wrench), *moving = adding->moving;
+  const double* slope = adding->slope;
+  double *gradient = to->gradient + sample * n, *curvature = to->curvature + sample * n * n;
+  for (long long i = 0; i < active; ++i) gradient[moving[i]] += weight * distance * slope[i];
+  for (long long i = 0; i < active; ++i)
+    for (long long j = 0; j <= i; ++j) {
+      const double value = weight * slope[i] * slope[j];
+      curvature[moving[i] * n + moving[j]] += value;
+      if (j < i) curvature[moving[j] * n + moving[i]] += value;
+    }
+}
+
+/* Room to work with n coordinates. */
+typedef struct {
+  long long* moving;
+  double* slope;
+} room;
+
+/* Returns ½ Σ weight min(D, 0)² over the rows that `least` does not separate, −1 without memory; adds to derivatives. */
+static double penalties(const term* of, const samples* at, double least, const derivatives* to, const room* work) {
+  sum adding = {.of = of, .at = at, .to = to, .moving = work->moving, .slope = work->slope};
+  if (visit(of->pairs, at->batch, at->joints, at->placements, NULL, of->pairs->reach, least, add, &adding)) return -1.0;
+  return adding.total;
+}
+
+/* --- a motion --------------------------------------------------------------------------------------------------- */
+
+/* What stays of a motion that is evaluated: a robot, samples at fractions of `intervals` intervals, counts[k] on
+   interval k, and terms of pairs. */
 typedef struct {
   const tree* robot;
   long long intervals, batch, terms;
   const long long* counts;
   const double *fraction, *weight;
-  const term* const* of;
+  const term* const* each;
 } motion;
 
-/* The `penalties` of all terms at the samples of waypoints (N, n), and the kinematics there, as `forward` gives it. */
-static double at_samples(const motion* m, double least, const double* positions, double* placements, double* columns,
-                  double* gradient, double* curvature, double* depth) {
-  long long n = m->robot->n, k, c, i;
-  double *q = malloc((size_t)((m->batch + 1) * n + 1) * sizeof(double)), *slope = q + m->batch * n, *to = q, total = 0.0;
-  long long* moving = malloc((size_t)(n + 1) * sizeof(long long));
-  const double* fraction = m->fraction;
-  if (q && moving) {
-    for (k = 0; k < m->intervals; ++k, positions += n)
-      for (c = 0; c < m->counts[k]; ++c, ++fraction)
-        for (i = 0; i < n; ++i) *to++ = (1.0 - *fraction) * positions[i] + *fraction * positions[n + i];
-    forward(m->robot, m->batch, q, placements, columns);
+/* q = (1 − f) q_k + f q_(k + 1) at every sample (batch, n), between waypoints (N, n). */
+static void interpolate(const motion* of, const double* positions, double* q) {
+  const long long n = of->robot->n;
+  const double* fraction = of->fraction;
+  for (long long k = 0; k < of->intervals; ++k, positions += n)
+    for (long long sample = 0; sample < of->counts[k]; ++sample, ++fraction)
+      for (long long i = 0; i < n; ++i) *q++ = (1.0 - *fraction) * positions[i] + *fraction * positions[n + i];
+}
+
+/* The penalties of all terms at the samples of waypoints (N, n), and the kinematics there, as `forward` gives it; q
+   (batch, n) is scratch. */
+static double at_samples(const motion* of, double least, const double* positions, double* q, double* placements,
+                         double* columns, const derivatives* to, const room* work) {
+  const samples at = {of->batch, of->robot->joints, placements, columns, of->weight};
+  double total = 0.0;
+  interpolate(of, positions, q);
+  forward(of->robot, of->batch, q, placements, columns);
+  for (long long k = 0; k < of->terms; ++k) {
+    const double found = penalties(of->each[k], &at, least, to, work);
+    if (found < 0.0) return -1.0;
+    total += found;
   }
-  for (k = 0; k < m->terms && total >= 0.0; ++k) {
-    const term* of = m->of[k];
-    double found = !q || !moving ? -1.0
-                                 : penalties(of->t, of->gamma, of->length, n, of->moves, least, m->batch,
-                                             m->robot->joints, placements, columns, m->weight, moving, slope, gradient,
-                                             curvature, depth);
-    total = found < 0.0 ? -1.0 : total + found;
-  }
-  free(q);
-  free(moving);
   return total;
 }
 
-/* Sums over the samples at fractions of their intervals, counts[k] on interval k, as `Samples` says: of a gradient
-   (batch, n) to waypoints (N, n), of a curvature (batch, n, n) to blocks (N, n, n) and between neighbours. */
+/* Sums over samples (batch, n) and (batch, n, n), carried back to waypoints, as `Samples` says: of a gradient to slope
+   (N, n), of a curvature to blocks (N, n, n) and to those between neighbours (N − 1, n, n). */
 static void to_waypoints(long long intervals, const long long* counts, const double* fraction, long long n,
-                  const double* gradient, const double* curvature, double* slope, double* diagonal,
-                  double* coupling) {
-  long long k, c, i;
-  for (k = 0; k < intervals; ++k, slope += n, diagonal += n * n, coupling += n * n)
-    for (c = 0; c < counts[k]; ++c, ++fraction, gradient += n, curvature += n * n) {
-      double ahead = *fraction, behind = 1.0 - ahead;
-      for (i = 0; i < n; ++i) {
+                         const double* restrict gradient, const double* restrict curvature, double* restrict slope,
+                         double* restrict diagonal, double* restrict coupling) {
+  for (long long k = 0; k < intervals; ++k, slope += n, diagonal += n * n, coupling += n * n)
+    for (long long sample = 0; sample < counts[k]; ++sample, ++fraction, gradient += n, curvature += n * n) {
+      const double ahead = *fraction, behind = 1.0 - ahead;
+      for (long long i = 0; i < n; ++i) {
         slope[i] += behind * gradient[i];
         slope[n + i] += ahead * gradient[i];
       }
-      for (i = 0; i < n * n; ++i) {
+      for (long long i = 0; i < n * n; ++i) {
         diagonal[i] += behind * behind * curvature[i];
         diagonal[n * n + i] += ahead * ahead * curvature[i];
         coupling[i] += ahead * behind * curvature[i];
@@ -124,104 +155,101 @@ static void to_waypoints(long long intervals, const long long* counts, const dou
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-static PyObject* make_term(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("term", given, count);
-  term of;
-  PyObject* found;
-  (void)self;
-  of.t = record(&c, "tables", "tables");
-  of.gamma = whole(&c, "gamma", 1, 1000);
-  of.length = number(&c, "length");
-  of.moves = numbers(&c, "moves", SHAPE(of.t ? of.t->pairs : 0, ANY));
-  of.n = c.shape[1];
-  found = made(&c, "term", &of, sizeof of);
-  return ended(&c, found);
+/* The numbers of samples on each interval, as many in all as there are fractions. */
+static void check_counts(arguments* taken, const long long* counts, long long intervals, long long batch) {
+  long long left = batch;
+  for (long long k = 0; !taken->failed && k < intervals; ++k) left -= left < 0 ? 0 : counts[k];
+  if (left != 0) wrong(taken, "counts", "the numbers of the fractions on each interval");
 }
 
-static PyObject* make_motion(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("motion", given, count);
-  motion m;
-  long long k, samples = 0;
-  PyObject* found;
-  (void)self;
-  m.robot = record(&c, "robot", "tree");
-  m.counts = rows(&c, "counts", 0, 1LL << 30, SHAPE(ANY));
-  m.intervals = c.shape[0];
-  m.fraction = numbers(&c, "fraction", SHAPE(ANY));
-  m.batch = c.shape[0];
-  m.weight = numbers(&c, "weight", SHAPE(m.batch));
-  m.of = (const term* const*)records(&c, "terms", "term");
-  m.terms = c.shape[0];
-  for (k = 0; !c.failed && k < m.intervals; ++k) samples += m.counts[k];
-  if (!c.failed && samples != m.batch) wrong(&c, "counts", "the numbers of the fractions on each interval");
-  for (k = 0; !c.failed && k < m.terms; ++k)
-    if (m.of[k]->n != m.robot->n || m.of[k]->t->joints > m.robot->joints) wrong(&c, "terms", "of the robot's joints");
-  found = made(&c, "motion", &m, sizeof m);
-  return ended(&c, found);
+static derivatives take_derivatives(arguments* taken, long long summed, long long batch, long long n) {
+  derivatives to;
+  to.gradient = written(taken, "gradient", SHAPE(summed, n));
+  to.curvature = written(taken, "curvature", SHAPE(summed, n, n));
+  to.depth = written(taken, "depth", SHAPE(batch));
+  return to;
 }
 
-static PyObject* call_penalties(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("penalties", given, count);
-  const term* of = record(&c, "term", "term");
-  double least = number(&c, "least"), *gradient, *curvature, *depth, *slope, cost = 0.0;
-  const double *placements = numbers(&c, "placements", SHAPE(ANY, ANY, 12)), *columns, *weight;
-  long long n = of ? of->n : 0, batch = c.shape[0], joints = c.shape[1], summed, *moving;
-  (void)self;
-  if (!c.failed && joints < of->t->joints) wrong(&c, "placements", "those of all joints");
-  columns = numbers(&c, "columns", SHAPE(batch, n, 6));
-  weight = numbers_or_none(&c, "weight", SHAPE(batch));
-  summed = weight ? batch : 0;
-  gradient = written(&c, "gradient", SHAPE(summed, n));
-  curvature = written(&c, "curvature", SHAPE(summed, n, n));
-  depth = written(&c, "depth", SHAPE(batch));
-  if (!ready(&c)) return ended(&c, NULL);
-  slope = malloc((size_t)(n + 1) * sizeof(double));
-  moving = malloc((size_t)(n + 1) * sizeof(long long));
-  if (slope && moving)
-    WITHOUT_LOCK(cost = penalties(of->t, of->gamma, of->length, n, of->moves, least, batch, joints, placements, columns,
-                                  weight, moving, slope, gradient, curvature, depth));
-  if (!slope || !moving) cost = -1.0;
-  free(slope);
-  free(moving);
-  return ended(&c, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+static room take_room(arguments* taken, long long n) {
+  return (room){scratch_indices(taken, n), scratch(taken, n)};
 }
 
-static PyObject* call_at_samples(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("at_samples", given, count);
-  const motion* m = record(&c, "motion", "motion");
-  long long batch = m ? m->batch : 0, n = m ? m->robot->n : 0, joints = m ? m->robot->joints : 0;
-  double least = number(&c, "least"), *placements, *columns, *gradient, *curvature, *depth, cost = 0.0;
-  const double* positions = numbers(&c, "positions", SHAPE(m ? m->intervals + 1 : 0, n));
-  (void)self;
-  placements = written(&c, "placements", SHAPE(batch, joints, 12));
-  columns = written(&c, "columns", SHAPE(batch, n, 6));
-  gradient = written(&c, "gradient", SHAPE(batch, n));
-  curvature = written(&c, "curvature", SHAPE(batch, n, n));
-  depth = written(&c, "depth", SHAPE(batch));
-  if (ready(&c))
-    WITHOUT_LOCK(cost = at_samples(m, least, positions, placements, columns, gradient, curvature, depth));
-  return ended(&c, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+WRAPPER(make_term) {
+  arguments taken = begin("term", given, count);
+  term of = {.pairs = record(&taken, "tables", "tables")};
+  of.gamma = (int)whole(&taken, "gamma", 1, 1000);
+  of.length = number(&taken, "length");
+  of.moves = numbers(&taken, "moves", SHAPE(of.pairs ? of.pairs->pairs : 0, ANY));
+  of.n = taken.shape[1];
+  return made(&taken, "term", &of, sizeof of);
 }
 
-static PyObject* call_to_waypoints(PyObject* self, PyObject* const* given, Py_ssize_t count) {
-  call c = begin("to_waypoints", given, count);
-  const long long* counts = rows(&c, "counts", 0, 1LL << 30, SHAPE(ANY));
-  long long intervals = c.shape[0], batch, n, samples = 0, k;
-  const double *fraction = numbers(&c, "fraction", SHAPE(ANY)), *gradient, *curvature;
-  double *slope, *diagonal, *coupling;
-  (void)self;
-  batch = c.shape[0];
-  gradient = numbers(&c, "gradient", SHAPE(batch, ANY));
-  n = c.shape[1];
-  curvature = numbers(&c, "curvature", SHAPE(batch, n, n));
-  slope = written(&c, "slope", SHAPE(intervals + 1, n));
-  diagonal = written(&c, "diagonal", SHAPE(intervals + 1, n, n));
-  coupling = written(&c, "coupling", SHAPE(intervals, n, n));
-  for (k = 0; !c.failed && k < intervals; ++k) samples += counts[k];
-  if (!c.failed && samples != batch) wrong(&c, "counts", "the numbers of the fractions on each interval");
-  if (ready(&c))
+WRAPPER(make_motion) {
+  arguments taken = begin("motion", given, count);
+  motion of = {.robot = record(&taken, "robot", "tree")};
+  of.counts = indices(&taken, "counts", 0, MANY, SHAPE(ANY));
+  of.intervals = taken.shape[0];
+  of.fraction = numbers(&taken, "fraction", SHAPE(ANY));
+  of.batch = taken.shape[0];
+  of.weight = numbers(&taken, "weight", SHAPE(of.batch));
+  of.each = (const term* const*)records(&taken, "terms", "term");
+  of.terms = taken.shape[0];
+  check_counts(&taken, of.counts, of.intervals, of.batch);
+  for (long long k = 0; !taken.failed && k < of.terms; ++k)
+    if (of.each[k]->n != of.robot->n || of.each[k]->pairs->joints > of.robot->joints)
+      wrong(&taken, "terms", "of the robot's joints");
+  return made(&taken, "motion", &of, sizeof of);
+}
+
+WRAPPER(call_penalties) {
+  arguments taken = begin("penalties", given, count);
+  const term* of = record(&taken, "term", "term");
+  const long long n = of ? of->n : 0;
+  const double least = number(&taken, "least");
+  samples at = {.placements = numbers(&taken, "placements", SHAPE(ANY, ANY, 12))};
+  at.batch = taken.shape[0];
+  at.joints = taken.shape[1];
+  if (of && at.joints < of->pairs->joints) wrong(&taken, "placements", "those of all joints");
+  at.columns = numbers(&taken, "columns", SHAPE(at.batch, n, 6));
+  at.weight = numbers_or_none(&taken, "weight", SHAPE(at.batch));
+  const derivatives to = take_derivatives(&taken, at.weight ? at.batch : 0, at.batch, n);
+  const room work = take_room(&taken, n);
+  double cost = 0.0;
+  if (ready(&taken)) WITHOUT_LOCK(cost = penalties(of, &at, least, &to, &work));
+  return ended(&taken, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+}
+
+WRAPPER(call_at_samples) {
+  arguments taken = begin("at_samples", given, count);
+  const motion* of = record(&taken, "motion", "motion");
+  const long long batch = of ? of->batch : 0, n = of ? of->robot->n : 0, joints = of ? of->robot->joints : 0;
+  const double least = number(&taken, "least");
+  const double* positions = numbers(&taken, "positions", SHAPE(of ? of->intervals + 1 : 0, n));
+  double* placements = written(&taken, "placements", SHAPE(batch, joints, 12));
+  double* columns = written(&taken, "columns", SHAPE(batch, n, 6));
+  const derivatives to = take_derivatives(&taken, batch, batch, n);
+  const room work = take_room(&taken, n);
+  double *q = scratch(&taken, batch * n), cost = 0.0;
+  if (ready(&taken)) WITHOUT_LOCK(cost = at_samples(of, least, positions, q, placements, columns, &to, &work));
+  return ended(&taken, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+}
+
+WRAPPER(call_to_waypoints) {
+  arguments taken = begin("to_waypoints", given, count);
+  const long long* counts = indices(&taken, "counts", 0, MANY, SHAPE(ANY));
+  const long long intervals = taken.shape[0];
+  const double* fraction = numbers(&taken, "fraction", SHAPE(ANY));
+  const long long batch = taken.shape[0];
+  const double* gradient = numbers(&taken, "gradient", SHAPE(batch, ANY));
+  const long long n = taken.shape[1];
+  const double* curvature = numbers(&taken, "curvature", SHAPE(batch, n, n));
+  double* slope = written(&taken, "slope", SHAPE(intervals + 1, n));
+  double* diagonal = written(&taken, "diagonal", SHAPE(intervals + 1, n, n));
+  double* coupling = written(&taken, "coupling", SHAPE(intervals, n, n));
+  check_counts(&taken, counts, intervals, batch);
+  if (ready(&taken))
     WITHOUT_LOCK(to_waypoints(intervals, counts, fraction, n, gradient, curvature, slope, diagonal, coupling));
-  return ended(&c, none());
+  return ended(&taken, none());
 }
 
 PyMethodDef evaluation_functions[] = {
