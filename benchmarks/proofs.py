@@ -43,7 +43,10 @@ class Outcome:
 def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
     """Plan, prove and verify one problem."""
     name = f"{problem.set} {problem.number}"
-    result = hdplan.plan(problem.load(), time_limit=time_limit)
+    try:
+        result = hdplan.plan(problem.load(), time_limit=time_limit)
+    except hdplan.UnsolvableError as error:  # an end is in contact
+        return Outcome(problem.robot, name, f"not planned: {error}")
     if not result.certified:
         return Outcome(problem.robot, name, f"not certified: {result.certificate.text}")
     scene, motion, beside = problem.scene_file, folder / "motion.json", (problem.request_file, str(problem.robot_file))
