@@ -1,0 +1,170 @@
+"""Plan the problems in narrow places: a gripper that holds a cube in a cage, goals among cans, two arms under a table.
+
+    python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--time-limit S] [--proofs] [--csv F]
+
+DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
+mbm/baxter with Baxter's description. Prints a row per set: how many have ends that are free, how many of these are
+certified and in which time, and, with --proofs, of how many a proof was written and accepted whole; to the error
+stream, a line per problem.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+import hdplan
+from hdplan.planner.studies.report import markdown_text
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
+
+FETCH = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_roll wrist_flex wrist_roll"
+UR5 = "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3"
+BAXTER = [f"{side}_{joint}" for side in ("left", "right") for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
+SETS = ("cage", "bookshelf", "table")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One problem."""
+
+    set: str
+    number: str
+    status: str  # "certified", or why not
+    seconds: float = np.nan  # from the scene to the certificate
+    attempts: int = 0
+    proof: str = ""  # "accepted", or why not
+
+
+def scenes(folder: Path, kind: str, every: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the number and the scene, as a file has it, of every K-th problem of a set."""
+    for file in sorted((folder / kind).glob("scene*.yaml"))[::every]:
+        number = file.stem.removeprefix("scene")
+        placed = yaml.safe_load(file.read_text())
+        task = yaml.safe_load(file.with_name(f"task{number}.yaml").read_text())
+        things = [(name, place) for name, place in placed.items() if name != "cans"]
+        things += [(f"can{i}", place) for i, place in enumerate(placed.get("cans", []))]
+        obstacles = [
+            {
+                "name": name,
+                "shape": {"type": "mesh", "file": str(folder / "meshes" / f"{_mesh(kind, name)}.obj")},
+                "pose": {"position": place["position"], "quaternion_xyzw": _unit(place["orientation"])},
+            }
+            for name, place in things
+        ]
+        robot, joints = _robot(folder, kind)
+        start, goal = (dict(zip(joints, map(float, task[end]), strict=True)) for end in ("start", "goal"))
+        ends = {"start": {"joints": start}, "goal": {"joints": goal}}
+        yield number, {"hdplan": 1, "robot": robot, "obstacles": obstacles, **ends}
+
+
+def _mesh(kind: str, name: str) -> str:
+    return "cylinder" if name.startswith("can") else "bookshelf_tall" if name == "bookshelf" else name
+
+
+def _unit(quaternion: list[float]) -> list[float]:
+    values = np.array(quaternion, dtype=np.float64)
+    return [float(x) for x in values / np.linalg.norm(values)]
+
+
+def _robot(folder: Path, kind: str) -> tuple[dict[str, Any], list[str]]:
+    """Return the robot of a set, and its joints in the order of the tasks."""
+    if kind == "cage":
+        files = {"urdf": str(folder / "ur5/ur5.urdf"), "srdf": str(folder / "ur5/ur5.srdf")}
+        base = {"position": [0.0, 0.0, 0.5]}
+        return {**files, "package_dirs": [str(folder / "ur5")], "base": base}, [f"{x}_joint" for x in UR5.split()]
+    if kind == "bookshelf":
+        files = {"urdf": str(folder / "fetch/fetch.urdf"), "srdf": str(folder / "fetch/fetch.srdf")}
+        held = {"r_gripper_finger_joint": 0.05, "l_gripper_finger_joint": 0.05}
+        joints = [f"{x}_joint" for x in FETCH.split()]
+        return {**files, "package_dirs": [str(folder / "fetch")], "locked": held}, joints
+    home = folder.parent / "mbm/baxter/description"
+    files = {"urdf": str(home / "baxter.urdf"), "srdf": str(home / "baxter.srdf")}
+    return {**files, "package_dirs": [str(home)], "base": {"position": [-0.45, 0.0, 0.1]}}, BAXTER
+
+
+def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: float, proofs: bool) -> Outcome:
+    """Plan one problem, and prove it."""
+    file, motion = folder / "scene.yaml", folder / "motion.json"
+    file.write_text(yaml.safe_dump(said, sort_keys=False))
+    began = time.perf_counter()
+    try:
+        result = hdplan.plan(hdplan.load_scene(file), time_limit=time_limit)
+    except hdplan.UnsolvableError as error:
+        return Outcome(kind, number, f"ends: {str(error).partition(': ')[2]}")
+    seconds = time.perf_counter() - began
+    if not result.certified:
+        return Outcome(kind, number, f"not certified: {result.certificate.text}", seconds, result.attempts)
+    found = Outcome(kind, number, "certified", seconds, result.attempts)
+    if not proofs:
+        return found
+    result.save(motion)
+    try:
+        verdict, _ = check(file, motion, hdplan.prove(file, motion).data)
+    except (hdplan.HdplanError, RejectedError) as error:
+        return Outcome(kind, number, "certified", seconds, result.attempts, str(error))
+    word = "accepted" if verdict.whole else verdict.text.splitlines()[0]
+    return Outcome(kind, number, "certified", seconds, result.attempts, word)
+
+
+def table(outcomes: list[Outcome], proofs: bool) -> str:
+    """Markdown: one row per set."""
+    rows = []
+    for kind in dict.fromkeys(outcome.set for outcome in outcomes):
+        group = [each for each in outcomes if each.set == kind and not each.status.startswith("ends")]
+        good = [each for each in group if each.status == "certified"]
+        times = [each.seconds for each in good]
+        row = {
+            "set": kind,
+            "problems": sum(each.set == kind for each in outcomes),
+            "ends are free": len(group),
+            "certified": len(good),
+            "time median / 90 % / worst [s]": "",
+            "guesses median / worst": "",
+        }
+        if good:
+            row["time median / 90 % / worst [s]"] = " / ".join(f"{np.percentile(times, p):.2f}" for p in (50, 90, 100))
+            guesses = [each.attempts for each in good]
+            row["guesses median / worst"] = f"{np.median(guesses):.0f} / {max(guesses)}"
+        if proofs:
+            row["proofs accepted"] = sum(each.proof == "accepted" for each in good)
+        rows.append(row)
+    return markdown_text(rows)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--set", nargs="+", choices=SETS, default=SETS)
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--time-limit", type=float, default=10.0)
+    parser.add_argument("--proofs", action="store_true")
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    outcomes = []
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in options.set:
+            for number, said in scenes(options.folder.absolute(), kind, options.every):
+                outcomes.append(run(kind, number, said, Path(folder), options.time_limit, options.proofs))
+                print(outcomes[-1], file=sys.stderr, flush=True)
+    print(table(outcomes, options.proofs))
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(asdict(outcomes[0])))
+            writer.writeheader()
+            writer.writerows(asdict(each) for each in outcomes)
+
+
+if __name__ == "__main__":
+    main()
