@@ -2,9 +2,9 @@
 
     python .ci/wheels.py FOLDER [PLATFORM ...]
 
-It needs `ziglang`, `abi3info` and what pyproject.toml builds with. `.ci/release` checks the wheels, and tries those that
-this machine can run. What is for other systems has been compiled, not tried: a maintainer starts cibuildwheel there
-(`[tool.cibuildwheel]` in pyproject.toml).
+It needs `ziglang`, `abi3info`, `build` and what pyproject.toml builds with. `.ci/release` checks the wheels, and tries
+those that this machine can run. What is for other systems has been compiled, not tried: a maintainer starts
+cibuildwheel there (`[tool.cibuildwheel]` in pyproject.toml).
 """
 
 from __future__ import annotations
@@ -74,7 +74,20 @@ def loops(platform: str, folder: Path) -> Path:
         (folder / "pyconfig.h").write_text(WINDOWS, encoding="utf-8")
         include = [f"-I{folder}", f"-I{copied_headers(folder)}"]
         links = [str(stable_interface(folder))]
-    zig("cc", "-target", target.name, *target.flags, *FLAGS, *HIDDEN, *include, *sources(ROOT), *links, "-s", "-o", str(built))
+    zig(
+        "cc",
+        "-target",
+        target.name,
+        *target.flags,
+        *FLAGS,
+        *HIDDEN,
+        *include,
+        *sources(ROOT),
+        *links,
+        "-s",
+        "-o",
+        str(built),
+    )
     return built
 
 
