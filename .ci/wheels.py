@@ -74,20 +74,8 @@ def loops(platform: str, folder: Path) -> Path:
         (folder / "pyconfig.h").write_text(WINDOWS, encoding="utf-8")
         include = [f"-I{folder}", f"-I{copied_headers(folder)}"]
         links = [str(stable_interface(folder))]
-    zig(
-        "cc",
-        "-target",
-        target.name,
-        *target.flags,
-        *FLAGS,
-        *HIDDEN,
-        *include,
-        *sources(ROOT),
-        *links,
-        "-s",
-        "-o",
-        str(built),
-    )
+    flags = ["-target", target.name, *target.flags, *FLAGS, *HIDDEN, "-s"]
+    zig("cc", *flags, *include, *sources(ROOT), *links, "-o", str(built))
     return built
 
 
