@@ -93,6 +93,12 @@ def test_the_wheel_of_a_tree_without_links_is_whole(without_links: Path, tmp_pat
     assert compiled or not any(map(shutil.which, ("cc", "gcc", "clang")))
 
 
+def test_without_a_compiler_the_wheel_is_built_without_loops(without_links: Path, tmp_path: Path) -> None:
+    wheel = build(without_links, "wheel", tmp_path, HDPLAN_BUILD_LOOPS="1", PATH=str(tmp_path), CC="no_compiler")
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert set(wheel_files(wheel)) == files()
+
+
 def test_wheels_of_checkout_and_sdist_are_one(without_links: Path, sdist: Path, tmp_path: Path) -> None:
     with tarfile.open(sdist) as told:
         told.extractall(tmp_path, filter="data")
