@@ -67,7 +67,7 @@ def compiled(root: Path, into: Path | None = None) -> Path | None:
         command.ensure_finalized()
         command.run()
     except Exception as error:  # what the compiler, or the lack of one, says
-        print(f"hdplan: built without its loops of C, so plans take 15 to 30 times as long: {error}", file=sys.stderr)
+        print(f"hdplan: built without its loops of C, so plans take 10 to 30 times as long: {error}", file=sys.stderr)
         return None
     return Path(command.get_ext_fullpath("_loops"))
 
