@@ -21,21 +21,33 @@ HIDDEN = ("-fvisibility=hidden",)
 
 
 class LoopsHook(BuildHookInterface[Any]):
-    """Compiles before a wheel is made; what it makes is the same for Python 3.11 and all later ones."""
+    """Compiles before a wheel is made; what it makes is the same for Python 3.11 and all later ones.
+
+    HDPLAN_BUILD_LOOPS=0 leaves the loops out; HDPLAN_LOOPS and HDPLAN_PLATFORM name a file that holds them already, and
+    whose they are (`.ci/wheels.py`).
+    """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and tell the wheel what was made."""
-        if version != "editable":
-            build_data["force_include"][str(Path(self.root) / "cli.py")] = "hdplan/cli.py"
+        root, editable = Path(self.root), version == "editable"
+        if not editable:
+            build_data["force_include"][str(root / "cli.py")] = "hdplan/cli.py"
         if os.environ.get("HDPLAN_BUILD_LOOPS") == "0":
             return
-        built = compiled(Path(self.root), Path(self.root) / "src/hdplan" if version == "editable" else None)
+        ready = os.environ.get("HDPLAN_LOOPS")
+        built = Path(ready) if ready else compiled(root, root / "src/hdplan" if editable else None)
         if built is None:
             return
+        platform = os.environ.get("HDPLAN_PLATFORM") or sysconfig.get_platform()
         build_data["pure_python"] = False
-        build_data["tag"] = f"cp311-abi3-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
-        if version != "editable":
+        build_data["tag"] = f"cp311-abi3-{platform.replace('-', '_').replace('.', '_')}"
+        if not editable:
             build_data["force_include"][str(built)] = f"hdplan/{built.name}"
+
+
+def sources(root: Path) -> list[str]:
+    """The files of C, from the checkout's top."""
+    return sorted(path.relative_to(root).as_posix() for each in SOURCES for path in (root / each).rglob("*.c"))
 
 
 def compiled(root: Path, into: Path | None = None) -> Path | None:
@@ -45,10 +57,9 @@ def compiled(root: Path, into: Path | None = None) -> Path | None:
     from setuptools.command.build_ext import build_ext
 
     os.chdir(root)
-    sources = sorted(path.relative_to(root).as_posix() for each in SOURCES for path in (root / each).rglob("*.c"))
     msvc = sys.platform == "win32" and "CC" not in os.environ
     flags = ["/O2", "/std:c11", "/fp:precise"] if msvc else [*FLAGS, *HIDDEN]
-    extension = Extension("_loops", sources, extra_compile_args=flags, py_limited_api=True)
+    extension = Extension("_loops", sources(root), extra_compile_args=flags, py_limited_api=True)
     command = build_ext(Distribution({"ext_modules": [extension]}))
     folder = Path(tempfile.mkdtemp(prefix="hdplan-"))
     command.build_temp, command.build_lib, command.verbose = str(folder / "objects"), str(into or folder), False
@@ -56,7 +67,7 @@ def compiled(root: Path, into: Path | None = None) -> Path | None:
         command.ensure_finalized()
         command.run()
     except Exception as error:  # what the compiler, or the lack of one, says
-        print(f"hdplan: built without its loops of C, so it will be 50 to 100 times slower: {error}", file=sys.stderr)
+        print(f"hdplan: built without its loops of C, so plans take 10 to 30 times as long: {error}", file=sys.stderr)
         return None
     return Path(command.get_ext_fullpath("_loops"))
 

@@ -1,4 +1,5 @@
-"""Write the measured parts of docs/measurements.md, docs/certificate.md and README.md again, each by its command.
+"""Write the measured parts of docs/measurements.md, docs/certificate.md, docs/install.md and
+README.md again, each by its command.
 
     python benchmarks/measurements.py [NAME ...] [--problems DIR] [--list]
 
@@ -27,7 +28,7 @@ from pathlib import Path
 from hdplan.scenes.output import write_output
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = tuple(ROOT / page for page in ("docs/measurements.md", "docs/certificate.md", "README.md"))
+PAGES = tuple(ROOT / page for page in ("docs/measurements.md", "docs/certificate.md", "docs/install.md", "README.md"))
 BEGIN, END = "<!-- measured by: ", "<!-- end -->"
 BLOCK = re.compile(rf"^{re.escape(BEGIN)}(.+) -->\n((?:(?!{re.escape(BEGIN)}).*\n)*?){re.escape(END)}$", re.MULTILINE)
 PROBLEMS = "DIR"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import sys
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -32,13 +33,19 @@ def freeze(holder: Any) -> None:
             own[name] = read_only(value)
 
 
+def after_fork(call: Callable[[], None]) -> None:
+    """Let each child of a fork make a call first; Windows has no forks."""
+    if sys.platform != "win32":
+        os.register_at_fork(after_in_child=call)
+
+
 class ForkSafeLock:
     """A lock that is released in the child of a fork, where the thread that held it does not exist."""
 
     def __init__(self) -> None:
         """Make the lock, and a new one in each child process."""
         self._lock = threading.Lock()
-        os.register_at_fork(after_in_child=self._make)
+        after_fork(self._make)
 
     def __enter__(self) -> None:
         """Acquire the lock."""
@@ -64,7 +71,7 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
         made: OrderedDict[Hashable, Made] = OrderedDict()
         under_way: dict[Hashable, threading.Lock] = {}
         changing = ForkSafeLock()  # guards the two above; never held while a value is made
-        os.register_at_fork(after_in_child=under_way.clear)
+        after_fork(under_way.clear)
 
         @functools.wraps(make)
         def find(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:

@@ -29,7 +29,8 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     for folder in ("planner", "scenes"):
         shutil.copytree(ROOT / folder, tree / folder, ignore=ignore)
     shutil.copytree(ROOT / "src" / "hdplan", tree / "src" / "hdplan", symlinks=True, ignore=ignore)
-    shutil.copy(ROOT / "cli.py", tree)
+    for name in ("cli.py", "hatch_build.py"):
+        shutil.copy(ROOT / name, tree)
     (tree / "distance").symlink_to(ROOT / "distance")
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run([sys.executable, str(CHILD), str(tree)], capture_output=True, text=True, env=env)

@@ -97,10 +97,12 @@ def fcl_distances(body_a: Body, poses_a: ArrayLike, body_b: Body, poses_b: Array
     They are computed in another process. It forks workers, each of which continues after the pose that crashed the one
     before (so it needs os.fork: Linux, macOS).
 
-    Raises InputError if python-fcl is not installed, for poses of another shape, not finite or not rigid, and for lists
-    of unequal length; RuntimeError if the process fails in any other way.
+    Raises InputError on Windows, if python-fcl is not installed, for poses of another shape, not finite or not rigid,
+    and for lists of unequal length; RuntimeError if the process fails in any other way.
     """
     _library()
+    if sys.platform == "win32":
+        raise InputError("FCL's distances need os.fork, which Windows lacks: FCL crashes its process for some bodies")
     pairs = pairs_of(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)
     every = [_of_pair(a, world_a, b, world_b) for a, b in pairs]
@@ -140,7 +142,9 @@ def _of_pair(body_a: ConvexBody, world_a: Array, body_b: ConvexBody, world_b: Ar
 
 def _answer_all(folder: str) -> None:
     """Answer the task in ``folder``; every pose without an answer at the end crashed a worker."""
-    import resource  # like fork, not available everywhere
+    if sys.platform == "win32":
+        raise OSError("no os.fork")
+    import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no core dump for each crash
     task = pickle.loads(Path(folder, "task").read_bytes())

@@ -104,7 +104,10 @@ def _local(workers: int) -> Iterator[str]:
             try:
                 process.wait(ENDING)
             except BaseException:
-                os.killpg(process.pid, signal.SIGKILL)
+                if sys.platform == "win32":
+                    process.kill()
+                else:
+                    os.killpg(process.pid, signal.SIGKILL)
                 raise
 
 

@@ -7,13 +7,13 @@ and is cut off when the run goes on.
 from __future__ import annotations
 
 import base64
-import fcntl
 import json
 import os
+import sys
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from hdplan.planner.batch.outcome import Outcome
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 
+LOCKED = 1 << 40  # the byte that is locked where a lock keeps readers away too; beyond all that is written
 ARRAYS = ("positions", "times", "velocities", "accelerations")
 
 
@@ -32,16 +33,17 @@ class Journal:
         self.path, self.places = path, dict[int, tuple[int, int]]()  # number of a problem -> offset and size [bytes]
         self.end = 0
         try:
-            self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            path.touch(0o644)
+            self.file = path.open("r+b", buffering=0)
             try:
-                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _lock(self.file)
             except OSError:
-                os.close(self.file)
+                self.file.close()
                 raise InputError(f"{path.parent}: another process is writing this run") from None
             for number, line in _whole_lines(path):
                 self.places[number] = self.end, len(line)
                 self.end += len(line)
-            os.ftruncate(self.file, self.end)
+            self.file.truncate(self.end)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 
@@ -50,7 +52,8 @@ class Journal:
         content = json.dumps({"number": number, **_plain(outcome)}, allow_nan=False).encode()
         line = b"%08x %s\n" % (zlib.crc32(content), content)
         try:
-            if os.pwrite(self.file, line, self.end) != len(line):
+            self.file.seek(self.end)
+            if self.file.write(line) != len(line):
                 raise OSError(28, os.strerror(28))
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror})") from None
@@ -61,11 +64,25 @@ class Journal:
         """Yield all outcomes in the order of their problems."""
         for number in sorted(self.places):
             offset, size = self.places[number]
-            yield number, _outcome(json.loads(os.pread(self.file, size, offset)[9:]))
+            self.file.seek(offset)
+            yield number, _outcome(json.loads(self.file.read(size)[9:]))
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self.file)
+        self.file.close()
+
+
+def _lock(file: BinaryIO) -> None:
+    """Keep a file from other writers until it is closed. Raises OSError if one has it."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        file.seek(LOCKED)
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def read_journal(path: Path) -> list[Outcome]:

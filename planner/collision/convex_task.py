@@ -15,11 +15,9 @@ import numpy as np
 
 def main(mesh: str, result: str, concavity: str, seconds: str, memory: str) -> None:
     """Split a mesh as the arguments say."""
-    try:
+    if sys.platform != "win32":  # which has no such limits
         import resource
-    except ImportError:  # not on Windows
-        pass
-    else:
+
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
         resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
     coacd.set_log_level("error")

@@ -56,6 +56,7 @@ class Browser:
         self._program, self._page, self._size = program, page, size
         self._stack = contextlib.ExitStack()
         self._answers = b""
+        self._read, self._write = -1, -1  # pipes
         self._count = 0
 
     def __enter__(self) -> Browser:
@@ -95,7 +96,9 @@ class Browser:
         return base64.b64decode(self._call("Page.captureScreenshot", format="jpeg", quality=QUALITY)["data"])
 
     def _start(self, stack: contextlib.ExitStack, folder: Path) -> None:
-        import fcntl  # not on every system: see find_browser
+        if sys.platform == "win32":
+            raise BrowserError(f"{self._program}: cannot be told what to do on Windows")
+        import fcntl
 
         ours, theirs = [], []
         for end in (0, 1):  # it reads from the first pipe, and writes to the second one

@@ -46,7 +46,7 @@ def ended_by_signals() -> Iterator[None]:
     def asked(number: int, _: object) -> None:
         nonlocal ending
         ending = EXCEPTIONS[number]
-        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+        _alarm(AGAIN)
         raise ending()
 
     def again(*_: object) -> None:
@@ -58,8 +58,10 @@ def ended_by_signals() -> Iterator[None]:
             hook(lost)
 
     hook = sys.unraisablehook
-    handlers: dict[int, Callable[..., None]] = {signal.SIGALRM: again}
-    handlers |= {number: asked for number in EXCEPTIONS if signal.getsignal(number) is not signal.SIG_IGN}
+    asking = [number for number in EXCEPTIONS if signal.getsignal(number) is not signal.SIG_IGN]
+    handlers: dict[int, Callable[..., None]] = dict.fromkeys(asking, asked)
+    if sys.platform != "win32":
+        handlers[signal.SIGALRM] = again
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     sys.unraisablehook = unraisable
     try:
@@ -69,7 +71,7 @@ def ended_by_signals() -> Iterator[None]:
             raise
         raise ending() from error
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        _alarm(0.0)
         sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler or signal.SIG_DFL)
@@ -81,7 +83,13 @@ def until_ctrl_c() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)  # handled
+        _alarm(0.0)  # handled
+
+
+def _alarm(seconds: float) -> None:
+    """Set an alarm, again and again, or none; Windows has no alarms, and there an exception that is dropped is lost."""
+    if sys.platform != "win32":
+        signal.setitimer(signal.ITIMER_REAL, seconds, seconds)
 
 
 def _propagating() -> bool:

@@ -6,7 +6,9 @@ was anything to show, 143 terminated.
 
 from __future__ import annotations
 
+import atexit
 import errno
+import gc
 import io
 import os
 import sys
@@ -23,6 +25,7 @@ from hdplan.planner.terminal.plain_text import register
 from hdplan.planner.terminal.quick_start import command_of
 from hdplan.scenes.errors import DEBUG, HdplanError, TimeLimitError, debugging
 
+MANY = 50_000  # new objects before cycles are looked for: imports make as many and drop none, a sixth of a start's time
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -35,6 +38,8 @@ def run(app: typer.Typer) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors=register())
+    gc.set_threshold(MANY)
+    atexit.register(gc.freeze)  # at the end all memory is given back, with cycles or without
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         with ended_by_signals():

@@ -22,9 +22,16 @@ also on shared objects, with the same results.
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
 
-from hdplan.scenes.lazy_imports import lazy_imports
+# In a checkout planner/, distance/, scenes/ and cli.py lie at its top, and are imported from there: the links beside
+# this file are for type checkers, which run nothing.
+_checkout = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
+if os.path.isfile(os.path.join(_checkout, "hatch_build.py")):
+    __path__.insert(0, _checkout)
+
+from hdplan.scenes.lazy_imports import lazy_imports  # noqa: E402
 
 if TYPE_CHECKING:
     from hdplan import control, distance

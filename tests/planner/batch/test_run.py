@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pyarrow.parquet
@@ -132,7 +133,8 @@ def test_a_byte_that_changed_ends_what_is_believed() -> None:
 def test_a_full_disk_stops_with_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     with contextlib.closing(Journal(Path("j"))) as journal:
         journal.add(0, outcome(0))
-        monkeypatch.setattr(os, "pwrite", lambda file, data, place: 5)
+        full = Mock(wraps=journal.file, write=lambda data: 5)
+        monkeypatch.setattr(journal, "file", full)
         with pytest.raises(InputError, match=r"^j: cannot be written \(No space left on device\)$"):
             journal.add(1, outcome(1))
     assert len(read_journal(Path("j"))) == 1
