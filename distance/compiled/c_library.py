@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.cache import cache_dir, content_key, trusted, write_whole
 from hdplan.distance.compiled.compile_time import compiling
+from hdplan.distance.compiled.loops import library
 from hdplan.scenes.deadline import check_time, most_seconds
 
 # None of these changes a value: without the last, machines with a fused multiply-add would round differently. With the
@@ -66,6 +67,8 @@ def compiler() -> tuple[str, ...] | None:
 
 @functools.cache
 def _warn_once() -> None:
+    if library() is None:  # which says more
+        return
     warnings.warn(
         "no C compiler found (cc, gcc, clang or `pip install ziglang`): functions that CasADi generates are "
         "interpreted, with the same values but about six times slower",

@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import stat
+import sys
 import tempfile
 import warnings
 from pathlib import Path
@@ -70,7 +71,7 @@ _trusted: set[Path] = set()  # folders that exist and were looked at in this pro
 def _open_to(home: Path) -> str | None:
     """Say which folder others may write, of the cache's and all above it; None if they may none. In one like /tmp
     (sticky) others can add what is theirs, but not change what is the user's."""
-    if os.name == "nt":  # where a user's folders are the user's
+    if sys.platform == "win32":  # where a user's folders are the user's
         return None
     home = home.resolve()
     for folder in (home, *home.parents):

@@ -26,8 +26,8 @@ def library() -> ModuleType | None:
         return importlib.import_module("hdplan._loops")
     except ImportError as error:
         warnings.warn(
-            f"hdplan runs without its loops of C, with the same results but 50 to 100 times slower ({error}): install "
-            "a wheel, or install from source where there is a C compiler",
+            f"hdplan runs without its loops of C, with the same results, but plans take 10 to 30 times as long "
+            f"({error}): install a wheel, or install from source where there is a C compiler",
             stacklevel=2,
         )
         return None
