@@ -12,6 +12,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 
 CELL = 0.08  # [m] edge of the cubes whose balls make a group
+MOST_SURFACES = 64  # into which a mesh is divided at once
 MOST_GROUPS = 1 << 16  # as a proof writes their numbers
 
 
@@ -36,17 +37,37 @@ def fills_its_hull(triangles: Array) -> bool:
 
 
 def divided(groups: Rows, group: int, triangles: Array) -> Rows | None:
-    """Return the groups (F,) of triangles (F, 3, 3) with one of them cut in two across its longest extent; None if it
-    is a single triangle."""
+    """Return the groups (F,) of triangles (F, 3, 3), or other parts (F, c, 3), with one of them divided: into the
+    surfaces that it has, if there are several, such as the bars of a cage, or else in two across its longest extent.
+    None where that would be of no use: for a single triangle, and for triangles that bound a convex solid."""
     rows = np.flatnonzero(groups == group)
-    if len(rows) < 2:
+    if len(rows) < 2 or fills_its_hull(triangles[rows]):
         return None
+    result, surface = groups.copy(), _surfaces(triangles[rows])
+    if 1 < (count := int(surface.max()) + 1) <= MOST_SURFACES:
+        result[rows] = np.where(surface == 0, group, groups.max() + surface)
+        return result
     centers = triangles[rows].mean(axis=1)
+    if count > MOST_SURFACES:  # which stay whole
+        centers = (
+            np.array([np.bincount(surface, x) for x in centers.T]).T[surface] / np.bincount(surface)[surface, None]
+        )
     spread = centers - centers.mean(axis=0)
     heights = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
     upper = heights > 0.5 * (heights.min() + heights.max())
     if upper.all() or not upper.any():
         upper = np.arange(len(rows)) >= len(rows) // 2
-    result = groups.copy()
     result[rows[upper]] = groups.max() + 1
     return result
+
+
+def _surfaces(triangles: Array) -> Rows:
+    """Number the surfaces of triangles (F, c, 3), which hang together where they share corners: (F,), from 0 on."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count, corners = triangles.shape[:2]
+    corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].ravel()
+    row = np.repeat(np.arange(count), corners)
+    has = coo_array((np.ones(len(corner)), (row, corner)), (count, int(corner.max()) + 1))
+    return np.asarray(connected_components(has @ has.T)[1], dtype=np.int64)

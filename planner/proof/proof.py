@@ -19,7 +19,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.proof.meshes import divided, fills_its_hull, groups_of
+from hdplan.planner.proof.meshes import divided, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
 from hdplan.planner.proof.rays import rays
 from hdplan.planner.proof.world import world_of
@@ -152,7 +152,7 @@ class _Writer:
         """Divide the triangles of a piece, if it has several."""
         body = world.pieces[piece].body
         key = str(body)
-        if key not in world.parts or (key not in self.cuts and fills_its_hull(world.parts[key])):
+        if key not in world.parts:
             return False
         triangles = world.parts[key]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
