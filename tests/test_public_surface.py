@@ -1,5 +1,5 @@
-"""The doors: what `hdplan`, `hdplan.distance` and `hdplan.control` offer is listed here, documented, and can be
-pickled, copied and looked at."""
+"""The doors: what `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` offer is listed here, documented,
+and can be pickled, copied and looked at."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan import control, distance
+from hdplan import control, distance, symbolic
 from hdplan.planner.robot.setup import Setup
 
 SURFACE: dict[ModuleType, set[str]] = {
@@ -86,7 +86,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "distance",
         ),
         *("inverse_kinematics", "load_robot", "load_scene", "plan", "plan_many", "prove"),
-        "solve",
+        *("solve", "symbolic"),
     },
     distance: {
         *("RUNGS", "BodyUnion", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),
@@ -97,6 +97,7 @@ SURFACE: dict[ModuleType, set[str]] = {
         *("BarrierSettings", "Barriers", "ControlSettings", "Controller", "Mode", "PoseTask", "Run", "Step"),
         *("Task", "TrackTask", "scene_barriers", "simulate", "standing"),
     },
+    symbolic: {"SceneClearance", "clearance", "distance", "dynamics", "kinematics"},
 }
 PUBLIC = [(door, name) for door, names in SURFACE.items() for name in sorted(names)]
 AGAIN: dict[str, Callable[[Any], Any]] = {"pickle": lambda it: pickle.loads(pickle.dumps(it)), "copy": copy.deepcopy}
