@@ -43,9 +43,7 @@ np.testing.assert_allclose(by_joint.T @ force, borne, atol=1e-6)
 print(f"at rest at {rest} rad; the contacts bear the joints' {borne.round(3)} Nm")
 for weight in 10.0 ** np.arange(4, 8):  # a penalty gives way, as a spring does
     *_, soft = at_rest(energy + weight / 2 * ca.sumsqr(ca.fmin(distance - least, 0)), rest)
-    print(
-        f"with a penalty of weight {weight:g} in place of the constraints: {(1e3 * (least - soft)).round(4)} mm too deep"
-    )
+    print(f"with a penalty of weight {weight:g} instead: {(1e3 * (least - soft)).round(4)} mm too deep")
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
 joints = symbolic.kinematics(robot, "forearm")(rest) @ ca.DM([[0, 0.5], [0, 0], [0, 0], [1, 1]])
 axes.plot(*ca.horzcat(ca.DM(4, 1), joints).full()[[0, 2]], "o-", linewidth=8, alpha=0.5)
