@@ -673,6 +673,7 @@ def test_bad_moveit_input(
         ["robots"],
         ["batch"],
         ["sample"],
+        ["codegen"],
     ],
 )
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:

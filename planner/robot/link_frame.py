@@ -26,7 +26,7 @@ def link_frame(robot: Robot, link: str | None, field: str) -> int:
     """
     name = end_effector(robot, field) if link is None else link
     where = f"{field}.link" if field else "link"
-    index = frame_of(robot, name, where)
+    index = _frame(robot, name, where)
     if robot.model.frames[index].parentJoint == 0:
         raise InputError(f"{where}: no planned joint moves '{name}': it is fixed to the world, or held")
     return index
@@ -88,7 +88,7 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
     """
     field = "path.relative"
     frames = [
-        robot.model.frames[frame_of(robot, name, f"{field}.{key}")]
+        robot.model.frames[_frame(robot, name, f"{field}.{key}")]
         for name, key in ((asked.link, "link"), (asked.to, "to"))
     ]
     link, other = (int(frame.parentJoint) for frame in frames)
@@ -103,9 +103,7 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
     return TwoLinks((link, other), placements, held.homogeneous)
 
 
-def frame_of(robot: Robot, link: str, field: str) -> int:
-    """Return the index of a link among the model's frames, also of one that stands still. Raises InputError, naming the
-    `field`, for a link that the robot does not have."""
+def _frame(robot: Robot, link: str, field: str) -> int:
     links = _links(robot)
     if link not in links:
         raise InputError(f"{field}: unknown link '{link}'{nearest(link, links)}")

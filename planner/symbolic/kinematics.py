@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TypeVar
 
 import casadi as ca
+import pinocchio as pin
 
 from hdplan.planner.kinematics.forward import constant, kinematics_of
 from hdplan.planner.robot.as_loaded import check_as_loaded
-from hdplan.planner.robot.link_frame import end_effector, frame_of
+from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import checked, instance, text
 
@@ -33,7 +35,10 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
         InputError: for an unknown link, a robot without one end effector, and what the scene's robot is refused for.
     """
     found = robot_of(robot)
-    joint, placement = _placed(found, end_effector(found, "link") if link is None else checked(text, link, "link"))
+    name, places = end_effector(found, "link") if link is None else checked(text, link, "link"), link_places(found)
+    if name not in places:
+        raise InputError(f"link: unknown link '{name}'{nearest(name, places)}")
+    joint, placement = places[name]
     tree, q = kinematics_of(found), ca.SX.sym("q", found.n)
     rotations, origins = tree.function(joint_values(found, q))
     turn, place = rotations[:, 3 * joint : 3 * joint + 3], origins[:, joint]
@@ -58,9 +63,11 @@ def joint_values(robot: Robot, q: Expression) -> Expression:
     return ca.sparsify(ca.DM(robot.linkage.matrix)) @ q + ca.DM(robot.linkage.offset)
 
 
-def _placed(robot: Robot, link: str) -> tuple[int, Array]:
-    """Return the joint that carries a link or a held object, and the placement (4, 4) of its frame in the joint's."""
-    held = next((each for each in robot.attached if each.name == link), None)
-    frame = robot.model.frames[frame_of(robot, link if held is None else held.link, "link")]
-    placement: Array = frame.placement.homogeneous
-    return int(frame.parentJoint), placement if held is None else placement @ held.pose.matrix
+def link_places(robot: Robot) -> dict[str, tuple[int, Array]]:
+    """Return of every link and held object the joint that carries it, and the placement (4, 4) of its frame there."""
+    frames = [frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    places = {str(frame.name): (int(frame.parentJoint), frame.placement.homogeneous) for frame in frames}
+    for held in robot.attached:
+        joint, place = places[held.link]
+        places[held.name] = joint, place @ held.pose.matrix
+    return places
