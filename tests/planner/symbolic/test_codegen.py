@@ -102,6 +102,8 @@ def test_a_number_that_is_wrong_fails_the_test(tmp_path: Path) -> None:
     body = re.search(r"bodies_0\[\d+\]\[\d+\] = \{\{([-.\de]+)", source)
     assert body is not None
     changed = source[: body.start(1)] + str(float(body[1]) + 1e-6) + source[body.end(1) :]
+    refused = run(COMPILERS[0], "-ffast-math", "-c", f"{prefix}.c", folder=tmp_path)
+    assert "without -ffast-math" in refused.stderr
     for text, code in (
         (source, 0),
         (changed, 1),
