@@ -27,7 +27,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("distance.studies", "planner.geometry.mesh_formats"),
     *("planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
-    "planner.symbolic",
+    *("planner.symbolic", "planner.traced"),
     "planner.solvers.methods",
     "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
@@ -43,7 +43,7 @@ CERTIFICATE = {
 
 HOMES = {  # of each heavy library
     "casadi": {"distance.symbolic", "planner.kinematics", "planner.problem", "planner.solvers", "planner.symbolic"},
-    "jax": {"distance.batch"},
+    "jax": {"distance.batch", "planner.traced"},
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},
     "daqp": {"planner.control"},

@@ -1,4 +1,4 @@
-"""Robots and scenes as CasADi Functions, for optimal control of one's own.
+"""Robots and scenes as CasADi Functions, for optimal control of one's own; and whole problems in JAX.
 
     from hdplan import symbolic
     scene = hdplan.load_scene("panda_cage")
@@ -7,8 +7,10 @@
     keep = symbolic.clearance(scene)                  # keep.function: q, poses -> distance of every pair of bodies
     distance = symbolic.distance(body_a, body_b)      # pose_a, pose_b -> distance of two bodies
 
-All are graphs without callbacks: they can be differentiated twice, mapped, saved, and written to C. `distance` is
-`hdplan.distance.hdsdf_function`. Each is loaded, with CasADi, when it is asked for.
+    cost = symbolic.jax_cost(hdplan.build(scene))     # waypoints (..., N, n) and a weight -> cost, in JAX
+
+CasADi's are graphs without callbacks: they can be differentiated twice, mapped, saved, and written to C. `distance` is
+`hdplan.distance.hdsdf_function`. Each is loaded, with CasADi or JAX, when it is asked for.
 """
 
 from __future__ import annotations
@@ -22,16 +24,19 @@ if TYPE_CHECKING:
     from hdplan.planner.symbolic.clearance import SceneClearance, clearance
     from hdplan.planner.symbolic.dynamics import dynamics
     from hdplan.planner.symbolic.kinematics import kinematics
+    from hdplan.planner.traced.cost import JaxCost, jax_cost
 
-__all__ = ["SceneClearance", "clearance", "distance", "dynamics", "kinematics"]
+__all__ = ["JaxCost", "SceneClearance", "clearance", "distance", "dynamics", "jax_cost", "kinematics"]
 
 _find = lazy_imports(
     "hdplan",
     {
+        "JaxCost": "planner.traced.cost",
         "SceneClearance": "planner.symbolic.clearance",
         "clearance": "planner.symbolic.clearance",
         "dynamics": "planner.symbolic.dynamics",
         "hdsdf_function": "distance.symbolic.graph_distance",
+        "jax_cost": "planner.traced.cost",
         "kinematics": "planner.symbolic.kinematics",
     },
 )
