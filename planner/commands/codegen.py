@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.symbolic.c_code import c_files, c_name
-from hdplan.planner.symbolic.pairs import scene_pairs
+from hdplan.planner.symbolic.pairs import all_movable
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.output import check_new_folder, write_folder
@@ -21,7 +21,7 @@ def run_codegen(scene: str, request: Path | None, robot: str | RobotSpec | None,
     check_new_folder(output)
     asked = load_scene(scene, request=request, robot=robot)
     with waiting("writing C"):
-        found = scene_pairs(Setup.of(asked), None, activated=False)
+        found = all_movable(Setup.of(asked))
         files = c_files(found)
         write_folder(output, {name: text.encode() for name, text in files.items()})
     counts = {

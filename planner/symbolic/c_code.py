@@ -45,7 +45,7 @@ TAKEN = (
 def c_files(found: ScenePairs) -> dict[str, str]:
     """Return the files' names and texts: header, source, a test program with hdplan's own numbers, and a CMake file.
 
-    found: the pairs of a scene whose obstacles are all movable, not activated.
+    found: made by `all_movable`.
     """
     prefix = c_name(found.setup.scene.name)
     words = _words(found, prefix) | _of_numbers(hdplans_numbers(found, COUNT))

@@ -57,8 +57,7 @@ def clearance(scene: Scene, movable: Sequence[str] = (), activated: bool = False
     Args:
         scene: its robot with what it holds, its obstacles, and how its planner is set.
         movable: names of obstacles whose poses are inputs; those that move in the scene always are. Pairs with others
-            are left out where the link cannot reach the obstacle within the joint limits; between the ends that a
-            Function is used for, joints must keep them.
+            are left out where the link cannot reach the obstacle within the joint limits, which joints must keep.
         activated: enlarge the bodies by how much earlier the planner's penalty sets in too (``planner.activation``):
             the penalty of a configuration is then Σ ½ min(D, 0)².
 

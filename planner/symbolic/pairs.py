@@ -39,8 +39,8 @@ class ScenePairs:
         return np.array([obstacle.pose.matrix for obstacle in self.movable]).reshape(-1, 4, 4)
 
 
-def scene_pairs(setup: Setup, movable: Sequence[str] | None, activated: bool) -> ScenePairs:
-    """Lay out the pairs of a scene: those of the planner, and of every `movable` obstacle, by name; None: of all.
+def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> ScenePairs:
+    """Lay out the pairs of a scene: those of the planner, and of every `movable` obstacle, by name.
 
     Obstacles that move in the scene are movable anyway. Bodies are enlarged by the scene's clearances and, if
     `activated`, by how much earlier the planner's penalty sets in. Raises InputError for an unknown obstacle, and for
@@ -91,11 +91,16 @@ def scene_pairs(setup: Setup, movable: Sequence[str] | None, activated: bool) ->
     return ScenePairs(setup, model, moved, tuple(groups), tuple(names))
 
 
+def all_movable(setup: Setup) -> ScenePairs:
+    """Lay out the pairs of a scene in which every obstacle is movable, not activated."""
+    return scene_pairs(setup, [each.name for each in setup.scene.obstacles], activated=False)
+
+
 def _movable(setup: Setup, asked: Sequence[str] | None) -> tuple[Obstacle, ...]:
     """Return the obstacles that move in the scene, or are asked for."""
     obstacles = setup.scene.obstacles
     known = [each.name for each in obstacles]
-    wanted = known if asked is None else checked(Row(text, of="names of obstacles"), asked, "movable")
+    wanted = checked(Row(text, of="names of obstacles"), asked, "movable")
     for name in wanted:
         if name not in known:
             raise InputError(f"movable: {setup.scene.name} has no obstacle '{name}'{nearest(name, known)}")

@@ -19,7 +19,7 @@ from hdplan import symbolic
 from hdplan.planner.commands.codegen import run_codegen
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.symbolic.c_code import c_files, c_name
-from hdplan.planner.symbolic.pairs import scene_pairs
+from hdplan.planner.symbolic.pairs import all_movable
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.output import write_folder
 from tests.threads import together
@@ -36,7 +36,7 @@ needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler: what i
 
 def written(scene: hdplan.Scene, folder: Path) -> str:
     """Write a scene's C, and return the beginning of its names."""
-    for name, text in c_files(scene_pairs(Setup.of(scene), None, activated=False)).items():
+    for name, text in c_files(all_movable(Setup.of(scene))).items():
         (folder / name).write_text(text, encoding="ascii")
     return c_name(scene.name)
 

@@ -246,6 +246,20 @@ def test_a_pair_at_an_aligned_pose_has_the_right_derivatives() -> None:
         np.testing.assert_allclose(hessian[k], change, rtol=1e-5, atol=1e-5)
 
 
+def test_a_third_derivative_is_refused() -> None:
+    found, q = symbolic.clearance(hdplan.load_scene("planar_arm")), ca.MX.sym("q", 2)
+    curve = ca.hessian(ca.sum1(found.function(q, found.poses)), q)[0]
+    with pytest.raises(RuntimeError):
+        ca.Function("third", [q], [ca.jacobian(curve, q)])
+
+
+def test_what_is_no_number_gives_none() -> None:
+    found = symbolic.clearance(hdplan.load_scene("planar_arm"))
+    for q in ([np.nan, 0.0], [0.0, np.inf]):
+        distance = full(found.function(q, found.poses))[:, 0]
+        assert np.isnan(distance[[link == "forearm" for link, _ in found.pairs]]).all()
+
+
 def test_poses_that_are_not_rigid_give_no_number(made: hdplan.Scene) -> None:
     found = symbolic.clearance(made, movable=["box"])
     for wrong in (2 * np.eye(4), np.zeros((4, 4)), np.diag([1.0, 1, -1, 1]), found.poses.T):
