@@ -46,12 +46,10 @@ def write_output(path: Path, data: bytes) -> None:
 
 
 def check_new_folder(path: Path) -> None:
-    """Raise early, before the work is done, if a folder cannot be made: there is something already, other than an empty
-    folder, or its own folder is missing or cannot be written. Raises InputError."""
-    if os.path.lexists(path) and not os.path.isdir(path):
-        raise InputError(f"{path}: is a file, a folder is needed")
-    if os.path.isdir(path) and os.listdir(path):
-        raise InputError(f"{path}: is not empty, and would be replaced: name another folder, or a new one")
+    """Raise early, before the work is done, if a folder cannot be made: there is something of this name already, or the
+    folder around it is missing or cannot be written. Raises InputError."""
+    if os.path.lexists(path):
+        raise InputError(f"{path}: exists already, and is not replaced: name a new folder")
     if not os.path.isdir(path.parent):
         raise InputError(f"{path}: the folder {path.parent} does not exist")
     with _folder_beside(path):
@@ -59,13 +57,11 @@ def check_new_folder(path: Path) -> None:
 
 
 def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a new folder, or an empty one: all of them or none. Raises InputError if they cannot be."""
+    """Write files into a new folder: all of them or none. Raises InputError if they cannot be written."""
     with _folder_beside(path) as temporary:
         for name, data in files.items():
             (temporary / name).write_bytes(data)
-        if os.path.isdir(path):
-            os.rmdir(path)  # an empty one; refused if there is something in it by now
-        os.rename(temporary, path)
+        os.rename(temporary, path)  # refused if there is a file by now, or a folder with something in it
 
 
 @contextlib.contextmanager

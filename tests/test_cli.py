@@ -660,7 +660,7 @@ def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Callable[..., D
     said = json.loads(done.out)
     assert (done.code, done.err, said["prefix"], said["joints"], said["pairs"]) == (0, "", "planar_arm", 2, 4)
     assert sorted(said["files"]) == sorted(each.name for each in Path("c").iterdir())
-    refused(hdplan("codegen", "planar_arm", "-o", "c"), "is not empty")
+    refused(hdplan("codegen", "planar_arm", "-o", "c"), "exists already")
     exact = arm_scene(tmp_path, planner={"distance": "fcl"})
     refused(hdplan("codegen", exact, "-o", "d"), "planner.distance", "hdsdf", "fcl")
     assert not Path("d").exists()

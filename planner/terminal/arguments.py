@@ -295,7 +295,7 @@ Resize = Annotated[
 # study, reproduce
 NewFolder = Annotated[
     Path,
-    typer.Option("--output", "-o", metavar="DIR", help="Folder of the files; a new one, or an empty one."),
+    typer.Option("--output", "-o", metavar="DIR", help="Folder of the files, a new one."),
 ]
 Folder = Annotated[
     Path,
