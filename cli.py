@@ -408,7 +408,7 @@ def codegen(
     """Write a scene as C99 without dependencies, for a control loop.
 
     Forward kinematics of all links, the distance of every pair of bodies with its gradient, and the planner's penalty;
-    the poses of all obstacles are inputs. Nothing is allocated, and each call takes the same steps. A test program
+    the poses of all obstacles are inputs. Nothing is allocated, and the time of a call is bounded. A test program
     compares a hundred configurations with hdplan's own numbers.
     """
     from hdplan.planner.commands.codegen import run_codegen

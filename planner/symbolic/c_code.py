@@ -2,7 +2,7 @@
 
 CasADi writes the two kernels, the kinematics of the joints and the distance of one pair with its wrench; the pairs are
 tables, and a loop over them is in `c_text`. So the code is small however many pairs there are, needs no memory but some
-kilobytes of stack, and takes the same steps whatever its input.
+kilobytes of stack, and has loops of fixed lengths alone.
 """
 
 from __future__ import annotations

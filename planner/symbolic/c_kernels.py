@@ -9,10 +9,9 @@ from typing import Any
 
 import casadi as ca
 
-LOADER = (
-    r"^[^\n;{{}}]*\b{name}_\w+\([^\n;{{}}]*\) ?\{{(?:[^\n]+\}}\n+|\n.*?^\}}\n+)"  # what only CasADi's loader asks for
-)
-SEEN = re.compile(r"^(?=(?:void|int|casadi_int|casadi_real) \w+\([^;{]*\) ?\{)", re.MULTILINE)  # from outside
+# Of a Function: what only CasADi's loader asks for; what is seen from outside; arguments that may be unused; tables.
+LOADER = r"^[^\n;{{}}]*\b{name}_\w+\([^\n;{{}}]*\) ?\{{(?:[^\n]+\}}\n+|\n.*?^\}}\n+)"
+SEEN = re.compile(r"^(?=(?:void|int|casadi_int|casadi_real) \w+\([^;{]*\) ?\{)", re.MULTILINE)
 TAKEN = re.compile(r"(\(const casadi_real\*\* arg, [^;{]*int mem\)) ?\{\n")
 UNUSED = "  (void)arg; (void)res; (void)iw; (void)w; (void)mem;\n"
 SPARSITY = re.compile(r"^static const casadi_int (casadi_s\d+)\[\d+\] = \{[^}]*\};\n+", re.MULTILINE)

@@ -8,7 +8,8 @@ HEADER = Template("""\
 /* $scene: forward kinematics, distances and penalty, written by hdplan $version.
 
    C99 with nothing but the C library's mathematics. Nothing is allocated, nothing is kept between calls: functions may
-   be called from several threads. Each takes the same steps whatever its input, and at most $stack bytes of stack.
+   be called from several threads. All loops have fixed lengths, so that the time of a call is bounded, and a call takes
+   about $stack bytes of stack.
 
    Lengths are in metres, angles in radians. Poses are matrices (4, 4), row by row, in the world: [R p; 0 0 0 1]. Joint
    values q, ${PREFIX}_JOINTS of them, are in the order of ${prefix}_joint_names, [rad] or [m]; joints that follow
