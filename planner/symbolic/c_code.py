@@ -21,7 +21,7 @@ from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.symbolic import c_text
+from hdplan.planner.symbolic import c_test_text, c_text
 from hdplan.planner.symbolic.c_kernels import kernels
 from hdplan.planner.symbolic.c_numbers import Numbers, hdplans_numbers
 from hdplan.planner.symbolic.kinematics import joint_values, link_places
@@ -52,8 +52,8 @@ def c_files(found: ScenePairs) -> dict[str, str]:
     texts = {
         f"{prefix}.h": c_text.HEADER,
         f"{prefix}.c": c_text.SOURCE,
-        f"{prefix}_test.c": c_text.TEST,
-        "CMakeLists.txt": c_text.CMAKE,
+        f"{prefix}_test.c": c_test_text.TEST,
+        "CMakeLists.txt": c_test_text.CMAKE,
     }
     return {name: text.substitute(words) for name, text in texts.items()}
 
