@@ -34,6 +34,7 @@ Examples:
   hdplan batch problems/ -o run
   hdplan sample panda_cage -n 1000 -o problems.csv
   hdplan explain my_scene.yaml
+  hdplan codegen panda_cage -o panda_cage_c
   hdplan robots panda
   hdplan study distance --quick
   hdplan study planning --quick
@@ -404,6 +405,27 @@ def sample(
 
     code = run_sample(Path(scene), output, count=count, seed=seed, goal=goal, jitter=jitter, resize=resize)
     raise typer.Exit(code)
+
+
+@app.command()
+def codegen(
+    scene: given.SceneFile,
+    output: given.NewFolder,
+    request: given.Request = None,
+    robot: given.RobotFile = None,
+    xacro_arg: given.XacroArguments = None,
+    as_json: given.AsJson = False,
+) -> None:
+    """Write a scene as C99 without dependencies, for a control loop.
+
+    Forward kinematics of all links, the distance of every pair of bodies with its gradient, and the planner's penalty;
+    the poses of all obstacles are inputs. Nothing is allocated, and the time of a call is bounded. A test program
+    compares a hundred configurations with hdplan's own numbers.
+    """
+    from hdplan.planner.commands.codegen import run_codegen
+
+    robot_asked = given.robot_with(robot, xacro_arg)
+    raise typer.Exit(run_codegen(scene, request, robot_asked, output=output, as_json=as_json))
 
 
 @app.command()

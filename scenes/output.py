@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError
@@ -42,6 +43,39 @@ def write_output(path: Path, data: bytes) -> None:
     with _beside(path) as temporary:
         temporary.write_bytes(data)
         os.replace(temporary, path)
+
+
+def check_new_folder(path: Path) -> None:
+    """Raise early, before the work is done, if a folder cannot be made: there is something of this name already, or the
+    folder around it is missing or cannot be written. Raises InputError."""
+    if os.path.lexists(path):
+        raise InputError(f"{path}: exists already, and is not replaced: name a new folder")
+    if not os.path.isdir(path.parent):
+        raise InputError(f"{path}: the folder {path.parent} does not exist")
+    with _folder_beside(path):
+        pass
+
+
+def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a new folder: all of them or none. Raises InputError if they cannot be written."""
+    with _folder_beside(path) as temporary:
+        for name, data in files.items():
+            (temporary / name).write_bytes(data)
+        os.rename(temporary, path)  # refused if there is a file by now, or a folder with something in it
+
+
+@contextlib.contextmanager
+def _folder_beside(path: Path) -> Iterator[Path]:
+    """Yield an empty folder in the folder of `path`, removed at the end if it still exists."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir()
+        try:
+            yield temporary
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 @contextlib.contextmanager

@@ -27,6 +27,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("distance.studies", "planner.geometry.mesh_formats"),
     *("planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
+    *("planner.symbolic", "planner.traced"),
     "planner.solvers.methods",
     "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
@@ -41,8 +42,8 @@ CERTIFICATE = {
 }
 
 HOMES = {  # of each heavy library
-    "casadi": {"distance.symbolic", "planner.kinematics", "planner.problem", "planner.solvers"},
-    "jax": {"distance.batch"},
+    "casadi": {"distance.symbolic", "planner.kinematics", "planner.problem", "planner.solvers", "planner.symbolic"},
+    "jax": {"distance.batch", "planner.traced"},
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},
     "daqp": {"planner.control"},
@@ -77,7 +78,7 @@ MODULES = {name_of(path): imports(path) for path in FILES}
 SOURCE = ROOT / "src" / "hdplan"
 KNOWN = {name.removesuffix(".__init__"): path for name, path in zip(MODULES, FILES, strict=True)} | {
     ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
-    for path in (SOURCE / "cli.py", SOURCE / "control.py", *(SOURCE / "verify").glob("*.py"))
+    for path in (SOURCE / "cli.py", SOURCE / "control.py", SOURCE / "symbolic.py", *(SOURCE / "verify").glob("*.py"))
 }
 
 
@@ -121,7 +122,7 @@ def test_heavy_libraries_stay_at_home(library: str) -> None:
 
 def test_names_of_modules_in_strings_exist() -> None:
     """What tests and benchmarks block, replace or look up by name: one that is gone would be tested no more."""
-    named = re.compile(r"""["'](?:hdplan\.)((?:planner|scenes|distance|cli|control|verify)(?:\.\w+)*)""")
+    named = re.compile(r"""["'](?:hdplan\.)((?:planner|scenes|distance|cli|control|symbolic|verify)(?:\.\w+)*)""")
     for path in [*(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]:
         for name in named.findall(path.read_text(encoding="utf-8")):
             module = name

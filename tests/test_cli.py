@@ -655,6 +655,17 @@ def test_bad_moveit_input(
     refused(hdplan(*arguments), *words)
 
 
+def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    done = hdplan("codegen", "planar_arm", "-o", "c", "--json")
+    said = json.loads(done.out)
+    assert (done.code, done.err, said["prefix"], said["joints"], said["pairs"]) == (0, "", "planar_arm", 2, 4)
+    assert sorted(said["files"]) == sorted(each.name for each in Path("c").iterdir())
+    refused(hdplan("codegen", "planar_arm", "-o", "c"), "exists already")
+    exact = arm_scene(tmp_path, planner={"distance": "fcl"})
+    refused(hdplan("codegen", exact, "-o", "d"), "planner.distance", "hdsdf", "fcl")
+    assert not Path("d").exists()
+
+
 # --- reading matter ------------------------------------------------------------------------------------------
 
 
@@ -673,6 +684,7 @@ def test_bad_moveit_input(
         ["robots"],
         ["batch"],
         ["sample"],
+        ["codegen"],
     ],
 )
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan import control, distance
+from hdplan import control, distance, symbolic
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -73,6 +73,11 @@ def test_planning_and_certifying(scene: Scene, robot: hdplan.Robot, problem: hdp
         lambda value: control.simulate(value, control.standing(np.zeros(2)), np.zeros(2), 1.0),
         lambda value: control.PoseTask(value, value),
         control.TrackTask,
+        symbolic.kinematics,
+        symbolic.dynamics,
+        symbolic.clearance,
+        lambda value: symbolic.clearance(scene, value),
+        lambda value: symbolic.clearance(scene, activated=value),
     ):
         refused(call, *STRANGE)
     refused(

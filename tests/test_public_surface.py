@@ -1,5 +1,5 @@
-"""The doors: what `hdplan`, `hdplan.distance` and `hdplan.control` offer is listed here, documented, and can be
-pickled, copied and looked at."""
+"""The doors: what `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` offer is listed here, documented,
+and can be pickled, copied and looked at."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan import control, distance
+from hdplan import control, distance, symbolic
 from hdplan.planner.robot.setup import Setup
 
 SURFACE: dict[ModuleType, set[str]] = {
@@ -86,7 +86,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "distance",
         ),
         *("inverse_kinematics", "load_robot", "load_scene", "plan", "plan_many", "prove"),
-        "solve",
+        *("solve", "symbolic"),
     },
     distance: {
         *("RUNGS", "BodyUnion", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),
@@ -97,6 +97,7 @@ SURFACE: dict[ModuleType, set[str]] = {
         *("BarrierSettings", "Barriers", "ControlSettings", "Controller", "Mode", "PoseTask", "Run", "Step"),
         *("Task", "TrackTask", "scene_barriers", "simulate", "standing"),
     },
+    symbolic: {"JaxCost", "SceneClearance", "clearance", "distance", "dynamics", "jax_cost", "kinematics"},
 }
 PUBLIC = [(door, name) for door, names in SURFACE.items() for name in sorted(names)]
 AGAIN: dict[str, Callable[[Any], Any]] = {"pickle": lambda it: pickle.loads(pickle.dumps(it)), "copy": copy.deepcopy}
@@ -113,7 +114,7 @@ def test_the_surface_is_what_is_listed(door: ModuleType) -> None:
 @pytest.mark.parametrize(("door", "name"), PUBLIC, ids=lambda it: getattr(it, "__name__", it))
 def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
     """A function says what each of its arguments is and what it refuses; a class what it is, and so do its members."""
-    if door is distance and name in ("hdsdf_batch",):
+    if name in ("hdsdf_batch", "jax_cost", "JaxCost"):
         pytest.importorskip("jax")
     found = getattr(door, name)
     if isinstance(found, str | tuple):

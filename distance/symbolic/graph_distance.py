@@ -57,7 +57,7 @@ def hdsdf_function(
         _, up, turned = _lift()((pose_a, pose_b)[i], part)
         for j in range(2):
             block = hessian[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
-            own = (turned, _bracket(part)) if i == j else (0, 0)
+            own = (turned, bracket(part)) if i == j else (0, 0)
             blocks.append(up @ (block + own[1]) @ lifts[j][1].T + own[0])
     second = ca.Function(
         "jac_jac_hdsdf",
@@ -87,7 +87,7 @@ def _lift() -> ca.Function:
     return ca.Function("lift", [pose, gradient], [flat, by_gradient, by_pose])
 
 
-def _bracket(gradient: ca.MX) -> ca.MX:
+def bracket(gradient: ca.MX) -> ca.MX:
     """Return what the gradient changes by along a twist besides the Hessian, as twists do not commute: ½ g·[η, ·]."""
     force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
     return ca.blockcat([[ca.MX(3, 3), force], [force, torque]]) / 2

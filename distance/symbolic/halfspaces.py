@@ -66,7 +66,7 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
     world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
-    axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
+    axes = plane_axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
     distance, separation, gradient, *second = combined([axes], gamma, order, ca.MX(shaping_length))
     mark = rigid_or_nan(rotation_a, rotation_b)
     return ca.Function(
@@ -103,7 +103,7 @@ def swept_halfspace_distance(
     ]
     weights = body[3 * vertices : 4 * vertices]
     points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
-    axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
+    axes = plane_axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
     distance, separation, gradient, *bend = combined([axes], gamma, order, ca.MX(shaping_length))
     wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
     mark = rigid_or_nan(*turns)
@@ -121,7 +121,7 @@ def swept_halfspace_distance(
     )
 
 
-def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
+def plane_axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
     """The planes' normals as axes, for A's points (3, m) in B's frame, which is fixed."""
     planes = body_planes.numel() // 4
     normals = ca.reshape(body_planes[: 3 * planes], 3, planes)

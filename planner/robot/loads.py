@@ -43,6 +43,12 @@ def with_loads(
     what masses are `needed` for."""
     if robot.linkage is not None:
         raise InputError(f"{needed}: {robot.linkage.no_torques}")
+    return carrying(robot, payload, attached, needed)
+
+
+def carrying(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...], needed: str) -> pin.Model:
+    """Return the same, also of a robot with joints that follow others: all of its joints then have torques of their
+    own, of which only sums are known."""
     if robot.impossible:
         raise InputError(
             f"{needed}: no body has the inertia of link '{robot.impossible[0]}' of {robot.name}: a principal moment is "
@@ -54,7 +60,9 @@ def with_loads(
     for held in attached:
         if held.mass is not None:
             _add(model, f"attached.{held.name}", held.link, _inertia_of_held(held, held.mass), robot.name)
-    inert = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
+    upper = np.triu(pin.crba(model, model.createData(), pin.neutral(model)))
+    whole = upper + np.triu(upper, 1).T
+    inert = np.diag(whole if robot.linkage is None else robot.linkage.fold_blocks(whole))
     if (inert <= 0).any():
         joint = robot.joint_names[int(np.argmin(inert))]
         raise InputError(f"{needed}: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")

@@ -293,6 +293,10 @@ Resize = Annotated[
 ]
 
 # study, reproduce
+NewFolder = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="DIR", help="Folder of the files, a new one."),
+]
 Folder = Annotated[
     Path,
     typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; created if it does not exist."),

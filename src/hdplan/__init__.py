@@ -11,9 +11,9 @@ A scene can also be made without a file:
     box = hdplan.Box([0.1, 0.1, 0.6], pose=[0.6, 0.0, 0.3])
     scene = hdplan.Scene(robot="panda", obstacles=[box], start="default", goal=[0.6, -0.3, 0, -2, 0, 1.8, 0.785])
 
-The public interface is listed in `__all__`, here, in `hdplan.distance` and in `hdplan.control`; everything else may
-change from one version to the next. All input is checked, and refused with an `InputError` of one line. All results can
-be pickled.
+The public interface is listed in `__all__`, here, in `hdplan.distance`, `hdplan.control` and `hdplan.symbolic`;
+everything else may change from one version to the next. All input is checked, and refused with an `InputError` of one
+line. All results can be pickled.
 
 Names are imported on first use, so that `import hdplan` is fast. Everything may be called from several threads at once,
 also on shared objects, with the same results.
@@ -34,7 +34,7 @@ if os.path.isfile(os.path.join(_checkout, "hatch_build.py")):
 from hdplan.scenes.lazy_imports import lazy_imports  # noqa: E402
 
 if TYPE_CHECKING:
-    from hdplan import control, distance
+    from hdplan import control, distance, symbolic
     from hdplan.distance.bodies import ConvexBody
     from hdplan.planner.batch.many import plan_many
     from hdplan.planner.batch.outcome import Outcome
@@ -189,6 +189,7 @@ __all__ = [
     "plan_many",
     "prove",
     "solve",
+    "symbolic",
 ]
 
 
@@ -196,7 +197,7 @@ _find = lazy_imports(__name__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("control", "distance"):
+    if name in ("control", "distance", "symbolic"):
         return importlib.import_module(f"hdplan.{name}")
     return _find(name)
 

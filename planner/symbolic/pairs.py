@@ -1,0 +1,107 @@
+"""The pairs of bodies that the planner compares in a scene, with obstacles that stand where they stand or anywhere.
+
+A movable obstacle is one more frame after the joints', as a moving one is for the planner, and is compared with every
+link that moves: wherever it may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION, CollisionModel, collision_model_of
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
+from hdplan.planner.problem.lay_out import self_margin
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.values import Row, checked, text
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePairs:
+    """P pairs of bodies, in groups: links with obstacles, then links with links."""
+
+    setup: Setup
+    model: CollisionModel
+    movable: tuple[Obstacle, ...]  # m, whose frames come after the joints'
+    groups: tuple[BodyPairs, ...]
+    names: tuple[tuple[str, str], ...]  # (P,) link and obstacle, or link and link
+
+    @property
+    def poses(self) -> Array:
+        """Where the movable obstacles stand in the scene, at its beginning (m, 4, 4)."""
+        return np.array([obstacle.pose.matrix for obstacle in self.movable]).reshape(-1, 4, 4)
+
+
+def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> ScenePairs:
+    """Lay out the pairs of a scene: those of the planner, and of every `movable` obstacle, by name.
+
+    Obstacles that move in the scene are movable anyway. Bodies are enlarged by the scene's clearances and, if
+    `activated`, by how much earlier the planner's penalty sets in. Raises InputError for an unknown obstacle, and for
+    planner.distance fcl, which is no expression.
+    """
+    scene, settings = setup.scene, setup.scene.planner
+    if settings.distance != "hdsdf":
+        raise InputError(
+            f"{scene.source}: planner.distance: must be hdsdf to be an expression, found {settings.distance}"
+        )
+    moved = _movable(setup, movable)
+    model, extra = (
+        collision_model_of(setup.robot, settings.link_bodies, settings.normals),
+        settings.activation * activated,
+    )
+    kinematics, bodies = model.kinematics, model.bodies
+    pieces: list[HalfspaceBody] = []
+    with naming(scene.source):
+        for obstacle in scene.obstacles:
+            if obstacle not in moved:
+                pieces += from_obstacle(obstacle, settings.normals)[0]
+        standing = len(pieces)
+        for row, obstacle in enumerate(moved):
+            own = replace(obstacle, pose=Pose(), motion=None)
+            joint = kinematics.nj + row
+            pieces += [replace(piece, joint=joint) for piece in from_obstacle(own, settings.normals)[0]]
+    margins = np.array([scene.clearances[piece.name] + extra for piece in pieces])
+    boxes = np.array([piece.box for piece in pieces[:standing]]).reshape(-1, 4, 4)
+    half = np.array([piece.half_size for piece in pieces[:standing]]).reshape(-1, 3) + margins[:standing, None]
+    met = [
+        (a, b)
+        for a, body in enumerate(bodies)
+        if body.joint > 0
+        for b in (*np.flatnonzero(model.reach[a].meets(boxes, half)).tolist(), *range(standing, len(pieces)))
+    ]
+    met.sort(key=lambda pair: pair[1] >= standing)  # as the planner: those that stand first
+    supports = np.vstack([kinematics.supports, np.zeros((len(moved), kinematics.n), dtype=np.bool_)])
+    margin = self_margin(scene)
+    within = [pair for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True) if kept <= margin]
+    groups, names = [], []
+    if met:
+        groups.append(body_pairs(bodies, pieces, met, margins, supports))
+        names += [(bodies[a].link, pieces[b].name) for a, b in met]
+    if within:
+        grown = margin - SELF_ACTIVATION * (not activated)
+        groups.append(body_pairs(bodies, model.planes, within, grown, supports))
+        names += [(bodies[a].link, bodies[b].link) for a, b in within]
+    return ScenePairs(setup, model, moved, tuple(groups), tuple(names))
+
+
+def all_movable(setup: Setup) -> ScenePairs:
+    """Lay out the pairs of a scene in which every obstacle is movable, not activated."""
+    return scene_pairs(setup, [each.name for each in setup.scene.obstacles], activated=False)
+
+
+def _movable(setup: Setup, asked: Sequence[str] | None) -> tuple[Obstacle, ...]:
+    """Return the obstacles that move in the scene, or are asked for."""
+    obstacles = setup.scene.obstacles
+    known = [each.name for each in obstacles]
+    wanted = checked(Row(text, of="names of obstacles"), asked, "movable")
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"movable: {setup.scene.name} has no obstacle '{name}'{nearest(name, known)}")
+    return tuple(each for each in obstacles if each.motion is not None or each.name in wanted)
