@@ -129,7 +129,13 @@ def test_the_scenes_plan(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
             assert caught.value.code == 0
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+LONG = ("many_guesses",)  # run with -m slow
+
+
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(path, marks=[pytest.mark.slow] * (path.stem in LONG), id=path.stem) for path in EXAMPLES],
+)
 def test_the_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = example.read_text(encoding="utf-8")
     assert len(code.splitlines()) < 60
