@@ -87,7 +87,8 @@ def _robot(folder: Path, kind: str) -> tuple[dict[str, Any], list[str]]:
         files = {"urdf": str(folder / "fetch/fetch.urdf"), "srdf": str(folder / "fetch/fetch.srdf")}
         held = {"r_gripper_finger_joint": 0.05, "l_gripper_finger_joint": 0.05}
         joints = [f"{x}_joint" for x in FETCH.split()]
-        return {**files, "package_dirs": [str(folder / "fetch")], "locked": held}, joints
+        said = {**files, "package_dirs": [str(folder / "fetch")], "group": "arm_with_torso", "locked": held}
+        return said, joints
     home = folder.parent / "mbm/baxter/description"
     files = {"urdf": str(home / "baxter.urdf"), "srdf": str(home / "baxter.srdf")}
     return {**files, "package_dirs": [str(home)], "base": {"position": [-0.45, 0.0, 0.1]}}, BAXTER
