@@ -16,12 +16,14 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
+from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
 
@@ -81,6 +83,18 @@ class GravityTorques:
         result: Array = ordered[:, first, second, third]
         return result
 
+    def written(self, place: SymbolicPlace) -> ca.MX:
+        """g (n,) in symbols."""
+        bodies = range(len(self.masses))
+        centres = [place.rotation(b) @ ca.DM(self.centres[b]) + place.origin(b) for b in bodies]
+        after = ca.DM(self.supports * self.masses[:, None])  # (nj, n)
+        moments, masses = ca.horzcat(*centres) @ after, ca.sum1(after)
+        linear, angular = place.columns[:3, :], place.columns[3:, :]
+        moved = [
+            masses[j] * linear[:, j] + ca.cross(angular[:, j], moments[:, j]) for j in range(self.supports.shape[1])
+        ]
+        return -ca.horzcat(*moved).T @ ca.DM(self.gravity)
+
     def most(self, model: pin.Model, travel: Array) -> Array:
         """Return bounds (n,) on |g_j| over all configurations; `travel` (n, 2) is the range of each coordinate.
 
@@ -125,6 +139,11 @@ class GravityMeasure:
         scale = ARM / self.limits * np.sign(torque[:, self.joints])
         bent: Array = scale[..., None, None] * self.torques.bend(kinematics)[:, self.joints]
         return bent
+
+    def written(self, place: SymbolicPlace) -> list[ca.MX]:
+        """The shares, a joint at a time."""
+        torque = self.torques.written(place)[self.joints.tolist()]
+        return ca.vertsplit(ca.DM(ARM / self.limits) * torque)
 
 
 class StaticTorque(Hinge):

@@ -15,7 +15,7 @@ counts as clear while half of the band is left, as room for what happens between
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -23,6 +23,11 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from hdplan.planner.problem.symbolic_place import SymbolicPlace
 
 BAND = 0.02  # [m] largest width of the band below the bound in which the penalty acts
 
@@ -49,6 +54,10 @@ class Measure(Protocol):
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """The second derivatives of the lengths g (B, m, n, n)."""
+        ...
+
+    def written(self, place: SymbolicPlace) -> list[ca.MX]:
+        """The m measures v (k,) in symbols, with derivatives wherever their lengths are not 0."""
         ...
 
 
@@ -102,6 +111,22 @@ class Hinge(Term):
         bent = self.measure.bend(kinematics) - (inside / divisor**2)[..., None, None] * across
         result: Array = np.einsum("bm,bmij->bij", scale, bent)
         return result
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+        """Σ ½ |r|²."""
+        return place.half_square(self._residual)
+
+    def _residual(self, place: SymbolicPlace) -> ca.MX:
+        """r, as long as each measure has entered its band."""
+        import casadi as ca
+
+        bound, found = self.measure.bound, []
+        for vector, threshold in zip(self.measure.written(place), (bound - _band(bound)).tolist(), strict=True):
+            square = ca.sumsqr(vector)
+            entered = square > threshold**2
+            length = ca.sqrt(ca.if_else(entered, square, 1.0))
+            found.append(ca.if_else(entered, 1 - threshold / length, 0.0) * vector)
+        return ca.vertcat(*found)
 
     def _depth(self, inside: Array) -> Array:
         band = _band(self.measure.bound)

@@ -209,23 +209,28 @@ class Problem:
         counts, found = np.array(self.samples.counts), [term.loop for term in self.terms if term.loop]
         return loops.AtSamples(self.kinematics, counts, self.samples.fraction, self.samples.weight, found)
 
-    def casadi(self, hessian: str = "exact") -> Program:
+    def casadi(self, hessian: str = "exact", *, form: str = "external") -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
+
+        form: of the penalty, "external" or "symbolic". The former calls the fast loops and is for planning here; the
+        latter is one graph without a callback, whose parameters are the poses of obstacles too: it can be looked into,
+        saved, written to C and compiled, and serves a moving scene.
 
         hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a tolerance solvers take
         half of the steps with the exact one; in runs of a few steps the other gets further.
 
         `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
         `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
-        `positions(x)` the waypoints of an x; `with_cost` and `with_constraint` add expressions of one's own. Keep the
-        program as long as anything made from it.
+        `positions(x)` the waypoints of an x, `values(weight, poses)` the p; `with_cost` and `with_constraint` add
+        expressions of one's own. Keep a program of form external as long as anything made from it.
 
-        Raises InputError for another `hessian`, and for an exact one of a term of which it is not known: that of the
-        distance by FCL, and of a term of one's own without `bend`.
+        Raises InputError for another `hessian` or `form`; for an exact Hessian of a term of which it is not known: that
+        of the distance by FCL, and of a term of one's own without `bend`; and in symbols for a term that is not written
+        so: the distance by FCL, and a term of one's own without `written_at_sample` or `written_over_motion`.
         """
         from hdplan.planner.problem.program import program
 
-        return program(self, hessian)
+        return program(self, hessian, form)
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular

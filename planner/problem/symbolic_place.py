@@ -1,0 +1,95 @@
+"""The robot and the obstacles in symbols: at one configuration of a motion, and along all of it.
+
+Terms write themselves as expressions of these. Placements are those of the joints, then those of the frames that carry
+obstacles, which are parameters; a body of an obstacle is carried by one of them as a link's is by a joint.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from hdplan.distance.symbolic.closed import closed_function
+from hdplan.planner.kinematics.forward import Kinematics
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicPlace:
+    """One configuration of all joints of the model."""
+
+    kinematics: Kinematics
+    q: ca.MX  # (n,)
+    frames: ca.MX  # (12, F) world from frame: the rotation row by row, then the origin [m]
+    exact: bool  # whether the penalties' second derivatives are, or are those of their residuals' squares alone
+
+    @cached_property
+    def _state(self) -> list[ca.MX]:
+        found = self.kinematics.state(self.q)
+        placements, columns = ca.vertsplit(found, [0, 12 * self.kinematics.nj, found.numel()])
+        return [ca.reshape(placements, 12, self.kinematics.nj), ca.reshape(columns, 6, self.kinematics.n)]
+
+    @property
+    def placements(self) -> ca.MX:
+        """Of the joints and the frames (12, nj + F)."""
+        return ca.horzcat(self._state[0], self.frames)
+
+    @property
+    def columns(self) -> ca.MX:
+        """Per unit of each joint's speed (6, n): velocity of the world's origin, angular velocity."""
+        return self._state[1]
+
+    def rotation(self, joint: int) -> ca.MX:
+        """World from joint (3, 3)."""
+        return ca.reshape(self._state[0][:9, joint], 3, 3).T
+
+    def origin(self, joint: int) -> ca.MX:
+        """Of a joint (3,) [m]."""
+        return self._state[0][9:, joint]
+
+    def half_square(self, residual: Callable[[SymbolicPlace], ca.MX]) -> ca.MX:
+        """½ |r|² of residuals r, an expression of the robot's place."""
+        if self.exact:
+            return ca.sumsqr(residual(self)) / 2
+        q = ca.MX.sym("q", self.q.numel())
+        found = residual(SymbolicPlace(self.kinematics, q, ca.MX(12, 0), True))
+        slope = ca.densify(ca.jacobian(found, q))
+        penalty = closed_function(
+            "half_square", [q], ca.sumsqr(found) / 2, [found.T @ slope], [[ca.densify(slope.T @ slope)]]
+        )
+        return penalty(self.q)
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicMotion:
+    """All intervals of a motion (K of them), for penalties that are not of single configurations."""
+
+    kinematics: Kinematics
+    first: ca.MX  # (n, K) values of all joints at the beginning of each interval
+    step: ca.MX  # (n, K) to its end
+    frames: ca.MX  # (12, F) of obstacles that stand; those of others are not meant to be looked at
+    exact: bool
+
+
+def bracket(wrench: ca.SX | ca.MX) -> ca.SX | ca.MX:
+    """Return the matrix (6, 6) of w·[S, S'] = S·matrix S' for motions S, S' = [v, ω] in the world."""
+    force, torque = ca.skew(wrench[:3]), ca.skew(wrench[3:])
+    return -ca.blockcat([[type(wrench)(3, 3), force], [force, torque]])
+
+
+@functools.cache
+def by_entries() -> ca.Function:
+    """Return the function that turns a wrench (6) about the world's origin into a derivative by a placement's entries.
+
+    With dR = [ω] R, dt = v + ω × t: F·v + T·ω is the product of (dR, dt) with ([T − t × F] R/2, F). Outputs: those
+    entries (12), their derivatives by the wrench (12, 6) and by the placement (12, 12).
+    """
+    placement, wrench = ca.SX.sym("placement", 12), ca.SX.sym("wrench", 6)
+    rotation, force = ca.reshape(placement[:9], 3, 3).T, wrench[:3]
+    turning = ca.skew(wrench[3:] - ca.cross(placement[9:], force)) @ rotation / 2
+    entries = ca.densify(ca.vertcat(ca.vec(turning.T), force))
+    derivatives = [ca.densify(ca.jacobian(entries, part)) for part in (wrench, placement)]
+    return ca.Function("by_entries", [placement, wrench], [entries, *derivatives])
