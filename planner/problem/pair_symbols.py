@@ -48,10 +48,10 @@ def clearance_function(
     carried = ca.MX.sym("frames", 12, frames)
     values = [ca.MX.sym(f"q{k}", kinematics.n) for k in range(ends)]
     places = [SymbolicPlace(kinematics, q, carried, exact) for q in values]
-    n, zeros = kinematics.n * ends, ca.MX.zeros
+    n, zeros, everything = kinematics.n * ends, ca.MX.zeros, kinematics.nj + frames
     value, hessian = ca.MX(0), zeros(n, n)
-    moved = [zeros(6, kinematics.n) for _ in values]  # wrenches on what each joint moves
-    pushed, bent = zeros(6, frames), (zeros(6 * n, frames), zeros(36, frames), zeros(6, frames))
+    pushed = [zeros(6, everything) for _ in values]  # wrenches on what each joint or frame carries
+    bent = zeros(6 * n, frames), zeros(36, frames), zeros(6, frames)
     for slots in sorted(set(pairs.plane_slots.tolist())):
         rows = np.flatnonzero(pairs.plane_slots == slots)
         count, joint_a, joint_b = len(rows), pairs.joint_a[rows], pairs.joint_b[rows]
@@ -60,22 +60,23 @@ def clearance_function(
         near = _near(pairs.widest, ends).map(count)(*placed, *_balls_and_boxes(pairs, rows))
         bodies = ca.DM(pairs.body_table[pairs.body[rows]].T), ca.DM(pairs.plane_tables[slots][pairs.plane_row[rows]].T)
         given, settings = (near, *placed, *bodies), (pairs.vertex_slots, slots, gamma, shaping_length, ends)
-        one, other = _carried(kinematics, joint_a), _carried(kinematics, joint_b)
-        on_frame = _selection(joint_b - kinematics.nj, frames)
 
         depths, pushes = _pair(*settings).map(count)(*given)
         value += ca.sum2(depths)
-        wrenches = ca.vertsplit(pushes, 6)
-        moved = [found + wrench @ ca.DM(one - other) for found, wrench in zip(moved, wrenches, strict=True)]
-        pushed -= sum(wrenches) @ on_frame
+        apart = _selection(joint_a, everything) - _selection(joint_b, everything)
+        pushed = [ca.mac(each, apart, so_far) for so_far, each in zip(pushed, ca.vertsplit(pushes, 6), strict=True)]
 
+        one, other = _carried(kinematics, joint_a), _carried(kinematics, joint_b)
         screws = [ca.repmat(place.columns, 1, count) for place in places]
         bend = _pair_bend(*settings, kinematics.n, exact).map(count)
         found = bend(*given, *screws, ca.DM((one - other).T), ca.DM((one + other).T))
         hessian += ca.reshape(ca.sum2(found[0]), n, n)
-        bent = tuple(part + each @ on_frame for part, each in zip(bent, found[1:], strict=True))
-    slopes = [ca.sum1(place.columns * wrench) for place, wrench in zip(places, moved, strict=True)]
-    slopes.append(ca.vec(by_entries().map(frames)(carried, pushed)[0]).T if frames else ca.MX(1, 0))
+        on_frame = _selection(joint_b - kinematics.nj, frames)
+        bent = tuple(ca.mac(each, on_frame, so_far) for so_far, each in zip(bent, found[1:], strict=True))
+    on_links, on_frames = zip(*(ca.horzsplit(each, [0, kinematics.nj, everything]) for each in pushed), strict=True)
+    moved = ca.sparsify(ca.DM(kinematics.supports.astype(float)))
+    slopes = [ca.sum1(place.columns * (each @ moved)) for place, each in zip(places, on_links, strict=True)]
+    slopes.append(ca.vec(by_entries(1).map(frames)(carried, sum(on_frames))).T if frames else ca.MX(1, 0))
     blocks = [ca.horzsplit(row, kinematics.n) for row in ca.vertsplit(hessian, kinematics.n)]
     across, within = _to_entries(n).map(frames)(carried, *bent) if frames else (ca.MX(n, 0), ca.MX(0, 0))
     curvatures = [[*row, part] for row, part in zip(blocks, ca.vertsplit(across, kinematics.n), strict=True)]
@@ -99,10 +100,10 @@ def _carried(kinematics: Kinematics, joints: Rows) -> Array:
     return result
 
 
-def _selection(frame: Rows, frames: int) -> ca.DM:
-    """The matrix (P, F) that sums pairs by the frame (P,) that carries their second body; negative where none does."""
-    chosen = np.flatnonzero(frame >= 0)
-    pattern = ca.Sparsity.triplet(len(frame), frames, chosen.tolist(), frame[chosen].tolist())
+def _selection(carrier: Rows, count: int) -> ca.DM:
+    """The matrix (P, K) that sums pairs by the joint or frame (P,) that carries a body; negative where none does."""
+    chosen = np.flatnonzero(carrier >= 0)
+    pattern = ca.Sparsity.triplet(len(carrier), count, chosen.tolist(), carrier[chosen].tolist())
     return ca.DM(pattern, np.ones(len(chosen)))
 
 
@@ -216,7 +217,7 @@ def _to_entries(n: int) -> ca.Function:
     placement, mixed, own, push = (
         ca.MX.sym(name, size) for name, size in (("placement", 12), ("mixed", 6 * n), ("own", 36), ("push", 6))
     )
-    _, up, turned = by_entries()(placement, push)
+    _, up, turned = by_entries(2)(placement, push)
     across = ca.reshape(mixed, n, 6) @ up.T
     within = up @ (ca.reshape(own, 6, 6) + bracket(push) / 2) @ up.T + turned
     return ca.Function("to_entries", [placement, mixed, own, push], [across, within])

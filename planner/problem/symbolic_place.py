@@ -81,15 +81,15 @@ def bracket(wrench: ca.SX | ca.MX) -> ca.SX | ca.MX:
 
 
 @functools.cache
-def by_entries() -> ca.Function:
+def by_entries(order: int) -> ca.Function:
     """Return the function that turns a wrench (6) about the world's origin into a derivative by a placement's entries.
 
     With dR = [ω] R, dt = v + ω × t: F·v + T·ω is the product of (dR, dt) with ([T − t × F] R/2, F). Outputs: those
-    entries (12), their derivatives by the wrench (12, 6) and by the placement (12, 12).
+    entries (12), and for order 2 their derivatives by the wrench (12, 6) and by the placement (12, 12).
     """
     placement, wrench = ca.SX.sym("placement", 12), ca.SX.sym("wrench", 6)
     rotation, force = ca.reshape(placement[:9], 3, 3).T, wrench[:3]
     turning = ca.skew(wrench[3:] - ca.cross(placement[9:], force)) @ rotation / 2
     entries = ca.densify(ca.vertcat(ca.vec(turning.T), force))
-    derivatives = [ca.densify(ca.jacobian(entries, part)) for part in (wrench, placement)]
+    derivatives = [ca.densify(ca.jacobian(entries, part)) for part in (wrench, placement)] if order == 2 else []
     return ca.Function("by_entries", [placement, wrench], [entries, *derivatives])
