@@ -163,23 +163,36 @@ def _pair_bend(
 @functools.cache
 def _chained(ends: int, n: int, exact: bool) -> ca.Function:
     """From D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
-    value, wrench, hessian = ca.SX.sym("value"), ca.SX.sym("wrench", 6 * ends), ca.SX.sym("hessian", 6 * ends, 6 * ends)
-    screws, moves, carried = ca.SX.sym("screws", 6 * ends, n), ca.SX.sym("moves", n), ca.SX.sym("carried", n)
+    value, wrench, hessian = (
+        ca.MX.sym(*size) for size in (("value", 1), ("wrench", 6 * ends), ("hessian", 6 * ends, 6 * ends))
+    )
+    screws, moves, carried = ca.MX.sym("screws", 6 * ends, n), ca.MX.sym("moves", n), ca.MX.sym("carried", n)
     depth, inside = ca.fmin(value, 0), value < 0
-    relative = ca.diagcat(*(part * ca.repmat(moves.T, 6, 1) for part in ca.vertsplit(screws, 6)))  # (6 e, e n)
-    turns = [bracket(part) / 2 for part in ca.vertsplit(wrench, 6)]
-    together = ca.repmat(ca.SX.eye(6), ends, 1)  # B's motion seen from A, but for its sign
-    slope, push = relative.T @ wrench, -together.T @ wrench
-    results = [inside * slope @ slope.T, inside * slope @ push.T, inside * push @ push.T, depth * push]
+    moved = [part * ca.repmat(moves.T, 6, 1) for part in ca.vertsplit(screws, 6)]
+    parts = ca.vertsplit(wrench, 6)
+    slope = ca.vertcat(*(part.T @ by for part, by in zip(moved, parts, strict=True)))
+    push = -functools.reduce(lambda one, other: one + other, parts)
+    results = [(inside * slope) @ slope.T, (inside * slope) @ push.T, (inside * push) @ push.T, depth * push]
     if exact:
-        turned = []
-        for part, turn in zip(ca.vertsplit(screws, 6), turns, strict=True):
-            moved = part * ca.repmat(moves.T, 6, 1)  # joints come in the order of the tree
-            upper = ca.triu(moved.T @ turn @ (part * ca.repmat(carried.T, 6, 1)), False)
-            turned.append(upper + upper.T)
-        results[0] += depth * (relative.T @ hessian @ relative + ca.diagcat(*turned))
-        results[1] += depth * relative.T @ (ca.vertcat(*turns) - hessian @ together)
-        results[2] += depth * together.T @ hessian @ together
+        turns = [bracket(part) / 2 for part in parts]
+        blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(hessian, 6)]
+        rows = [
+            functools.reduce(lambda one, other: one + other, row) for row in blocks
+        ]  # by B's motion, but for its sign
+        curved = [
+            [one.T @ block @ other for block, other in zip(row, moved, strict=True)]
+            for row, one in zip(blocks, moved, strict=True)
+        ]
+        for i, (part, turn, whole) in enumerate(zip(moved, turns, ca.vertsplit(screws, 6), strict=True)):
+            upper = ca.triu(
+                part.T @ (turn @ (whole * ca.repmat(carried.T, 6, 1))), False
+            )  # joints are in the tree's order
+            curved[i][i] += ca.densify(upper + upper.T)
+        results[0] += depth * ca.blockcat(curved)
+        results[1] += depth * ca.vertcat(
+            *(part.T @ (turn - row) for part, turn, row in zip(moved, turns, rows, strict=True))
+        )
+        results[2] += depth * functools.reduce(lambda one, other: one + other, rows)
     flat = [ca.vec(ca.densify(part)) for part in results]
     return ca.Function("chained", [value, wrench, hessian, screws, moves, carried], flat)
 
