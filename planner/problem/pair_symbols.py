@@ -83,12 +83,14 @@ def clearance_function(
     curvatures.append([*(row[-1].T for row in curvatures), ca.diagcat(*ca.horzsplit(within, 12))])
 
     # One evaluation serves value and slopes: they are handed over by a Function that has no derivative itself. CasADi
-    # looks for what slopes depend on in their expressions, so that they have to name it.
+    # looks for what they depend on in their expressions, so that these have to name it.
     given = [*values, carried]
     known = ca.Function("pairs", given, [value, *slopes], CLOSED | {"is_diff_in": [False] * len(given)})
     fixed = [ca.MX.sym(f"known{k}", known.sparsity_out(k)) for k in range(known.n_out())]
     nothing = ca.fmin(sum(ca.sumsqr(each) for each in given), 0)
-    closed = closed_function("clearance", given, fixed[0], [part + nothing for part in fixed[1:]], curvatures, fixed)
+    closed = closed_function(
+        "clearance", given, fixed[0] + nothing, [part + nothing for part in fixed[1:]], curvatures, fixed
+    )
     return ca.Function("clearance", given, [closed(*given, *known(*given))], {"always_inline": True})
 
 

@@ -155,6 +155,22 @@ class Program:
             low[k], high[k] = np.append(low[k], bounds[0]), np.append(high[k], bounds[1])
         return replace(self, rows=tuple(rows), lower=tuple(low), upper=tuple(high))
 
+    def solver(
+        self, plugin: str = "ipopt", options: Mapping[str, Any] | None = None, *, compiled: bool = False
+    ) -> ca.Function:
+        """A solver of this program: `casadi.nlpsol` with the plugin's name and options; fatrop is told the stages.
+
+        compiled: whether its functions are written to C and compiled, once, and kept where compiled code is kept: some
+        seconds the first time, and about thirty times as fast as CasADi's interpreter. Without a C compiler they are
+        interpreted. Raises InputError for a function of Python in the program, as in form external.
+        """
+        given = {**(self.stages if plugin == "fatrop" else {}), **(options or {})}
+        if not compiled:
+            return ca.nlpsol("solver", plugin, self.nlp, given)
+        from hdplan.planner.problem.compiled_solver import compiled_solver
+
+        return compiled_solver(plugin, self.nlp, given)
+
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
         solver begins with."""
