@@ -184,7 +184,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     smoothness."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
-    laid_out = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
+    laid_out = _with_own(problem, lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely))
     if not quick or limits is None or not (limits <= FASTEST).any():
         return laid_out
     return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
@@ -196,7 +196,12 @@ def more_closely(problem: Problem) -> Problem:
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
     query, now = Query(problem.start, problem.goal), time.perf_counter()  # nothing more is split
-    return lay_out(problem.setup, query, deadline=now, closely=True)
+    return _with_own(problem, lay_out(problem.setup, query, deadline=now, closely=True))
+
+
+def _with_own(problem: Problem, anew: Problem) -> Problem:
+    """Give a problem that was laid out anew the user's own terms."""
+    return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 
 
 def _clearance(pairs: BodyPairs, distance: PairDistance, settings: PlannerSettings) -> PairTerm:

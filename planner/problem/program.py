@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.own_term import hard_constraints
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
 from hdplan.planner.problem.warm_start import waypoints_of
@@ -222,6 +223,7 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     )
     if problem.pace:
         cost += problem.pace.expression(step)
+    cost += sum(term.written(q, step) for term in problem.terms.costs)
     dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
     rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
     equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
@@ -229,7 +231,10 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
         bound[places(n, problem.waypoints)] = limit
         bound[:n] = problem.start
-    return Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
+    result = Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
+    for term in hard_constraints(problem.terms.own):
+        result = result.with_constraint(term.asked.each, *term.bounds)
+    return result
 
 
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
