@@ -120,7 +120,8 @@ class Hinge(Term):
         """r, as long as each measure has entered its band."""
         import casadi as ca
 
-        bound, found = self.measure.bound, []
+        bound = self.measure.bound
+        found: list[ca.MX] = []
         for vector, threshold in zip(self.measure.written(place), (bound - _band(bound)).tolist(), strict=True):
             square = ca.sumsqr(vector)
             entered = square > threshold**2

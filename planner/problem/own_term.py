@@ -198,9 +198,8 @@ class WrittenTerm(Term):
         found, m = self.planned(positions[:, self.own]), positions.shape[1]
         spread = np.zeros((len(positions), m))
         spread[:, self.own] = found.gradient
-        return MotionPenalty(
-            found.cost, spread, *(self._spread(part, m) for part in (found.diagonal, found.coupling)), found.depth
-        )
+        diagonal, coupling = (self._spread(part, m) for part in (found.diagonal, found.coupling))
+        return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""

@@ -74,10 +74,10 @@ class SymbolicMotion:
     exact: bool
 
 
-def bracket(wrench: ca.SX | ca.MX) -> ca.SX | ca.MX:
+def bracket(wrench: ca.MX) -> ca.MX:
     """Return the matrix (6, 6) of w·[S, S'] = S·matrix S' for motions S, S' = [v, ω] in the world."""
     force, torque = ca.skew(wrench[:3]), ca.skew(wrench[3:])
-    return -ca.blockcat([[type(wrench)(3, 3), force], [force, torque]])
+    return -ca.blockcat([[ca.MX(3, 3), force], [force, torque]])
 
 
 @functools.cache
