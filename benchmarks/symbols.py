@@ -5,8 +5,8 @@
 The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
 figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
 Then solvers on the graph as C: from the straight line, five weights of the penalty one after another, each to a
-tolerance of 1e-4 or for 60 steps; where the motion is not certified, the same from the motion of the default plan. Times
-are of the processor, that of the compiler included.
+tolerance of 1e-4 or for 60 steps; where the motion is not certified, the same from the motion of the default plan.
+Times are of the processor, that of the compiler included.
 """
 
 from __future__ import annotations

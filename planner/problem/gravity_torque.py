@@ -122,6 +122,8 @@ class GravityMeasure:
     joints: Rows  # (m,) that gravity may overload
     limits: Array  # (m,) of these
 
+    carriers = ()
+
     @property
     def bound(self) -> Array:
         """The limits, as lengths (m,) [m]."""

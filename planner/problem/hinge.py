@@ -56,6 +56,11 @@ class Measure(Protocol):
         """The second derivatives of the lengths g (B, m, n, n)."""
         ...
 
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The joints whose places alone they depend on; none where it is all of them."""
+        ...
+
     def written(self, place: SymbolicPlace) -> list[ca.MX]:
         """The m measures v (k,) in symbols, with derivatives wherever their lengths are not 0."""
         ...
@@ -114,7 +119,7 @@ class Hinge(Term):
 
     def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
         """Σ ½ |r|²."""
-        return place.half_square(self._residual)
+        return place.half_square(self._residual, self.measure.carriers)
 
     def _residual(self, place: SymbolicPlace) -> ca.MX:
         """r, as long as each measure has entered its band."""

@@ -1,7 +1,8 @@
 """One pair of bodies in symbols: ½ min(D, 0)² and its derivatives.
 
-Each is a Function of three steps that are real branches in generated code. A ball around the link body that does not reach the enlarged box of the other; a plane of the enlarged body that
-separates them; the distance. The first two prove D > 0, as they do in the broad phase of the loops (`broad_phase`).
+Each is a Function of three steps that are real branches in generated code. A ball around the link body that does not
+reach the enlarged box of the other; a plane of the enlarged body that separates them; the distance. The first two prove
+D > 0, as they do in the broad phase of the loops (`broad_phase`).
 
 With S_j the joints' screws in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), c_j the
 number of the two bodies that it carries, w and H the derivatives of D by a motion of A, η the motion of B's frame:

@@ -75,6 +75,11 @@ class UprightMeasure:
         )
         return by_joints(kinematics.columns, self.moves, wrench, hessian)[:, None]
 
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The link's joint."""
+        return (self.joint,)
+
     def written(self, place: SymbolicPlace) -> list[ca.MX]:
         """LEVER θ."""
         axis = place.rotation(self.joint) @ ca.DM(self.axis)
@@ -108,6 +113,11 @@ class WithinMeasure:
         return np.stack(
             [by_joints(kinematics.columns, self.moves, *point_along(place, axis)) for axis in along], axis=1
         )
+
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The link's joint."""
+        return (self.joint,)
 
     def written(self, place: SymbolicPlace) -> list[ca.MX]:
         """u, an axis at a time."""
@@ -156,6 +166,11 @@ class RelativeMeasure:
         torque[:, 3:], bent[:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
         found = [by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), (torque, bent))]
         return np.stack(found, axis=1)
+
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The joints of both links."""
+        return self.joints
 
     def written(self, place: SymbolicPlace) -> list[ca.MX]:
         """p − c, and LEVER φ with φ = θ/sin θ times half of what is skew in the turn."""

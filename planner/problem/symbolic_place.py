@@ -50,17 +50,72 @@ class SymbolicPlace:
         """Of a joint (3,) [m]."""
         return self._state[0][9:, joint]
 
-    def half_square(self, residual: Callable[[SymbolicPlace], ca.MX]) -> ca.MX:
-        """½ |r|² of residuals r, an expression of the robot's place."""
-        if self.exact:
-            return ca.sumsqr(residual(self)) / 2
+    def half_square(self, residual: Callable[[SymbolicPlace], ca.MX], carriers: tuple[int, ...]) -> ca.MX:
+        """½ |r|² of residuals r, an expression of the places of `carriers`, joints; of none for one of everything.
+
+        Of few joints the derivatives are by their motions, and turned into those by q with their screws: CasADi's own,
+        through the whole tree, are many times as long.
+        """
+        if carriers:
+            return _of_carriers(self.kinematics, residual, carriers, self.exact)(self.q)
         q = ca.MX.sym("q", self.q.numel())
-        found = residual(SymbolicPlace(self.kinematics, q, ca.MX(12, 0), True))
-        slope = ca.densify(ca.jacobian(found, q))
-        penalty = closed_function(
-            "half_square", [q], ca.sumsqr(found) / 2, [found.T @ slope], [[ca.densify(slope.T @ slope)]]
-        )
-        return penalty(self.q)
+        found = residual(SymbolicPlace(self.kinematics, q, ca.MX(12, 0), self.exact))
+        penalty, by_q = ca.sumsqr(found) / 2, ca.densify(ca.jacobian(found, q))
+        slope = found.T @ by_q
+        curvature = ca.jacobian(slope, q) if self.exact else by_q.T @ by_q
+        return closed_function("half_square", [q], penalty, [slope], [[ca.densify(curvature)]])(self.q)
+
+
+class _Moved(SymbolicPlace):
+    """Joints that are moved from where they are by exp(ξ), to second order in their motions ξ."""
+
+    def __init__(self, placements: dict[int, ca.MX], motions: dict[int, ca.MX]) -> None:
+        object.__setattr__(self, "given", (placements, motions))
+
+    def rotation(self, joint: int) -> ca.MX:
+        placements, motions = self.given  # type: ignore[attr-defined]
+        turn = ca.skew(motions[joint][3:])
+        return (ca.MX.eye(3) + turn + turn @ turn / 2) @ ca.reshape(placements[joint][:9], 3, 3).T
+
+    def origin(self, joint: int) -> ca.MX:
+        placements, motions = self.given  # type: ignore[attr-defined]
+        motion, origin = motions[joint], placements[joint][9:]
+        step = motion[:3] + ca.cross(motion[3:], origin)
+        return origin + step + ca.cross(motion[3:], step) / 2
+
+
+def _of_carriers(
+    kinematics: Kinematics, residual: Callable[[SymbolicPlace], ca.MX], carriers: tuple[int, ...], exact: bool
+) -> ca.Function:
+    """½ |r|² as a Function of q, closed."""
+    joints = sorted(set(carriers))
+    placements = {joint: ca.MX.sym(f"placement{joint}", 12) for joint in joints}
+    motion = ca.MX.sym("motion", 6 * len(joints))
+    found = residual(_Moved(placements, dict(zip(joints, ca.vertsplit(motion, 6), strict=True))))
+    by_motion = ca.jacobian(found, motion)
+    wrench = by_motion.T @ found
+    curved = ca.jacobian(wrench, motion) if exact else by_motion.T @ by_motion
+    moved = ca.Function(
+        "moved", [motion, *placements.values()], [ca.densify(part) for part in (ca.sumsqr(found) / 2, wrench, curved)]
+    )
+    kernel = moved.expand()
+
+    q = ca.MX.sym("q", kinematics.n)
+    place = SymbolicPlace(kinematics, q, ca.MX(12, 0), exact)
+    value, wrench, curved = kernel(ca.DM.zeros(motion.numel()), *(place.placements[:, joint] for joint in joints))
+    moves = [ca.DM(kinematics.supports[joint].astype(float)[None]) for joint in joints]
+    screws = [place.columns * ca.repmat(carried, 6, 1) for carried in moves]
+    wrenches = ca.vertsplit(wrench, 6)
+    blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(curved, 6)]
+    slope, hessian = ca.MX.zeros(1, kinematics.n), ca.MX.zeros(kinematics.n, kinematics.n)
+    for one, by, row in zip(screws, wrenches, blocks, strict=True):
+        slope += by.T @ one
+        for block, other in zip(row, screws, strict=True):
+            hessian += one.T @ block @ other
+        if exact:
+            upper = ca.triu(one.T @ (bracket(by) / 2) @ one, False)  # joints come in the order of the tree
+            hessian += upper + upper.T
+    return closed_function("half_square", [q], value, [slope], [[hessian]])
 
 
 @dataclass(frozen=True, eq=False)
