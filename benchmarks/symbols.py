@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--shipped", type=int, default=1)
     options = parser.parse_args()
-    scenes = [hdplan.load_scene(name) for name in list(shipped_scenes())[:: options.shipped]]
+    scenes = [hdplan.load_scene(name) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
     if options.folder is not None:
         scenes += [each.load() for each in real_problems(options.folder, "panda", options.every)]
     forms: dict[str, list[dict[str, float]]] = {}

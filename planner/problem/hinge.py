@@ -15,7 +15,7 @@ counts as clear while half of the band is left, as room for what happens between
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -23,11 +23,6 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array
-
-if TYPE_CHECKING:
-    import casadi as ca
-
-    from hdplan.planner.problem.symbolic_place import SymbolicPlace
 
 BAND = 0.02  # [m] largest width of the band below the bound in which the penalty acts
 
@@ -56,15 +51,6 @@ class Measure(Protocol):
         """The second derivatives of the lengths g (B, m, n, n)."""
         ...
 
-    @property
-    def carriers(self) -> tuple[int, ...]:
-        """The joints whose places alone they depend on; none where it is all of them."""
-        ...
-
-    def written(self, place: SymbolicPlace) -> list[ca.MX]:
-        """The m measures v (k,) in symbols, with derivatives wherever their lengths are not 0."""
-        ...
-
 
 class Hinge(Term):
     """A squared hinge on measures of a configuration."""
@@ -79,7 +65,7 @@ class Hinge(Term):
         found = self.measure(kinematics)
         bound = self.measure.bound
         length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (bound - _band(bound)), 0.0)
+        inside = np.maximum(length - (bound - band_below(bound)), 0.0)
         entered = (inside > 0.0)[..., None]
         divisor = np.where(entered, length[..., None], 1.0)
         unit = np.where(entered, found.value / divisor, 0.0)
@@ -105,7 +91,7 @@ class Hinge(Term):
         """With e = max(g − (t − b), 0) and J = dv/dq, what e²/2 has beyond dr ᵀdr: e ∇²g − (e/g)² Jᵀ(I − u uᵀ) J."""
         found = self.measure(kinematics)
         length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (self.measure.bound - _band(self.measure.bound)), 0.0)
+        inside = np.maximum(length - (self.measure.bound - band_below(self.measure.bound)), 0.0)
         entered = inside > 0.0
         scale = samples.weight[:, None] * inside
         if not entered.any():
@@ -117,29 +103,13 @@ class Hinge(Term):
         result: Array = np.einsum("bm,bmij->bij", scale, bent)
         return result
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
-        """Σ ½ |r|²."""
-        return place.half_square(self._residual, self.measure.carriers)
-
-    def _residual(self, place: SymbolicPlace) -> ca.MX:
-        """r, as long as each measure has entered its band."""
-        import casadi as ca
-
-        bound = self.measure.bound
-        found: list[ca.MX] = []
-        for vector, threshold in zip(self.measure.written(place), (bound - _band(bound)).tolist(), strict=True):
-            square = ca.sumsqr(vector)
-            entered = square > threshold**2
-            length = ca.sqrt(ca.if_else(entered, square, 1.0))
-            found.append(ca.if_else(entered, 1 - threshold / length, 0.0) * vector)
-        return ca.vertcat(*found)
-
     def _depth(self, inside: Array) -> Array:
-        band = _band(self.measure.bound)
+        band = band_below(self.measure.bound)
         inside = np.linalg.norm(inside.reshape(len(inside), len(band), inside.shape[1] // len(band)), axis=2)
         depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
         return depth
 
 
-def _band(bound: Array) -> Array:
+def band_below(bound: Array) -> Array:
+    """Return the widths of the bands below bounds (m,) in which the penalty acts."""
     return np.minimum(0.5 * bound, BAND)

@@ -10,11 +10,24 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 
 from hdplan.distance.symbolic.closed import closed_function
 from hdplan.planner.kinematics.forward import Kinematics
+
+
+class JointPlaces(Protocol):
+    """Where joints are."""
+
+    def rotation(self, joint: int) -> ca.MX:
+        """World from joint (3, 3)."""
+        ...
+
+    def origin(self, joint: int) -> ca.MX:
+        """Of a joint (3,) [m]."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,42 +63,32 @@ class SymbolicPlace:
         """Of a joint (3,) [m]."""
         return self._state[0][9:, joint]
 
-    def half_square(self, residual: Callable[[SymbolicPlace], ca.MX], carriers: tuple[int, ...]) -> ca.MX:
-        """½ |r|² of residuals r, an expression of the places of `carriers`, joints; of none for one of everything.
-
-        Of few joints the derivatives are by their motions, and turned into those by q with their screws: CasADi's own,
-        through the whole tree, are many times as long.
-        """
-        if carriers:
-            return _of_carriers(self.kinematics, residual, carriers, self.exact)(self.q)
-        q = ca.MX.sym("q", self.q.numel())
-        found = residual(SymbolicPlace(self.kinematics, q, ca.MX(12, 0), self.exact))
-        penalty, by_q = ca.sumsqr(found) / 2, ca.densify(ca.jacobian(found, q))
-        slope = found.T @ by_q
-        curvature = ca.jacobian(slope, q) if self.exact else by_q.T @ by_q
-        return closed_function("half_square", [q], penalty, [slope], [[ca.densify(curvature)]])(self.q)
+    def half_square(self, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...]) -> ca.MX:
+        """½ |r|² of residuals r, an expression of the places of `carriers`, joints. By these joints' motions it is
+        differentiated, and by q with their screws: CasADi's own derivatives, through the whole tree, are many times as
+        long."""
+        return _of_carriers(self.kinematics, residual, carriers, self.exact)(self.q)
 
 
-class _Moved(SymbolicPlace):
+@dataclass(frozen=True, eq=False)
+class _Moved:
     """Joints that are moved from where they are by exp(ξ), to second order in their motions ξ."""
 
-    def __init__(self, placements: dict[int, ca.MX], motions: dict[int, ca.MX]) -> None:
-        object.__setattr__(self, "given", (placements, motions))
+    placements: dict[int, ca.MX]  # (12,) of each joint
+    motions: dict[int, ca.MX]  # (6,) [v, ω] in the world
 
     def rotation(self, joint: int) -> ca.MX:
-        placements, motions = self.given  # type: ignore[attr-defined]
-        turn = ca.skew(motions[joint][3:])
-        return (ca.MX.eye(3) + turn + turn @ turn / 2) @ ca.reshape(placements[joint][:9], 3, 3).T
+        turn = ca.skew(self.motions[joint][3:])
+        return (ca.MX.eye(3) + turn + turn @ turn / 2) @ ca.reshape(self.placements[joint][:9], 3, 3).T
 
     def origin(self, joint: int) -> ca.MX:
-        placements, motions = self.given  # type: ignore[attr-defined]
-        motion, origin = motions[joint], placements[joint][9:]
+        motion, origin = self.motions[joint], self.placements[joint][9:]
         step = motion[:3] + ca.cross(motion[3:], origin)
         return origin + step + ca.cross(motion[3:], step) / 2
 
 
 def _of_carriers(
-    kinematics: Kinematics, residual: Callable[[SymbolicPlace], ca.MX], carriers: tuple[int, ...], exact: bool
+    kinematics: Kinematics, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...], exact: bool
 ) -> ca.Function:
     """½ |r|² as a Function of q, closed."""
     joints = sorted(set(carriers))
