@@ -186,7 +186,7 @@ def test_aligned_touching_and_deep() -> None:
 def test_no_function_of_it_calls_back() -> None:
     """The whole graph, derivatives included, is made of CasADi's own kinds of Function."""
     kinds = {"MXFunction", "SXFunction", "Map", "Switch"}
-    for name in ("panda_conveyor", "panda_heavy", "baxter_bimanual_carry"):
+    for name in ("panda_conveyor", "panda_heavy", "panda_cup"):
         graph = graph_of(problem_of(name))
         assert {each.class_name() for each in [graph, *graph.find_functions()]} <= kinds
         assert not callbacks(problem_of(name).casadi(form="symbolic").f)
