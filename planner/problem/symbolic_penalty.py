@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.distance.poses import check_poses
+from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.planner.problem.lay_out import on_frames
-from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 from hdplan.planner.problem.terms import Term
 from hdplan.scenes.array_types import Array
@@ -49,6 +49,11 @@ class ObstaclePoses:
         frames = _moved(self.home).map(len(self.poses))(poses)
         return frames if len(self.poses) == samples else ca.repmat(frames, 1, samples)
 
+    def mark(self, values: ca.MX) -> ca.MX:
+        """0, or NaN where a pose is not rigid: a graph cannot raise an error, and far away no distance shows it."""
+        turns = ca.reshape(ca.reshape(values, 12, len(self.poses))[:9, :], 3, 3 * len(self.poses))
+        return sum((rigid_or_nan(turn.T) for turn in ca.horzsplit(turns, 3)), ca.MX(0))
+
 
 def _moved(home: Array) -> ca.Function:
     """From a pose to pose · home⁻¹, as rows of 12."""
@@ -66,17 +71,13 @@ class SymbolicPenalty:
         for term in problem.terms:
             refuse_unwritten(term)
         self.problem, self.exact = on_frames(problem), exact
-        scene, standing, samples = problem.scene, [], problem.samples
-        moving = problem.terms.moving_obstacles
-        found = []
-        if isinstance(moving, MovingClearance):
-            times = moving.law.time_at(samples.parameter)
-            drifting = [
-                (each.name, motion.at(times)) for each, motion in zip(scene.moving, moving.motions, strict=True)
-            ]
-            found += [ObstaclePoses(name, poses, np.eye(4)) for name, poses in drifting]
-        standing = [(each.name, each.pose.matrix) for each in scene.standing]
-        found += [ObstaclePoses(name, pose[None], pose) for name, pose in standing]
+        scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
+        if moving is not None:
+            times = moving.law.time_at(problem.samples.parameter)
+            for each, path in zip(scene.moving, moving.motions, strict=True):
+                found.append(ObstaclePoses(each.name, path.at(times), np.eye(4)))
+        for each in scene.standing:
+            found.append(ObstaclePoses(each.name, each.pose.matrix[None], each.pose.matrix))
         self.obstacles = tuple(found)
 
     @property
@@ -117,12 +118,12 @@ class SymbolicPenalty:
         q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", 12, len(frames))
         place = SymbolicPlace(kinematics, q, carried, self.exact)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
-        result = ca.MX(0)
+        result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
         if at_sample:
-            each = ca.Function("sample", [q, carried], [sum(at_sample)], {"never_inline": True}).map(count)
+            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], {"never_inline": True}).map(count)
             by_sample = [ca.reshape(frame, 12, count) for frame in frames]
             side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
-            result += each(looks, side_by_side) @ ca.DM(samples.weight)
+            result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
         still = [
             frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(12)
             for frame, each in zip(frames, self.obstacles, strict=True)

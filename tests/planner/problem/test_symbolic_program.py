@@ -360,5 +360,9 @@ def test_what_is_no_pose_is_refused() -> None:
         program.values(1.0, {name: np.stack([np.eye(4)] * 3)})
     with pytest.raises(InputError, match=rf"poses: {name}"):
         program.values(1.0, {name: 2 * np.eye(4)})
+    cost = ca.Function("cost", [program.x, program.p], [program.f])
+    x, p = program.guess(program.problem.polyline()), program.values(1.0)
+    assert np.isfinite(float(cost(x, p)))
+    assert np.isnan(float(cost(x, p * 1.1)))  # not checked by `values`: never a penalty of 0
     with pytest.raises(InputError, match="poses: are parameters of form symbolic alone"):
         problem_of("planar_arm").casadi().values(1.0, {name: np.eye(4)})
