@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -14,6 +15,8 @@ from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.own_term import OwnTerm
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
 from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
@@ -46,6 +49,7 @@ def plan(
     guess: Trajectory | ArrayLike | None = None,
     report: Callable[[Event], None] = lambda event: None,
     stop: Callable[[], bool] = lambda: False,
+    terms: Sequence[OwnTerm] = (),
 ) -> PlanResult:
     """Find a certified motion from the scene's start to its goal.
 
@@ -68,16 +72,21 @@ def plan(
         report: called with every step and every certificate.
         stop: called at every step; once it returns True, the best motion so far is certified and returned. A
             KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
+        terms: costs, penalties and constraints of one's own in symbols. Constraints are kept at the waypoints: where
+            the best motion found leaves one, a note says how far. The certificate does not know of them.
 
     Raises:
         TimeLimitError: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
-            and for a guess whose joints are not the robot's, or beyond their limits.
+            for a guess whose joints are not the robot's, or beyond their limits; and for a term that is no `OwnTerm`,
+            of other sizes, or not twice differentiable.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
     run = solver_named(solver)
+    for term in terms:
+        instance(term, OwnTerm, "terms")
     began = time.perf_counter()
     with naming(scene.source):
         scene.check_effects()
@@ -92,6 +101,7 @@ def plan(
     retimer = _retimer(setup)
     with compile_time() as stopwatch:
         problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+        problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -140,6 +150,7 @@ def plan(
         notes = (*notes, _taken(searches, taken, goal))
     elif taken == 0:
         notes = (*notes, *setup.turned)
+    notes = (*best.left, *notes)
     return PlanResult(
         scene=scene.name,
         robot=robot.name,

@@ -47,6 +47,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Obstacle",
             "OctoMap",
             "Outcome",
+            "OwnTerm",
             "PathConstraints",
             "Payload",
             "PlanResult",

@@ -1,23 +1,14 @@
-"""The HD-SDF of two bodies as one CasADi Function for graphs, its first and second derivatives in closed form.
-
-CasADi's own derivatives would be wrong where vertices or axes tie (aligned boxes): they differentiate the branch that
-was taken, while only the sum over all is smooth. So each order is a Function that supplies the next one as its
-Jacobian.
-"""
+"""The HD-SDF of two bodies as one CasADi Function for graphs, its first and second derivatives in closed form."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import casadi as ca
 
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
+from hdplan.distance.symbolic.closed import closed_function
 from hdplan.distance.symbolic.compiled_pair import twist_function
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.distance.unions import Body
-
-# CasADi takes a custom Jacobian only where it cannot inline the Function and has no derivative of its own.
-CLOSED: dict[str, Any] = {"jac_penalty": 0, "never_inline": True, "enable_forward": False, "enable_reverse": False}
 
 
 def hdsdf_function(
@@ -41,7 +32,6 @@ def hdsdf_function(
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)
-    ignored = ca.MX.sym("distance"), ca.MX.sym("by_a", 1, 16), ca.MX.sym("by_b", 1, 16)  # outputs, passed by CasADi
     lifts = [_lift()(pose, ca.MX.zeros(6)) for pose in (pose_a, pose_b)]
 
     def twisted(order: int) -> list[ca.MX]:
@@ -52,22 +42,15 @@ def hdsdf_function(
     slopes = [_lift()(pose, part)[0].T for pose, part in zip((pose_a, pose_b), gradient, strict=True)]
 
     *_, gradients, hessian = twisted(2)
-    blocks = []
+    curvatures: list[list[ca.MX]] = [[], []]
     for i, part in enumerate(ca.vertsplit(gradients, 6)):
         _, up, turned = _lift()((pose_a, pose_b)[i], part)
         for j in range(2):
             block = hessian[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
             own = (turned, bracket(part)) if i == j else (0, 0)
-            blocks.append(up @ (block + own[1]) @ lifts[j][1].T + own[0])
-    second = ca.Function(
-        "jac_jac_hdsdf",
-        [pose_a, pose_b, *ignored],
-        [blocks[0], blocks[1], ca.MX(16, 1), blocks[2], blocks[3], ca.MX(16, 1)],
-        CLOSED | {"enable_jacobian": False},
-    )
-    first = ca.Function("jac_hdsdf", [pose_a, pose_b, ignored[0]], slopes, CLOSED | {"custom_jacobian": second})
+            curvatures[i].append(up @ (block + own[1]) @ lifts[j][1].T + own[0])
     value = twisted(0)[0] + rigid_or_nan(pose_a, pose_b)
-    closed = ca.Function("hdsdf", [pose_a, pose_b], [value], CLOSED | {"custom_jacobian": first})
+    closed = closed_function("hdsdf", [pose_a, pose_b], value, slopes, curvatures)
     names = ["pose_a", "pose_b"], ["distance"]
     return ca.Function("hdsdf", [pose_a, pose_b], [closed(pose_a, pose_b)], *names, {"always_inline": True})
 

@@ -12,7 +12,8 @@ import functools
 import casadi as ca
 
 from hdplan.distance.symbolic.all_axes import combined
-from hdplan.distance.symbolic.graph_distance import CLOSED, bracket
+from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.graph_distance import bracket
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.distance.symbolic.halfspaces import plane_axes
 
@@ -38,28 +39,11 @@ def halfspace_function(vertices: int, planes: int, gamma: int, shaping_length: f
     *_, gradient, hessian = closed(2)
     _, by_gradient, by_pose = _lift()(relative, gradient)
     curved = by_gradient @ (hessian - bracket(gradient)) @ by_gradient.T + by_pose  # as twists do not commute
-    sizes = 12, body.numel(), body_planes.numel(), 1
-    ignored = [ca.MX.sym("distance"), *(ca.MX.sym("by", 1, size) for size in sizes[:3])]  # outputs, passed by CasADi
-    second = ca.Function(
-        "jac_jac_halfspaces",
-        [*inputs, *ignored],
-        [
-            curved if i == j == 0 else ca.MX(rows, columns)
-            for i, rows in enumerate(sizes[:3])
-            for j, columns in enumerate(sizes)
-        ],
-        CLOSED | {"enable_jacobian": False},
-    )
     slope = _lift()(relative, closed(1)[2])[0].T
-    first = ca.Function(
-        "jac_halfspaces",
-        [*inputs, ignored[0]],
-        [slope, *(ca.MX(1, size) for size in sizes[1:3])],
-        CLOSED | {"custom_jacobian": second},
-    )
     value = closed(0)[0] + rigid_or_nan(relative[:, :3])
+    found = closed_function("halfspaces", [relative], value, [slope], [[curved]], [body, body_planes])
     names = ["relative", "body", "body_planes"]
-    return ca.Function("halfspaces", inputs, [value], names, ["distance"], CLOSED | {"custom_jacobian": first})
+    return ca.Function("halfspaces", inputs, [found(*inputs)], names, ["distance"], {"always_inline": True})
 
 
 @functools.cache

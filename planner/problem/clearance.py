@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,12 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.second_order import by_joints
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,15 @@ class PairTerm(Term):
         """For the loops in C, if the distance is one of them."""
         return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
 
+    def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
+        """The penalty of one configuration, or of one interval, in symbols."""
+        from hdplan.planner.problem.pair_symbols import clearance_function
+
+        if not isinstance(self.distance, HdsdfPairs):
+            raise InputError(f"form: {self.distance.how} is not written in symbols; allowed: external")
+        settings = self.distance.gamma, self.distance.shaping_length
+        return clearance_function(place.kinematics, self.pairs, *settings, place.frames.shape[1], place.exact, ends)
+
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
         if compiled := self._compiled(kinematics, None):
@@ -110,6 +125,10 @@ class Clearance(PairTerm):
             curvature[seen] = np.add.reduceat(outer, starts)
             depth[seen] = np.maximum.reduceat(-inside.separation, starts)
         return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+        """Σ_pairs ½ min(D, 0)²."""
+        return self._written(place, 1)(place.q, place.frames)
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """Σ_pairs w_s D ∇²D at the samples."""

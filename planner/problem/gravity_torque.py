@@ -16,12 +16,15 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.symbolic.closed import closed_function
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
-from hdplan.planner.problem.hinge import BAND, Hinge, Measures
+from hdplan.planner.problem.hinge import BAND, Hinge, Measures, band_below
+from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
 
@@ -81,6 +84,29 @@ class GravityTorques:
         result: Array = ordered[:, first, second, third]
         return result
 
+    def written(self) -> ca.Function:
+        """g (n,), ∂g/∂q (n, n) and the n columns of ∂²g/∂q² (n² each) in symbols, of a `SymbolicPlace`'s placements
+        (12, nj) and columns (6, n)."""
+        bodies, n = len(self.masses), self.supports.shape[1]
+        placements, columns = ca.SX.sym("placements", 12, bodies), ca.SX.sym("columns", 6, n)
+        centres = [
+            ca.reshape(placements[:9, b], 3, 3).T @ ca.DM(self.centres[b]) + placements[9:, b] for b in range(bodies)
+        ]
+        after, gravity = ca.DM(self.supports * self.masses[:, None]), ca.SX(ca.DM(self.gravity))
+        moments, masses = ca.horzcat(*centres) @ after, ca.sum1(after)
+        axes = ca.horzsplit(columns[3:, :])
+        moved = [masses[j] * columns[:3, j] + ca.cross(axes[j], moments[:, j]) for j in range(n)]
+        turned = [ca.cross(gravity, axis) for axis in axes]
+        slope, bent = ca.SX.zeros(n, n), [ca.SX.zeros(n, n) for _ in range(n)]
+        for j, k in zip(*np.nonzero(self.before), strict=True):
+            slope[j, k] = slope[k, j] = -ca.dot(moved[j], turned[k])
+            for i in np.flatnonzero(self.before[k]).tolist():
+                lifted = -ca.dot(turned[i], ca.cross(axes[k], moved[j]))
+                for first, second, third in itertools.permutations((i, k, j)):
+                    bent[first][second, third] = lifted
+        flat = ca.horzcat(*(ca.vec(each) for each in bent))
+        return ca.Function("gravity", [placements, columns], [-ca.horzcat(*moved).T @ gravity, slope, ca.densify(flat)])
+
     def most(self, model: pin.Model, travel: Array) -> Array:
         """Return bounds (n,) on |g_j| over all configurations; `travel` (n, 2) is the range of each coordinate.
 
@@ -131,6 +157,23 @@ class StaticTorque(Hinge):
     """Keeps a motion away from configurations in which gravity alone overloads a joint."""
 
     measure: GravityMeasure
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+        """Σ ½ max(|v| − (t − b), 0)², with the torques' closed derivatives."""
+        kinematics, measure = place.kinematics, self.measure
+        q = ca.MX.sym("q", kinematics.n)
+        own = SymbolicPlace(kinematics, q, ca.MX(12, 0), place.exact)
+        torque, slopes, bent = measure.torques.written()(own.placements, own.columns)
+        rows, scale = measure.joints.tolist(), ca.DM(ARM / measure.limits)
+        value, by_q = scale * torque[rows], ca.diag(scale) @ slopes[rows, :]
+        beyond = ca.fmax(ca.fabs(value) - ca.DM(measure.bound - band_below(measure.bound)), 0)
+        push = beyond * ca.sign(value)
+        curvature = by_q.T @ ca.diag(beyond > 0) @ by_q
+        if place.exact:
+            curvature += ca.reshape(bent[:, rows] @ (push * scale), kinematics.n, kinematics.n)
+        return closed_function("torque", [q], ca.sumsqr(beyond) / 2, [push.T @ by_q], [[ca.densify(curvature)]])(
+            place.q
+        )
 
 
 def static_torque(setup: Setup) -> StaticTorque | None:

@@ -65,7 +65,7 @@ class Hinge(Term):
         found = self.measure(kinematics)
         bound = self.measure.bound
         length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (bound - _band(bound)), 0.0)
+        inside = np.maximum(length - (bound - band_below(bound)), 0.0)
         entered = (inside > 0.0)[..., None]
         divisor = np.where(entered, length[..., None], 1.0)
         unit = np.where(entered, found.value / divisor, 0.0)
@@ -91,7 +91,7 @@ class Hinge(Term):
         """With e = max(g − (t − b), 0) and J = dv/dq, what e²/2 has beyond dr ᵀdr: e ∇²g − (e/g)² Jᵀ(I − u uᵀ) J."""
         found = self.measure(kinematics)
         length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (self.measure.bound - _band(self.measure.bound)), 0.0)
+        inside = np.maximum(length - (self.measure.bound - band_below(self.measure.bound)), 0.0)
         entered = inside > 0.0
         scale = samples.weight[:, None] * inside
         if not entered.any():
@@ -104,11 +104,12 @@ class Hinge(Term):
         return result
 
     def _depth(self, inside: Array) -> Array:
-        band = _band(self.measure.bound)
+        band = band_below(self.measure.bound)
         inside = np.linalg.norm(inside.reshape(len(inside), len(band), inside.shape[1] // len(band)), axis=2)
         depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
         return depth
 
 
-def _band(bound: Array) -> Array:
+def band_below(bound: Array) -> Array:
+    """Return the widths of the bands below bounds (m,) in which the penalty acts."""
     return np.minimum(0.5 * bound, BAND)

@@ -19,7 +19,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_lo
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.clearance import Clearance, PairTerm
 from hdplan.planner.problem.pace import FASTEST, Pace
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
@@ -86,12 +86,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
     if len(pairs):
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings)
-        standing = (
-            SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
-            if settings.swept
-            else Clearance("obstacles", laid_out, distance)
-        )
-        terms = replace(terms, obstacles=standing)
+        terms = replace(terms, obstacles=_clearance(laid_out, distance, settings))
     if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.problem.moving_clearance import moving_clearance
         from hdplan.planner.problem.velocity_penalty import velocity_penalty
@@ -159,6 +154,25 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     return replace(problem, setup=setup, halfspace_bodies=bodies, terms=terms, notes=found.notes)
 
 
+def on_frames(problem: Problem) -> Problem:
+    """Lay out the same problem with every standing obstacle on a frame of its own, so that it may be moved: a joint
+    beyond the robot's and those of the moving ones, in the scene's order. All moving link bodies are paired with it, as
+    what is proven of where it stands does not hold elsewhere."""
+    scene, bodies, settings = problem.scene, problem.bodies, problem.scene.planner
+    first = problem.kinematics.nj + len(scene.moving)
+    frame = {obstacle.name: first + i for i, obstacle in enumerate(scene.standing)}
+    pieces = tuple(replace(body, joint=frame[body.name]) for body in problem.halfspace_bodies if body.joint == 0)
+    pairs = [(a, b) for a, body in enumerate(bodies) if body.joint for b in range(len(pieces))]
+    if not pairs:
+        return problem
+    margins = np.array([scene.clearances[piece.name] + settings.activation for piece in pieces])
+    supports = problem.kinematics.supports
+    unmoved = np.zeros((len(scene.obstacles), supports.shape[1]), dtype=np.bool_)
+    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]))
+    obstacles = _clearance(laid_out, _distance(laid_out, bodies, pieces, settings), settings)
+    return replace(problem, terms=replace(problem.terms, obstacles=obstacles))
+
+
 @made_once(8)
 def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: float) -> BodyPairs:
     return body_pairs(model.bodies, model.planes, pairs, margin, model.kinematics.supports)
@@ -170,7 +184,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     smoothness."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
-    laid_out = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
+    laid_out = _with_own(problem, lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely))
     if not quick or limits is None or not (limits <= FASTEST).any():
         return laid_out
     return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
@@ -182,7 +196,19 @@ def more_closely(problem: Problem) -> Problem:
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
     query, now = Query(problem.start, problem.goal), time.perf_counter()  # nothing more is split
-    return lay_out(problem.setup, query, deadline=now, closely=True)
+    return _with_own(problem, lay_out(problem.setup, query, deadline=now, closely=True))
+
+
+def _with_own(problem: Problem, anew: Problem) -> Problem:
+    """Give a problem that was laid out anew the user's own terms."""
+    return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
+
+
+def _clearance(pairs: BodyPairs, distance: PairDistance, settings: PlannerSettings) -> PairTerm:
+    """The clearance of standing obstacles."""
+    if settings.swept:
+        return SweptClearance("obstacles", pairs, distance, settings.gamma, settings.shaping_length)
+    return Clearance("obstacles", pairs, distance)
 
 
 def _distance(

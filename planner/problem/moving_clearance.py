@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,11 @@ from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from hdplan.planner.problem.symbolic_place import SymbolicPlace
 
 
 class MovingClearance(Clearance):
@@ -48,6 +54,10 @@ class MovingClearance(Clearance):
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """Σ_pairs w_s D ∇²D at the samples; the obstacles' places do not depend on the motion."""
         return super().bend(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+        """That of standing obstacles, as the frames that carry these are where they are at the sample's time."""
+        return super().written_at_sample(place)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 where none are given."""

@@ -13,14 +13,16 @@ box. *Relative*: g = ‖p − c‖, the link's origin p and the point c of the o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import assert_never
+from typing import Protocol, assert_never
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.hinge import Hinge, Measure, Measures
+from hdplan.planner.problem.hinge import Hinge, Measure, Measures, band_below
 from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
+from hdplan.planner.problem.symbolic_place import JointPlaces, SymbolicPlace
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -37,8 +39,38 @@ NO_TURN = 1e-4  # [rad] below which the series of a rotation vector is cut off a
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
+class WrittenMeasure(Measure, Protocol):
+    """A measure that is written in symbols too."""
+
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The joints on whose places alone it depends."""
+        ...
+
+    def written(self, place: JointPlaces) -> list[ca.MX]:
+        """The m measures v (k,), with derivatives wherever their lengths are not 0."""
+        ...
+
+
 class PathTerm(Hinge):
     """A path constraint as a squared hinge on its measures."""
+
+    measure: WrittenMeasure
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+        """Σ ½ |r|²."""
+        return place.half_square(self._residual, self.measure.carriers)
+
+    def _residual(self, place: JointPlaces) -> ca.MX:
+        """r, as long as each measure has entered its band."""
+        bound = self.measure.bound
+        found: list[ca.MX] = []
+        for vector, threshold in zip(self.measure.written(place), (bound - band_below(bound)).tolist(), strict=True):
+            square = ca.sumsqr(vector)
+            entered = square > threshold**2
+            length = ca.sqrt(ca.if_else(entered, square, 1.0))
+            found.append(ca.if_else(entered, 1 - threshold / length, 0.0) * vector)
+        return ca.vertcat(*found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +105,17 @@ class UprightMeasure:
         )
         return by_joints(kinematics.columns, self.moves, wrench, hessian)[:, None]
 
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The link's joint."""
+        return (self.joint,)
+
+    def written(self, place: JointPlaces) -> list[ca.MX]:
+        """LEVER θ."""
+        axis = place.rotation(self.joint) @ ca.DM(self.axis)
+        sine = _length(ca.cross(axis, ca.MX(ca.DM(UP))))
+        return [LEVER * ca.atan2(sine, ca.dot(axis, ca.DM(UP)))]
+
 
 @dataclass(frozen=True, eq=False)
 class WithinMeasure:
@@ -100,6 +143,16 @@ class WithinMeasure:
         return np.stack(
             [by_joints(kinematics.columns, self.moves, *point_along(place, axis)) for axis in along], axis=1
         )
+
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The link's joint."""
+        return (self.joint,)
+
+    def written(self, place: JointPlaces) -> list[ca.MX]:
+        """u, an axis at a time."""
+        point = place.rotation(self.joint) @ ca.DM(self.point) + place.origin(self.joint)
+        return ca.vertsplit(ca.DM(self.axes) @ (point - ca.DM(self.centre)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +197,28 @@ class RelativeMeasure:
         found = [by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), (torque, bent))]
         return np.stack(found, axis=1)
 
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """The joints of both links."""
+        return self.joints
+
+    def written(self, place: JointPlaces) -> list[ca.MX]:
+        """p − c, and LEVER φ with φ = θ/sin θ times half of what is skew in the turn."""
+        (point, turned), (asked, wanted) = (
+            (rotation @ ca.DM(placement[:3, 3]) + place.origin(joint), rotation @ ca.DM(placement[:3, :3]))
+            for joint, placement in zip(self.joints, self.placements, strict=True)
+            for rotation in [place.rotation(joint)]
+        )
+        turn = turned @ wanted.T
+        skew = ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
+        sine = _length(skew)
+        angle = ca.atan2(sine, (ca.trace(turn) - 1) / 2)
+        small = sine < NO_TURN
+        factor = ca.if_else(
+            ca.logic_and(small, angle < 1), 1 + ca.sumsqr(skew) / 6, angle / ca.if_else(small, NO_TURN, sine)
+        )
+        return [point - asked, LEVER * factor * skew]
+
     def _placed(self, kinematics: KinematicsBatch) -> list[tuple[Array, Array]]:
         """Origins (B, 3) and rotations (B, 3, 3) in the world: of the link, and of where it is to be."""
         found = []
@@ -165,6 +240,13 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
     length = np.linalg.norm(vectors, axis=1)
     unit = np.where(length[:, None] > PARALLEL, vectors / np.maximum(length, PARALLEL)[:, None], [1.0, 0.0, 0.0])
     return unit, length
+
+
+def _length(vector: ca.MX) -> ca.MX:
+    """The length of a vector in symbols, of which derivatives are 0 where there is hardly a length."""
+    square = ca.sumsqr(vector)
+    there = square > PARALLEL**2
+    return ca.if_else(there, ca.sqrt(ca.if_else(there, square, 1.0)), 0.0)
 
 
 def _across(unit: Array, length: Array) -> Array:
@@ -204,7 +286,7 @@ def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[A
     return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) -> Measure:
+def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) -> WrittenMeasure:
     robot = setup.robot
     match asked:
         case Relative():

@@ -52,6 +52,8 @@ class PenaltyFunction:
         slope = _External("jac_penalty", (x, scalar), (gradient,), self._gradient, second)
         self.function = _External("penalty", (x,), (scalar,), self._value, slope)
 
+    size = 0  # of its parameters
+
     @property
     def stopped_at(self) -> Array | None:
         """The x of the last evaluation, if nothing was evaluated after it."""

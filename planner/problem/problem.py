@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.clearance import Clearance, PairTerm
     from hdplan.planner.problem.gravity_torque import StaticTorque
     from hdplan.planner.problem.moving_clearance import MovingClearance
+    from hdplan.planner.problem.own_term import OwnTerm, WrittenTerm
     from hdplan.planner.problem.path_terms import PathTerm
     from hdplan.planner.problem.program import Program
     from hdplan.planner.problem.velocity_penalty import VelocityPenalty
@@ -70,9 +71,10 @@ class Terms:
     path: tuple[PathTerm, ...] = ()
     static_torque: StaticTorque | None = None
     own: tuple[Term, ...] = ()
+    costs: tuple[WrittenTerm, ...] = ()  # the user's own beside the smoothness; the others are weighed as contacts are
 
     def __iter__(self) -> Iterator[Term]:
-        """All terms that are present, in this order."""
+        """All terms that are weighed as contacts are, in this order."""
         found = (self.obstacles, self.moving_obstacles, self.velocity, self.self_collision, *self.path)
         return (term for term in (*found, self.static_torque, *self.own) if term is not None)
 
@@ -103,7 +105,7 @@ class Problem:
 
     def __repr__(self) -> str:
         """Name the scene, the robot and the terms."""
-        terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
+        terms = ", ".join(["smoothness", *(term.name for term in (*self.terms.costs, *self.terms))])
         return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
 
     @property
@@ -143,10 +145,9 @@ class Problem:
         found = self.penalty(positions)
         gradient += weight * found.gradient
         diagonal, coupling = weight * found.diagonal, weight * found.coupling
-        if self.pace:
-            pace = self.pace.value(positions)
-            smoothness, gradient = smoothness + pace.cost, gradient + pace.gradient
-            diagonal, coupling = diagonal + pace.diagonal, coupling + pace.coupling
+        for more in (*([self.pace.value(positions)] if self.pace else []), *self._costs(positions)):
+            smoothness, gradient = smoothness + more.cost, gradient + more.gradient
+            diagonal, coupling = diagonal + more.diagonal, coupling + more.coupling
         return Evaluation(
             cost=smoothness + weight * found.cost,
             smoothness=smoothness,
@@ -157,6 +158,21 @@ class Problem:
             coupling=coupling[1:-1],
             at_goal=gradient[-1],
         )
+
+    def _costs(self, positions: Array) -> list[MotionPenalty]:
+        return [term.planned(positions) for term in self.terms.costs]
+
+    def own_cost(self, positions: Array) -> float:
+        """What the user's own costs are of waypoints (N, n), in the unit of the smoothness."""
+        return sum(found.cost for found in self._costs(positions))
+
+    def left(self, positions: Array) -> tuple[str, ...]:
+        """Say which of the user's own constraints waypoints (N, n) leave."""
+        if not self.terms.own:
+            return ()
+        from hdplan.planner.problem.own_term import left
+
+        return left(self.terms.own, positions)
 
     def penalty(self, positions: Array) -> MotionPenalty:
         """All terms but the smoothness at waypoints (N, n), without their weight; the depth is that of the samples
@@ -209,23 +225,28 @@ class Problem:
         counts, found = np.array(self.samples.counts), [term.loop for term in self.terms if term.loop]
         return loops.AtSamples(self.kinematics, counts, self.samples.fraction, self.samples.weight, found)
 
-    def casadi(self, hessian: str = "exact") -> Program:
+    def casadi(self, hessian: str = "exact", *, form: str = "external") -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
+
+        form: of the penalty, "external" or "symbolic". The former calls the fast loops and is for planning here; the
+        latter is one graph without a callback, whose parameters are the poses of obstacles too: it can be looked into,
+        saved, written to C and compiled, and serves a moving scene.
 
         hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a tolerance solvers take
         half of the steps with the exact one; in runs of a few steps the other gets further.
 
         `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
         `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
-        `positions(x)` the waypoints of an x; `with_cost` and `with_constraint` add expressions of one's own. Keep the
-        program as long as anything made from it.
+        `positions(x)` the waypoints of an x, `values(weight, poses)` the p; `with_cost` and `with_constraint` add
+        expressions of one's own. Keep a program of form external as long as anything made from it.
 
-        Raises InputError for another `hessian`, and for an exact one of a term of which it is not known: that of the
-        distance by FCL, and of a term of one's own without `bend`.
+        Raises InputError for another `hessian` or `form`; for an exact Hessian of a term of which it is not known: that
+        of the distance by FCL, and of a term of one's own without `bend`; and in symbols for a term that is not written
+        so: the distance by FCL, and a term of one's own without `written_at_sample` or `written_over_motion`.
         """
         from hdplan.planner.problem.program import program
 
-        return program(self, hessian)
+        return program(self, hessian, form)
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
@@ -239,9 +260,19 @@ class Problem:
         """The kinematics at configurations (B, n), or at one (n,)."""
         return self.kinematics.evaluate(self.robot.expand(configurations))
 
-    def with_term(self, term: Term) -> Problem:
-        """The same problem with one more term in its cost, the user's own: in terms of all joints of the model, those
-        that follow others included."""
+    def with_term(self, term: Term | OwnTerm) -> Problem:
+        """The same problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
+        joints, or a `Term` in numbers, of all joints of the model, those that follow others included. Raises InputError
+        for an `OwnTerm` of other sizes, that is not twice differentiable or calls back into Python."""
+        from hdplan.planner.problem.own_term import OwnTerm
+
+        if isinstance(term, OwnTerm):
+            n, linkage = len(self.start), self.robot.linkage
+            own = np.arange(n) if linkage is None else linkage.own
+            written = term.of(n, own, self.scene.planner.activation, self.polyline())
+            if written.is_cost:
+                return replace(self, terms=replace(self.terms, costs=(*self.terms.costs, written)))
+            term = written
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def with_cloud(self, points: ArrayLike | Cloud, name: str | None = None) -> Problem:

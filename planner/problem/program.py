@@ -6,15 +6,17 @@ It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has
     minimize    Σ_k |d_k|²/(2 h) + α Σ_k |a_k|²/(2 h³) + p penalty(q)
     subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
 
-The penalty is `Problem.penalty`, called through an external function with declared derivatives. Its gradient is exact,
-and so is its Hessian, unless the Gauss-Newton curvature is to stand in its place: positive semidefinite, so that near a
-minimum solvers converge linearly. As the stages may not be coupled by a Hessian, the block between q_k and q_{k+1} is
-written at stage k with δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
+The penalty comes in two forms. In symbols (`symbolic_penalty`) it is part of the graph: what lies between q_k and
+q_{k+1} is a function of q_k and d_k, and the poses of obstacles are parameters beside p. The external form calls
+`Problem.penalty`, which is the same in loops, through a function with declared derivatives; as the stages may not be
+coupled by a Hessian, the block between q_k and q_{k+1} is written at stage k with δq_{k+1} = δq_k + δd_k, so that the
+step of a solver is the same. Gradients are exact, and so are Hessians, unless the Gauss-Newton curvature is to stand in
+their place: positive semidefinite, so that near a minimum solvers converge linearly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.own_term import hard_constraints
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
+from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
 from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import as_numbers
@@ -32,27 +36,28 @@ from hdplan.scenes.errors import InputError
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
 
-HESSIANS = ("exact", "gauss_newton")  # of the penalty
+FORMS = ("external", "symbolic")  # of the penalty
+HESSIANS = ("exact", "gauss_newton")  # of it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program:
     """A nonlinear program min f(x, p) subject to lbx ≤ x ≤ ubx, lbg ≤ g(x, p) ≤ ubg, as `casadi.nlpsol` takes it.
 
-    Keep it as long as anything made from it: CasADi does not keep the external function inside `f` alive, and a solver
-    whose program is gone raises RuntimeError ("Callback object has been deleted").
+    With an external penalty, keep it as long as anything made from it: CasADi does not keep that function alive, and a
+    solver whose program is gone raises RuntimeError ("Callback object has been deleted").
     """
 
     problem: Problem
     x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
-    p: ca.MX  # weight of the penalty [1/m²]
+    p: ca.MX  # weight of the penalty [1/m²]; in symbols then the poses of obstacles, as `values` gives them
     f: ca.MX
     rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
     lower: tuple[Array, ...]  # bounds of `rows`
     upper: tuple[Array, ...]
     lbx: Array
     ubx: Array
-    penalty: PenaltyFunction
+    penalty: PenaltyFunction | SymbolicPenalty
 
     def __repr__(self) -> str:
         """Name the scene and the size."""
@@ -75,6 +80,45 @@ class Program:
         """Options of `casadi.nlpsol` by which fatrop finds the stages."""
         equal = np.concatenate(self.lower) == np.concatenate(self.upper)
         return {"structure_detection": "auto", "equality": equal.tolist()}
+
+    def values(self, weight: float, poses: Mapping[str, ArrayLike] | None = None) -> Array:
+        """The p of a weight of the penalty [1/m²], and of other poses (4, 4) of obstacles by name than the scene's; of
+        a moving one (B, 4, 4), one for each sample of the problem. Raises InputError for what is no obstacle or no
+        pose, and for poses where the penalty is external."""
+        if isinstance(self.penalty, SymbolicPenalty):
+            return np.append(weight, self.penalty.values(poses or {}))
+        if poses:
+            raise InputError("poses: are parameters of form symbolic alone; this program's form is external")
+        return np.array([weight])
+
+    def between(self, start: ArrayLike, goal: ArrayLike) -> Program:
+        """The same program from another start to another goal (n,): the same x, p, f and g with other `bounds`, so that
+        what was made from it serves both. Raises InputError for other shapes, for values beyond the joint limits, and
+        where the penalty is external."""
+        if not isinstance(self.penalty, SymbolicPenalty):
+            raise InputError("start: is a part of form external; the form that takes another is symbolic")
+        problem, (low, high) = self.problem, self.problem.robot.inner
+        ends = []
+        for name, given in (("start", start), ("goal", goal)):
+            end = as_numbers(given)
+            if end is None or end.shape != problem.start.shape:
+                raise InputError(f"{name}: {len(problem.start)} numbers are expected, found {given!r}")
+            if beyond := [
+                joint
+                for joint, x, *of in zip(problem.robot.joint_names, end, low, high, strict=True)
+                if not of[0] <= x <= of[1]
+            ]:
+                raise InputError(f"{name}: joint '{beyond[0]}' is beyond its limits")
+            ends.append(end.copy())
+        moved = replace(problem, start=ends[0], goal=ends[1])
+        lower, upper = ((*rows[:-1], np.append(ends[1], rows[-1][len(ends[1]) :])) for rows in (self.lower, self.upper))
+        bounds = [np.append(ends[0], bound[len(ends[0]) :]) for bound in (self.lbx, self.ubx)]
+        return replace(self, problem=moved, lower=lower, upper=upper, lbx=bounds[0], ubx=bounds[1])
+
+    @property
+    def weight(self) -> ca.MX:
+        """The weight of the penalty, a part of p."""
+        return self.p[0]
 
     @property
     def waypoints(self) -> ca.MX:
@@ -112,6 +156,22 @@ class Program:
             low[k], high[k] = np.append(low[k], bounds[0]), np.append(high[k], bounds[1])
         return replace(self, rows=tuple(rows), lower=tuple(low), upper=tuple(high))
 
+    def solver(
+        self, plugin: str = "ipopt", options: Mapping[str, Any] | None = None, *, compiled: bool = False
+    ) -> ca.Function:
+        """A solver of this program: `casadi.nlpsol` with the plugin's name and options; fatrop is told the stages.
+
+        compiled: whether its functions are written to C and compiled, once, and kept where compiled code is kept: some
+        seconds the first time, and about thirty times as fast as CasADi's interpreter. Without a C compiler they are
+        interpreted. Raises InputError for a function of Python in the program, as in form external.
+        """
+        given = {**(self.stages if plugin == "fatrop" else {}), **(options or {})}
+        if not compiled:
+            return ca.nlpsol("solver", plugin, self.nlp, given)
+        from hdplan.planner.problem.compiled_solver import compiled_solver
+
+        return compiled_solver(plugin, self.nlp, given)
+
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
         solver begins with."""
@@ -141,24 +201,29 @@ class Program:
             raise InputError(f"{name}: depends on '{strange[0]}'; allowed are the program's x and p")
 
 
-def program(problem: Problem, hessian: str) -> Program:
-    """Write a problem as a CasADi program; `hessian` is one of HESSIANS."""
-    if hessian not in HESSIANS:
-        raise InputError(f"hessian: must be one of {', '.join(HESSIANS)}, found {hessian!r}")
-    if exact := hessian == "exact":
+def program(problem: Problem, hessian: str, form: str) -> Program:
+    """Write a problem as a CasADi program; `hessian` is one of HESSIANS, `form` one of FORMS."""
+    for name, allowed, found in (("hessian", HESSIANS, hessian), ("form", FORMS, form)):
+        if found not in allowed:
+            raise InputError(f"{name}: must be one of {', '.join(allowed)}, found {found!r}")
+    exact = hessian == "exact"
+    if exact and form == "external":
         problem.bend(problem.polyline())  # an error in it is raised here; a solver would see a failed evaluation
     settings, n = problem.smoothness, len(problem.start)
     h = 1 / (problem.waypoints - 1)
-    x, p = ca.MX.sym("x", n * (3 * problem.waypoints - 4)), ca.MX.sym("p")
-    penalty = PenaltyFunction(problem, exact)
+    x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
+    penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
+    p = ca.MX.sym("p", 1 + penalty.size)
+    weight, poses = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
     cost = (
         settings.velocity * ca.sumsqr(step) / (2 * h)
         + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
-        + p * penalty.function(x)
+        + weight * (penalty(q, step, poses) if isinstance(penalty, SymbolicPenalty) else penalty.function(x))
     )
     if problem.pace:
         cost += problem.pace.expression(step)
+    cost += sum(term.written(q, step) for term in problem.terms.costs)
     dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
     rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
     equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
@@ -166,7 +231,10 @@ def program(problem: Problem, hessian: str) -> Program:
     for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
         bound[places(n, problem.waypoints)] = limit
         bound[:n] = problem.start
-    return Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
+    result = Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
+    for term in hard_constraints(problem.terms.own):
+        result = result.with_constraint(term.asked.each, *term.bounds)
+    return result
 
 
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

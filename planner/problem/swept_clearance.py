@@ -10,7 +10,7 @@ link that turns leaves it slightly in between; that is for the certificate to fi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,11 @@ from hdplan.planner.problem.second_order import by_joints
 from hdplan.planner.problem.terms import MotionPenalty
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import made_once
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from hdplan.planner.problem.symbolic_place import SymbolicMotion
 
 
 class SweptClearance(PairTerm):
@@ -97,6 +102,15 @@ class SweptClearance(PairTerm):
             coupling[k] = outer[:, n:, :n]
             depth[k] = np.maximum.reduceat(-inside.separation, starts)
         return MotionPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
+
+    def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
+        """h Σ_intervals Σ_pairs ½ min(D, 0)²."""
+        import casadi as ca
+
+        count = motion.first.shape[1]
+        each = self._written(motion, 2).map(count)
+        ends = motion.first, motion.first + motion.step
+        return ca.sum2(each(*ends, ca.repmat(motion.frames, 1, count))) / count
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""

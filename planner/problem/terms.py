@@ -18,7 +18,10 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from hdplan.planner.problem.samples import Samples
+    from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,15 @@ class Term:
     def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """The same of the penalty on the motion as a whole, as the blocks (N, n, n) and (N − 1, n, n) of
         `MotionPenalty`."""
+        return None
+
+    def written_at_sample(self, place: SymbolicPlace) -> ca.MX | None:
+        """`at_samples` in symbols: the penalty of one configuration, without its weight. A class that has the one and
+        not the other is refused where all of a problem is asked for in symbols."""
+        return None
+
+    def written_over_motion(self, motion: SymbolicMotion) -> ca.MX | None:
+        """`over_motion` in symbols, as `written_at_sample`."""
         return None
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:

@@ -11,6 +11,8 @@ exact. Elsewhere the timing is fitted to the limits afterwards (`retiming`), and
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
@@ -19,6 +21,11 @@ from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from hdplan.planner.problem.symbolic_place import SymbolicMotion
 
 AIM = 0.85  # share of a limit above which the penalty acts
 LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
@@ -59,6 +66,13 @@ class VelocityPenalty(Term):
         diagonal[1:] += bend
         diagonal[:-1] += bend
         return MotionPenalty(0.5 * weight * float(np.sum(beyond**2)), gradient, diagonal, -bend, beyond.max(axis=1))
+
+    def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
+        """h Σ ½ (LEVER max(s − AIM, 0))²."""
+        import casadi as ca
+
+        beyond = LEVER * ca.fmax(ca.fabs(motion.step) * ca.DM(self.shares.T) - AIM, 0.0)
+        return ca.sumsqr(beyond) / (2 * motion.step.shape[1])
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing: the curvature is exact."""

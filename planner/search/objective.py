@@ -12,6 +12,7 @@ Each also knows a bound below which no motion between two configurations is, so 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,26 +101,26 @@ class Time(Objective):
 
 
 class Smoothness(Objective):
-    """The smoothness cost of the waypoints (`problem.smoothness`), whatever their timing."""
+    """The smoothness cost of the waypoints (`problem.smoothness`) and the user's own costs, whatever their timing."""
 
     name = "smoothness"
 
     def __init__(self, problem: Problem) -> None:
         """Take the cost from a problem: it is the same for all goals."""
-        self.cost = problem.smoothness
+        self.cost, self.problem = problem.smoothness, problem
         self.unit = "rad²" if problem.robot.turning.all() else "rad² + m²"
 
     def value(self, path: Array, motion: Trajectory) -> float:
         """Return the cost of the waypoints."""
-        return self.cost.value(path)[0]
+        return self.least_along(path)
 
     def least_along(self, path: Array) -> float:
         """Return the cost of the waypoints."""
-        return self.cost.value(path)[0]
+        return self.cost.value(path)[0] + self.problem.own_cost(path)
 
     def least(self, problem: Problem) -> float:
-        """Return the cost of the straight line, which is the least."""
-        return self.cost.value(problem.polyline())[0]
+        """Return the cost of the straight line, which is the least; of one's own costs no bound is known."""
+        return -math.inf if problem.terms.costs else self.cost.value(problem.polyline())[0]
 
 
 class Energy(Objective):

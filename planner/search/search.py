@@ -75,6 +75,7 @@ class Best(NamedTuple):
     certificate: Certificate
     steps: tuple[Iteration, ...]
     whole: bool  # whether the certificate names every failure
+    left: tuple[str, ...] = ()  # the user's own constraints that it leaves, each with how far
 
 
 class Search:
@@ -122,7 +123,8 @@ class Search:
                     raise
                 self.last = None
                 return self.over
-            if solution.status is SolverStatus.INTERRUPTED or self.over or certificate.certified:
+            left = self.problem.left(solution.trajectory.positions)
+            if solution.status is SolverStatus.INTERRUPTED or self.over or (certificate.certified and not left):
                 return True
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
@@ -167,9 +169,10 @@ class Search:
         before = self.best
         trajectory = replace(solution.trajectory, positions=guess)
         certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=SolverStatus.STALLED, steps=()))
-        if not certificate.certified:
+        kept = certificate.certified and not self.problem.left(guess)
+        if not kept:
             self.best = before
-        return certificate.certified
+        return kept
 
     @property
     def value(self) -> float:
@@ -197,7 +200,7 @@ class Search:
                 trajectory = self.retimer(trajectory).trajectory
             except HdplanError:
                 return False
-        if self.objective.value(path, trajectory) >= value:
+        if self.objective.value(path, trajectory) >= value or self.problem.left(path):
             return False
         certificate = self._certificate(trajectory)
         if certificate.certified:
@@ -213,13 +216,13 @@ class Search:
 
     @property
     def certified(self) -> bool:
-        """Whether a certified motion was found."""
-        return self.best is not None and self.best.certificate.certified
+        """Whether a certified motion was found that keeps the user's own constraints."""
+        return self.best is not None and self.best.certificate.certified and not self.best.left
 
     def rank(self) -> tuple[float, ...]:
         """Order of searches, best first: certified at the least cost (`value`), then as `_rank`."""
         assert self.best is not None
-        return (0.0, self.value) if self.certified else _rank(self.best.certificate)
+        return (0.0, self.value) if self.certified else _rank(self.best.certificate, self.best.left)
 
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
@@ -255,8 +258,10 @@ class Search:
         self.last = None
         self._took(solution)
         self.certify_seconds += certificate.seconds
-        if self.best is None or _rank(certificate) < _rank(self.best.certificate):
-            self.best = Best(solution.trajectory.positions, trajectory, certificate, self.steps, whole=not hopeless)
+        path = solution.trajectory.positions
+        left = self.problem.left(path)
+        if self.best is None or _rank(certificate, left) < _rank(self.best.certificate, self.best.left):
+            self.best = Best(path, trajectory, certificate, self.steps, not hopeless, left)
         self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         failed = set(certificate.unproven)
         if parameter is not None:  # rows in time are denser than waypoints, and lie elsewhere
@@ -297,10 +302,10 @@ def _guesses(search: Search, seed: int, warm: Array | None) -> Iterator[Guess]:
     yield from map(Guess, ways)
 
 
-def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of motions, best first: certified with most clearance, then with the shallowest contact or the smallest
-    departure from the path, a radian counted as a metre."""
+def _rank(certificate: Certificate, left: tuple[str, ...]) -> tuple[float, ...]:
+    """Order of motions, best first: certified within the user's own constraints with most clearance, then certified
+    alone, then with the shallowest contact or the smallest departure from the path, a radian counted as a metre."""
     if certificate.certified:
-        return (0.0, -(certificate.clearance or 0.0))
+        return (0.5 if left else 0.0, -(certificate.clearance or 0.0))
     depths = [-place.distance for place in certificate.failures] + [place.excess for place in certificate.departures]
     return (1.0, max(depths, default=0.0))

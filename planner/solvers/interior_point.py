@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hdplan.planner.problem.penalty_function import PenaltyFunction
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
 from hdplan.scenes.array_types import Array
@@ -36,6 +37,7 @@ def solve(plugin: str, options: Mapping[str, Any], problem: Problem, guess: Arra
     state = problem.evaluate(positions, progress.weight)
     with _interrupts_noted() as pressed, progress.until_interrupted():
         penalty = program.penalty
+        assert isinstance(penalty, PenaltyFunction)  # as it is external
         penalty.stop = lambda: pressed.is_set() or budget.spent() or budget.stop()
         while progress.goes_on():
             found = run(x0=program.guess(positions), p=progress.weight, **program.bounds)["x"]

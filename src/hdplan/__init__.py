@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from hdplan.planner.certificate.verdict import Certificate
     from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.plan import plan
+    from hdplan.planner.problem.own_term import OwnTerm
     from hdplan.planner.problem.problem import Problem
     from hdplan.planner.proof.proof import NotProvenError, Proof, prove
     from hdplan.planner.result import PlanResult
@@ -92,6 +93,7 @@ _HOMES = {  # of names, below hdplan
     "Obstacle": "scenes.obstacles",
     "OctoMap": "scenes.voxel_grids",
     "Outcome": "planner.batch.outcome",
+    "OwnTerm": "planner.problem.own_term",
     "PathConstraints": "scenes.path_constraints",
     "Payload": "scenes.attached",
     "PlanResult": "planner.result",
@@ -151,6 +153,7 @@ __all__ = [
     "Obstacle",
     "OctoMap",
     "Outcome",
+    "OwnTerm",
     "PathConstraints",
     "Payload",
     "PlanResult",

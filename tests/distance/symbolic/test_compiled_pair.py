@@ -202,7 +202,7 @@ def test_the_interpreter_says_the_same(random_poses, monkeypatch, tolerance):
 
 def _interpreted(*key):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(c_library, "_loaded", lambda name, source: None)
+        patch.setattr(c_library, "_loaded", lambda *_: None)
         function = RowFunction(twist_function(*key))
     assert not function.is_compiled
     return function

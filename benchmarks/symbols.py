@@ -1,0 +1,190 @@
+"""The problem in symbols as it stands: what it costs to build, compile, evaluate and solve, beside the loops.
+
+    python benchmarks/symbols.py [DIR] [--every K] [--shipped K]
+
+The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
+figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
+Then solvers on the graph as C: from the straight line, five weights of the penalty one after another, each to a
+tolerance of 1e-4 or for 60 steps; where the motion is not certified, the same from the motion of the default plan.
+Times are of the processor, that of the compiler included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from problems import real_problems
+
+import hdplan
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.program import Program
+from hdplan.planner.studies.report import Cell, markdown_text
+from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.yaml_format.reader import shipped_scenes
+
+QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+NEWTON = {"print_level": 0, "max_iter": 60, "tol": 1e-4, "mu_init": 1e-4}
+SQP = {
+    **{"max_iter": 60, "tol_du": 1e-4, "qpsol": "qrqp", "print_header": False, "print_iteration": False},
+    **{"print_status": False, "qpsol_options": {"print_iter": False, "print_header": False, "error_on_fail": False}},
+}
+SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {  # the Hessian and options of each
+    "ipopt": ("exact", {"ipopt": {**NEWTON, "sb": "yes"}}),
+    "fatrop": ("exact", {"fatrop": NEWTON}),
+    "sqpmethod": ("gauss_newton", SQP),
+}
+WEIGHTS = tuple(6e3 * 6.0 ** np.arange(5))  # of the penalty [1/m²]
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
+    parser.add_argument("--every", type=int, default=10)
+    parser.add_argument("--shipped", type=int, default=1)
+    options = parser.parse_args()
+    scenes = [hdplan.load_scene(name) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
+    if options.folder is not None:
+        scenes += [each.load() for each in real_problems(options.folder, "panda", options.every)]
+    forms: dict[str, list[dict[str, float]]] = {}
+    solved: dict[str, list[dict[str, Any]]] = {}
+    for scene in scenes:
+        problem = hdplan.build(scene)
+        problem = problem.resampled(problem.polyline())
+        for name, figures in measured(problem).items():
+            forms.setdefault(name, []).append(figures)
+        planned = hdplan.plan(scene)
+        for plugin in SOLVERS:
+            solved.setdefault(plugin, []).append(tried(problem, plugin, planned))
+        print(
+            scene.name, *(f"{key}: {found[-1]}" for key, found in (forms | solved).items()), sep="\n  ", file=sys.stderr
+        )
+    print(markdown_text([form_row(name, found) for name, found in forms.items()]))
+    print()
+    print(markdown_text([solver_row(name, found) for name, found in solved.items()]))
+
+
+def seconds() -> float:
+    """Of the processor [s], the compiler's too."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def per_call(call: Callable[[], object], count: int = 15) -> float:
+    """The median of some calls [ms]."""
+    call()
+    found = []
+    for _ in range(count):
+        began = time.process_time()
+        call()
+        found.append(1e3 * (time.process_time() - began))
+    return float(np.median(found))
+
+
+def measured(problem: Problem) -> dict[str, dict[str, float]]:
+    """Of each form: seconds to build and to compile, milliseconds for cost and gradient, and for the Hessian."""
+    found, positions = {}, problem.polyline()
+    began = seconds()
+    program = problem.casadi(form="symbolic")
+    hessian, gradient = ca.hessian(program.f, program.x)
+    given = [program.x, program.p]
+    functions = [ca.Function("first", given, [program.f, gradient]), ca.Function("second", given, [hessian])]
+    built = seconds() - began
+    x, p = program.guess(positions), program.values(WEIGHTS[0])
+    calls = [per_call(lambda each=each: each(x, p), 3) for each in functions]
+    found["graph, interpreted"] = {"build": built, "compile": 0.0, "first": calls[0], "second": calls[1]}
+    began = seconds()
+    compiled = [RowFunction(each) for each in functions]
+    spent = seconds() - began
+    calls = [per_call(lambda each=each: each.once(x, p)) for each in compiled]
+    found["graph, generated C"] = {"build": built, "compile": spent, "first": calls[0], "second": calls[1]}
+    began = seconds()
+    problem.casadi()
+    built = seconds() - began
+    first = per_call(lambda: problem.evaluate(positions, WEIGHTS[0]))
+    found["loops"] = {
+        "build": built,
+        "compile": 0.0,
+        "first": first,
+        "second": per_call(lambda: problem.bend(positions)),
+    }
+    return found
+
+
+def tried(problem: Problem, plugin: str, planned: hdplan.PlanResult) -> dict[str, Any]:
+    """One solver: whether its motion is certified from the straight line, or from the default plan's."""
+    hessian, options = SOLVERS[plugin]
+    began = seconds()
+    program = problem.casadi(hessian, form="symbolic")
+    solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
+    built, began = seconds() - began, seconds()
+    straight = certified(problem, minimum(program, solver, problem.polyline(), WEIGHTS))
+    spent = seconds() - began
+    again = straight
+    if not straight and planned.trajectory.times is None:
+        path = planned.trajectory.positions
+        finer = problem.resampled(path).casadi(hessian, form="symbolic")
+        solver = finer.solver(plugin, {**options, **QUIET}, compiled=True)
+        again = certified(problem, minimum(finer, solver, path, WEIGHTS[-1:]))
+    return {"build": built, "solve": spent, "straight": straight, "either": again}
+
+
+def minimum(program: Program, solver: ca.Function, first: Array, weights: tuple[float, ...]) -> Array:
+    """The waypoints that a solver ends with, at one weight after another."""
+    x = program.guess(first)
+    for weight in weights:
+        x = solver(x0=x, p=program.values(weight), **program.bounds)["x"]
+    return program.positions(x)
+
+
+def certified(problem: Problem, path: Array) -> bool:
+    """Whether a motion along waypoints is, with times where the scene asks for them."""
+    trajectory = hdplan.Trajectory(problem.robot.joint_names, path, problem.robot.locked)
+    try:
+        if problem.scene.timed:
+            trajectory = Retimer(problem.setup)(trajectory).trajectory
+        return bool(hdplan.certify(problem.scene, trajectory).certified)
+    except HdplanError:
+        return False
+
+
+def quantiles(values: list[float], digits: int) -> str:
+    return " / ".join(f"{x:.{digits}f}" for x in np.quantile(values, [0.5, 0.95]))
+
+
+def form_row(name: str, found: list[dict[str, float]]) -> dict[str, Cell]:
+    """Medians and 95th percentiles."""
+    return {
+        "form": name,
+        "build [s]": quantiles([each["build"] for each in found], 2),
+        "compile [s]": quantiles([each["compile"] for each in found], 1),
+        "cost and gradient [ms]": quantiles([each["first"] for each in found], 2),
+        "Hessian [ms]": quantiles([each["second"] for each in found], 1),
+    }
+
+
+def solver_row(plugin: str, found: list[dict[str, Any]]) -> dict[str, Cell]:
+    """How many are certified, and the times."""
+    return {
+        "solver": plugin,
+        "Hessian": SOLVERS[plugin][0],
+        "certified from the straight line": f"{sum(each['straight'] for each in found)} of {len(found)}",
+        "or from the default plan": f"{sum(each['either'] for each in found)} of {len(found)}",
+        "build and compile [s]": quantiles([each["build"] for each in found], 1),
+        "solve [s]": quantiles([each["solve"] for each in found], 2),
+    }
+
+
+if __name__ == "__main__":
+    main()

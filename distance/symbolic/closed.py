@@ -1,0 +1,54 @@
+"""Functions for CasADi graphs whose first and second derivatives are closed forms.
+
+CasADi's own derivatives are wrong where vertices, axes or branches tie: they differentiate the branch that was taken,
+while only the sum over all is smooth. So each order is a Function that supplies the next one as its Jacobian, and a
+third is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+# CasADi takes a custom Jacobian only where it cannot inline the Function and has no derivative of its own.
+CLOSED: dict[str, Any] = {"jac_penalty": 0, "never_inline": True, "enable_forward": False, "enable_reverse": False}
+
+
+def closed_function(
+    name: str,
+    given: Sequence[ca.MX],
+    value: ca.MX,
+    slopes: Sequence[ca.MX],
+    curvatures: Sequence[Sequence[ca.MX]],
+    fixed: Sequence[ca.MX] = (),
+) -> ca.Function:
+    """Return the Function (given …, fixed …) -> value, a scalar.
+
+    Args:
+        name: of the function.
+        given: symbols by which it may be differentiated.
+        value: what it returns.
+        slopes: the derivative (1, k) by the k entries of each of `given`, columnwise.
+        curvatures: those of each slope (k, l) by the entries of each of `given`.
+        fixed: symbols by which it has no derivative: CasADi is told of 0.
+    """
+    every = [*given, *fixed]
+    sizes = [symbol.numel() for symbol in every]
+    differs = [*[True] * len(given), *[False] * len(fixed)]
+    first = [*slopes, *(ca.MX(1, symbol.numel()) for symbol in fixed)]
+    ignored = [ca.MX.sym("value"), *(ca.MX.sym("slope", part.sparsity()) for part in first)]  # CasADi passes outputs
+    blocks = []
+    for i in range(len(every)):
+        known = list(curvatures[i]) if i < len(given) else []
+        blocks += known + [ca.MX(sizes[i], size) for size in [*sizes, 1][len(known) :]]
+    second = ca.Function(
+        f"jac_jac_{name}",
+        [*every, *ignored],
+        blocks,
+        CLOSED | {"is_diff_in": [*differs, *[False] * len(ignored)], "enable_jacobian": False},
+    )
+    options = CLOSED | {"is_diff_in": [*differs, False], "custom_jacobian": second}
+    slope = ca.Function(f"jac_{name}", [*every, ignored[0]], first, options)
+    return ca.Function(name, every, [value], CLOSED | {"is_diff_in": differs, "custom_jacobian": slope})

@@ -1,0 +1,37 @@
+"""Solvers of CasADi's whose functions are generated C: what `nlpsol` evaluates, compiled once and kept on disk.
+
+In: a nonlinear program that is one graph. Out: its solver, with the functions loaded from a library. What calls back
+into Python cannot be written to C, and is refused by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from hdplan.distance.compiled.c_library import BRIEF, loaded
+from hdplan.scenes.errors import InputError
+
+
+def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.Function:
+    """Return the solver of a program, interpreted where there is no C compiler. Raises InputError for a program that
+    calls functions which cannot be written to C."""
+    for name in ("f", "g"):
+        if called := callbacks(nlp[name]):
+            raise InputError(f"compiled: {name} calls '{called[0]}', which is no graph; allowed is form symbolic")
+    interpreted = ca.nlpsol("solver", plugin, nlp, options)
+    generator = ca.CodeGenerator("nlp.c", {"verbose": False})
+    generator.add(interpreted.oracle())
+    for name in interpreted.get_function():
+        generator.add(interpreted.get_function(name))
+    found = loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), BRIEF)
+    return interpreted if found is None else found
+
+
+def callbacks(expression: ca.MX) -> list[str]:
+    """Return the names of functions in an expression that are no graphs: they are Python's, or other libraries'."""
+    whole = ca.Function("whole", ca.symvar(expression), [expression])
+    every = [whole, *whole.find_functions()]
+    return [each.name() for each in every if any(word in each.class_name() for word in ("Callback", "External"))]

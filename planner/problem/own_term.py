@@ -1,0 +1,259 @@
+"""A term of one's own, in CasADi alone: a cost, a penalty or a hard constraint at each waypoint between the ends.
+
+In: expressions of a waypoint q_k (n,) and of the step d_k to the next. Out: a term like any other, in C, with CasADi's
+derivatives. With h = 1/(N − 1) and the sums over the N − 2 waypoints between the ends
+
+    cost           h Σ_k c(q_k, d_k), beside the smoothness and in its unit
+    penalty        h Σ_k ½ |max(s r(q_k, d_k), 0)|², weighed as contacts are, so that r falls to 0 or below
+    constraint     lower ≤ g(q_k, d_k) ≤ upper: the same with r the excess over bounds that are a band tighter, and no
+                   motion counts as found that leaves the bounds themselves
+
+The scale s is what one unit of r or g counts as in metres inside a margin [m/unit].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.problem.compiled_solver import callbacks
+from hdplan.planner.problem.hinge import BAND
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.symbolic_place import SymbolicMotion
+from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import InputError
+
+KINDS = ("cost", "penalty", "constraint")
+KEPT = 1e-9  # by which a constraint may be exceeded, in its unit: rounding
+
+
+@dataclass(frozen=True)
+class OwnTerm:
+    """A term of one's own in symbols, for `plan` and `Problem.with_term`.
+
+    Args:
+        name: for messages.
+        each: of a waypoint (n,) and the step to the next (n,), both casadi.MX in the order of the robot's joints: a
+            scalar for a cost, else a column.
+        kind: "cost", "penalty" or "constraint".
+        lower, upper: of a constraint, numbers or one for each row.
+        scale: of a penalty or constraint, what a unit counts as in metres inside a margin [m/unit].
+    """
+
+    name: str
+    each: Callable[[ca.MX, ca.MX], ca.MX]
+    kind: str = "cost"
+    lower: ArrayLike = -np.inf
+    upper: ArrayLike = np.inf
+    scale: float = 1.0
+
+    def of(self, n: int, own: Rows, activation: float, line: Array) -> WrittenTerm:
+        """The term of a problem with n planned joints, which are `own` among the model's; `activation` [m] as the
+        planner's. It is tried on a motion `line` (N, n). Raises InputError for what is no such term."""
+        q, step = ca.MX.sym("q", n), ca.MX.sym("step", n)
+        if self.kind not in KINDS:
+            raise self._wrong(f"kind must be one of {', '.join(KINDS)}, found {self.kind!r}")
+        if not (isinstance(self.scale, (int, float)) and 0 < self.scale < np.inf):
+            raise self._wrong(f"scale must be a positive number, found {self.scale!r}")
+        try:
+            value = self.each(q, step)
+        except RuntimeError as error:  # CasADi's, of sizes that do not fit
+            raise self._wrong(f"{str(error).strip().splitlines()[-1]} (q and step have {n} rows)") from None
+        if not isinstance(value, ca.MX) or not value.is_column() or (self.kind == "cost" and not value.is_scalar()):
+            found = f"casadi.MX of shape {value.shape}" if isinstance(value, ca.MX) else repr(value)
+            raise self._wrong(f"a {'scalar' if self.kind == 'cost' else 'column'} casadi.MX is expected, found {found}")
+        known = {q.__hash__(), step.__hash__()}
+        if strange := [symbol.name() for symbol in ca.symvar(value) if symbol.__hash__() not in known]:
+            raise self._wrong(f"depends on '{strange[0]}'; allowed are the waypoint and the step")
+        if called := callbacks(value):
+            raise self._wrong(f"calls '{called[0]}', which is no graph of CasADi's, and cannot be written to C")
+        low, high = (
+            self._bound(name, given, value.numel()) for name, given in (("lower", self.lower), ("upper", self.upper))
+        )
+        if not np.all(low < high):
+            raise self._wrong("lower must be below upper")
+        residual, band = self._residual(ca.densify(value), low, high)
+        try:
+            term = WrittenTerm(
+                self,
+                ca.Function("own", [q, step], [residual]),
+                ca.Function("own_value", [q, step], [ca.densify(value)]),
+                own,
+                activation,
+                band,
+                (low, high),
+            )
+        except RuntimeError:
+            raise self._wrong("is not twice differentiable: CasADi finds no second derivatives") from None
+        if not all(np.isfinite(part).all() for part in term.rows(line)):
+            raise self._wrong("is not twice differentiable along the straight line: its derivatives are not finite")
+        return term
+
+    def _residual(self, value: ca.MX, low: Array, high: Array) -> tuple[ca.MX, Array]:
+        """What is to be kept small, in metres, and of a constraint the band in which it sets in (m,)."""
+        if self.kind == "cost":
+            return value, np.zeros(1)
+        if self.kind == "penalty":
+            return self.scale * ca.fmax(value, 0), np.zeros(value.numel())
+        room = np.where(np.isfinite(high - low), 0.25 * (high - low), np.inf)
+        band = np.minimum(room, BAND / self.scale)
+        above = ca.fmax(value - ca.DM(np.minimum(high - band, 1e300)), 0)
+        below = ca.fmax(ca.DM(np.maximum(low + band, -1e300)) - value, 0)
+        return self.scale * (above + below), self.scale * band
+
+    def _bound(self, name: str, given: ArrayLike, size: int) -> Array:
+        try:
+            bound = np.broadcast_to(np.asarray(given, dtype=np.float64), size)
+        except (TypeError, ValueError):
+            raise self._wrong(f"{name}: a number or {size} of them are expected, found {given!r}") from None
+        if np.isnan(bound).any():
+            raise self._wrong(f"{name}: NaN")
+        return bound
+
+    def _wrong(self, words: str) -> InputError:
+        return InputError(f"term '{self.name}': {words}")
+
+
+class WrittenTerm(Term):
+    """One's own term, as a part of a problem."""
+
+    def __init__(
+        self,
+        asked: OwnTerm,
+        residual: ca.Function,
+        value: ca.Function,
+        own: Rows,
+        activation: float,
+        band: Array,
+        bounds: tuple[Array, Array],
+    ) -> None:
+        """Take the residual, of a cost the cost itself, and differentiate it."""
+        self.asked, self.name, self.own, self.activation, self.band, self.bounds = (
+            asked,
+            asked.name,
+            own,
+            activation,
+            band,
+            bounds,
+        )
+        self.is_cost = asked.kind == "cost"
+        q, step = residual.mx_in()
+        found = residual(q, step)
+        self.each = ca.Function("own_term", [q, step], [found if self.is_cost else ca.sumsqr(found) / 2])
+        (total,) = self.each.call([q, step])
+        slope = ca.horzcat(*(ca.gradient(total, part).T for part in (q, step)))
+        hessian = ca.vertcat(*(ca.jacobian(slope, part).T for part in (q, step)))
+        jacobian = ca.horzcat(*(ca.jacobian(found, part) for part in (q, step)))
+        square = hessian if self.is_cost else jacobian.T @ jacobian
+        results = [total, slope, square, hessian, found, value(q, step)]
+        self._run = RowFunction(ca.Function("own_rows", [q, step], [ca.densify(part) for part in results]))
+
+    def rows(self, positions: Array) -> list[Array]:
+        """Of the M waypoints between the ends: value (M, 1), slope, curvature, Hessian, residual, what was written."""
+        inner, step = positions[1:-1], np.diff(positions, axis=0)[1:]
+        every = np.arange(len(inner))
+        return self._run([inner, step], [every, every])
+
+    def excess(self, positions: Array) -> float:
+        """How far a motion leaves the bounds of a constraint at its waypoints, in the constraint's unit; 0 if not."""
+        value = self.rows(positions)[-1]
+        return float(np.maximum(self.bounds[0] - value, value - self.bounds[1]).max(initial=0.0))
+
+    def planned(self, positions: Array) -> MotionPenalty:
+        """The term at waypoints (N, n) of the planned joints."""
+        count, n = positions.shape
+        value, slope, curvature, *_, residual, _ = self.rows(positions)
+        blocks, depth = curvature.reshape(-1, 2 * n, 2 * n), np.zeros(count - 1)
+        if self.is_cost:
+            blocks = _semidefinite(blocks)
+        elif self.asked.kind == "constraint":  # a penalty alone keeps no motion from being clear
+            used = self.activation * residual / self.band + np.maximum(residual - self.band, 0)
+            depth[1:] = used.max(axis=1, initial=0.0)
+        gradient = np.zeros((count, n))
+        gradient[1:-1], ahead = slope[:, :n] - slope[:, n:], slope[:, n:]
+        gradient[2:] += ahead
+        diagonal, coupling = _to_waypoints(blocks, count)
+        weight = 1 / (count - 1)
+        return MotionPenalty(
+            weight * float(value.sum()), weight * gradient, weight * diagonal, weight * coupling, depth
+        )
+
+    def planned_bend(self, positions: Array) -> tuple[Array, Array]:
+        """What its Hessian has beyond the curvature."""
+        count, n = positions.shape
+        _, _, curvature, hessian, *_ = (part.reshape(len(part), -1) for part in self.rows(positions))
+        first, second = (part.reshape(-1, 2 * n, 2 * n) for part in (curvature, hessian))
+        diagonal, coupling = _to_waypoints(second - (_semidefinite(first) if self.is_cost else first), count)
+        return diagonal / (count - 1), coupling / (count - 1)
+
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
+        """The same with waypoints (N, m) of all joints of the model."""
+        found, m = self.planned(positions[:, self.own]), positions.shape[1]
+        spread = np.zeros((len(positions), m))
+        spread[:, self.own] = found.gradient
+        diagonal, coupling = (self._spread(part, m) for part in (found.diagonal, found.coupling))
+        return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
+
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+        """Nothing at the samples."""
+
+    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
+        """The same with all joints of the model."""
+        diagonal, coupling = self.planned_bend(positions[:, self.own])
+        return self._spread(diagonal, positions.shape[1]), self._spread(coupling, positions.shape[1])
+
+    def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
+        """Its sum over the waypoints."""
+        rows = self.own.tolist()
+        return self.written(motion.first[rows, :], motion.step[rows, :])
+
+    def written(self, first: ca.MX, step: ca.MX) -> ca.MX:
+        """The same of intervals of the planned joints (n, N − 1)."""
+        count = first.shape[1]
+        return ca.sum2(self.each.map(count - 1)(first[:, 1:], step[:, 1:])) / count
+
+    def _spread(self, blocks: Array, m: int) -> Array:
+        result = np.zeros((len(blocks), m, m))
+        result[np.ix_(np.arange(len(blocks)), self.own, self.own)] = blocks
+        return result
+
+
+def _to_waypoints(blocks: Array, count: int) -> tuple[Array, Array]:
+    """From second derivatives by q_k and d_k = q_{k+1} − q_k (N − 2, 2 n, 2 n) to blocks (N, n, n) and (N − 1, n, n) of
+    the waypoints."""
+    n = blocks.shape[1] // 2
+    own, mixed, ahead = blocks[:, :n, :n], blocks[:, n:, :n], blocks[:, n:, n:]
+    diagonal, coupling = np.zeros((count, n, n)), np.zeros((count - 1, n, n))
+    diagonal[1:-1] = own - mixed - mixed.swapaxes(1, 2) + ahead
+    diagonal[2:] += ahead
+    coupling[1:] = mixed - ahead
+    return diagonal, coupling
+
+
+def _semidefinite(blocks: Array) -> Array:
+    """The nearest positive semidefinite matrices."""
+    values, vectors = np.linalg.eigh(0.5 * (blocks + blocks.swapaxes(1, 2)))
+    result: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
+    return result
+
+
+def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
+    """Return those of the terms that are constraints."""
+    return [term for term in terms if isinstance(term, WrittenTerm) and term.asked.kind == "constraint"]
+
+
+def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
+    """Say which constraints among terms a motion (N, n) leaves, and how far."""
+    found = [(term.name, term.excess(positions)) for term in hard_constraints(terms)]
+    return tuple(
+        f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"
+        for name, excess in found
+        if not excess <= KEPT
+    )

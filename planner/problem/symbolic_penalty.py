@@ -1,0 +1,141 @@
+"""The penalty of a problem as one graph of CasADi's: the definition, to which the loops are held.
+
+    penalty = Σ_samples w_s Σ_terms penalty_term(q_s, frames_s) + Σ_terms penalty_term(motion)
+
+In: waypoints and steps, and the poses of obstacles, which are parameters. Out: an expression without a callback. Every
+term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused, never left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.distance.poses import check_poses
+from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.planner.problem.lay_out import on_frames
+from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
+from hdplan.planner.problem.terms import Term
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from hdplan.planner.problem.problem import Problem
+
+WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motion"}
+
+
+@dataclass(frozen=True, eq=False)
+class ObstaclePoses:
+    """Where an obstacle is: a parameter of the graph."""
+
+    name: str
+    poses: Array  # (C, 4, 4) of the scene: one, or of a moving obstacle one for each sample
+    home: Array  # (4, 4) in which its bodies are given
+
+    @property
+    def size(self) -> int:
+        """How many numbers they are: 12 each, the rotation row by row, then the origin [m]."""
+        return 12 * len(self.poses)
+
+    def frames(self, values: ca.MX, samples: int) -> ca.MX:
+        """Of poses as such numbers the placements (12, B) of the frame that carries the bodies."""
+        poses = ca.reshape(values, 12, len(self.poses))
+        frames = _moved(self.home).map(len(self.poses))(poses)
+        return frames if len(self.poses) == samples else ca.repmat(frames, 1, samples)
+
+    def mark(self, values: ca.MX) -> ca.MX:
+        """0, or NaN where a pose is not rigid: a graph cannot raise an error, and far away no distance shows it."""
+        turns = ca.reshape(ca.reshape(values, 12, len(self.poses))[:9, :], 3, 3 * len(self.poses))
+        return sum((rigid_or_nan(turn.T) for turn in ca.horzsplit(turns, 3)), ca.MX(0))
+
+
+def _moved(home: Array) -> ca.Function:
+    """From a pose to pose · home⁻¹, as rows of 12."""
+    pose = ca.SX.sym("pose", 12)
+    turn = ca.reshape(pose[:9], 3, 3).T @ home[:3, :3].T
+    return ca.Function("moved", [pose], [ca.densify(ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[:3, 3]))])
+
+
+class SymbolicPenalty:
+    """The penalty of a problem in symbols."""
+
+    def __init__(self, problem: Problem, exact: bool) -> None:
+        """Take a problem, and whether second derivatives are exact or Gauss-Newton's. Raises InputError for a term that
+        is not written in symbols."""
+        for term in problem.terms:
+            refuse_unwritten(term)
+        self.problem, self.exact = on_frames(problem), exact
+        scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
+        if moving is not None:
+            times = moving.law.time_at(problem.samples.parameter)
+            for each, path in zip(scene.moving, moving.motions, strict=True):
+                found.append(ObstaclePoses(each.name, path.at(times), np.eye(4)))
+        for each in scene.standing:
+            found.append(ObstaclePoses(each.name, each.pose.matrix[None], each.pose.matrix))
+        self.obstacles = tuple(found)
+
+    @property
+    def size(self) -> int:
+        """The number of parameters."""
+        return sum(each.size for each in self.obstacles)
+
+    def values(self, poses: Mapping[str, ArrayLike]) -> Array:
+        """The parameters, with other poses for some obstacles: (4, 4), or of a moving one (B, 4, 4), one for each
+        sample. Raises InputError for what is no obstacle or no pose."""
+        known = {each.name: each for each in self.obstacles}
+        if strange := [name for name in poses if name not in known]:
+            raise InputError(f"poses: no obstacle is named {strange[0]!r}{nearest(str(strange[0]), known)}")
+        found = []
+        for name, each in known.items():
+            given, count = check_poses(f"poses: {name}", poses.get(name, each.poses)), len(each.poses)
+            if given.shape not in {(4, 4), (1, 4, 4), (count, 4, 4)}:
+                allowed = "(4, 4)" if count == 1 else f"(4, 4) or ({count}, 4, 4)"
+                raise InputError(f"poses: {name}: found an array of shape {given.shape}, allowed is {allowed}")
+            every = np.broadcast_to(given, each.poses.shape)
+            found.append(np.concatenate([every[:, :3, :3].reshape(-1, 9), every[:, :3, 3]], axis=1).ravel())
+        return np.concatenate(found) if found else np.empty(0)
+
+    def __call__(self, first: ca.MX, step: ca.MX, poses: ca.MX) -> ca.MX:
+        """The penalty of intervals that begin at `first` (n, N − 1) and lead on by `step`, with obstacles at `poses`,
+        numbers as in `values`."""
+        problem, samples = self.problem, self.problem.samples
+        kinematics, terms = problem.kinematics, tuple(problem.terms)
+        linkage, count = problem.robot.linkage, len(samples.weight)
+        parts = ca.vertsplit(poses, np.cumsum([0, *(each.size for each in self.obstacles)]).tolist())
+        frames = [each.frames(part, count) for each, part in zip(self.obstacles, parts, strict=False)]
+        if linkage is not None:
+            first = ca.DM(linkage.matrix) @ first + ca.repmat(ca.DM(linkage.offset), 1, first.shape[1])
+            step = ca.DM(linkage.matrix) @ step
+        interval = samples.interval.tolist()
+        looks = first[:, interval] + step[:, interval] @ ca.diag(ca.DM(samples.fraction))
+
+        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", 12, len(frames))
+        place = SymbolicPlace(kinematics, q, carried, self.exact)
+        at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
+        result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
+        if at_sample:
+            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], {"never_inline": True}).map(count)
+            by_sample = [ca.reshape(frame, 12, count) for frame in frames]
+            side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
+            result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
+        still = [
+            frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(12)
+            for frame, each in zip(frames, self.obstacles, strict=True)
+        ]
+        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact)
+        over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
+        return sum(over_motion, result)
+
+
+def refuse_unwritten(term: Term) -> None:
+    """Raise InputError for a term of which a penalty is not written in symbols by the class that has it in numbers."""
+    for numbers, symbols in WRITTEN.items():
+        owner = next(each for each in type(term).__mro__ if {numbers, symbols} & set(vars(each)))
+        if symbols not in vars(owner):
+            raise InputError(f"form: the term '{term.name}' is not written in symbols; allowed: external")
