@@ -37,7 +37,9 @@ class Frames:
         """Return the world, and the fixed links of a robot whose root is at `base`."""
         standing = {link: compose(base, pose) for link, pose in tree.standing().items()}
         links = frozenset(tree.links)
-        poses = {**standing, **dict.fromkeys(WORLD, Pose())}
+        poses = {**dict.fromkeys(WORLD, Pose()), **standing}
+        if not same_place(poses["world"], Pose()) or "world" in links - set(standing):
+            del poses["world"]  # a link of this name is elsewhere
         return cls(poses, links - set(standing), links, frozenset(tree.joints))
 
     def beside(self, objects: Iterable[str]) -> Frames:

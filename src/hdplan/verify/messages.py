@@ -150,10 +150,9 @@ class Frames:
         at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
         self.things, self.joints, self.links = set[str](), {*tree.joints}, {*tree.links}
         self.moving = {link for link, (joint, _) in at.items() if joint >= 0}
-        self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {
-            "": HERE,
-            "world": HERE,
-        }
+        self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {"": HERE}
+        if "world" in self.moving or not same(self.poses.setdefault("world", HERE), HERE):
+            self.poses.pop("world", None)  # a link of this name is elsewhere
         for i, entry in enumerate(listing(transforms, "fixed_frame_transforms")):
             what = f"fixed_frame_transforms[{i}]"
             said = fields(entry, "TransformStamped", what)
