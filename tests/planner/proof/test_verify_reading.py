@@ -49,7 +49,7 @@ def test_collada_files_are_read_as_hdplan_reads_them_or_refused() -> None:
 
 
 DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common>
+<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 -1 1 0</float_array><technique_common>
 <accessor source="#a" count="4" stride="3"/></technique_common></source>
 <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
@@ -61,7 +61,7 @@ DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries>
 
 
 def test_nodes_of_a_collada_file_place_each_other() -> None:
-    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [1, 0, 12]])
+    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [-1, -2, 10]])
     other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
     start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
     for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
@@ -86,13 +86,36 @@ def test_nodes_of_a_collada_file_place_each_other() -> None:
         ('<instance_geometry url="#g"/>', '<instance_geometry url="other.dae#g"/>'),
         ('<instance_geometry url="#g"/>', ""),
         ('<source id="p">', '<source id="g">'),
-        ("0 1 0 0 0 1</float", "0 1 0 0 0 inf</float"),
+        ("0 1 0 -1 1 0</float", "0 1 0 -1 1 inf</float"),
     ],
 )
 def test_other_collada_files_are_refused(before: str, after: str) -> None:
     assert before in DAE
     with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
         triangles(Path("a.dae"), DAE.replace(before, after).encode(), upright=False)
+
+
+@pytest.mark.parametrize(
+    ("points", "good"),
+    [
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], True),
+        ([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]], True),  # bent, and whoever cuts it begins at the first
+        ([[0, 0, 0], [1, 0, 0], [0.2, 0.2, 0], [0, 1, 0]], True),  # seen whole from the first corner
+        ([[0, 0, 0], [0.2, 0.2, 0], [1, 0, 0], [0, 1, 0]], False),
+        ([[0, 0, 0], [1, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], True),
+        ([[0, 0, 0], [1, 0, 0.3], [2, 1, 0], [1, 2, 0.3], [0, 1, 0]], False),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, -1, 0]], False),
+    ],
+)
+def test_faces_of_which_readers_disagree_are_refused(points: list[list[float]], good: bool) -> None:
+    """hdplan refuses them, too: a proof about one way to cut them would be none about another."""
+    lines = [*(f"v {x} {y} {z}" for x, y, z in points), f"f {' '.join(str(i + 1) for i in range(len(points)))}"]
+    text = "\n".join(lines).encode()
+    if good:
+        assert len(triangles(Path("a.obj"), text, upright=False).mid) == len(points) - 2
+        return
+    with pytest.raises(RejectedError, match="readers disagree about its surface"):
+        triangles(Path("a.obj"), text, upright=False)
 
 
 def files(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> tuple[Path, Path]:
