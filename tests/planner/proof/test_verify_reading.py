@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import hdplan
 from hdplan.planner.geometry.mesh_files import read_mesh_file
@@ -181,6 +182,58 @@ def test_a_motion_without_positions_has_no_others_in_their_place(tmp_path: Path)
     said = json.loads(two[1].read_text())
     two[1].write_text(json.dumps({**said, "times": [0, 1], "velocities": said.pop("positions")} | {"positions": None}))
     with pytest.raises(RejectedError, match="has no positions"):
+        read(*two)
+
+
+@pytest.mark.parametrize(
+    ("mass", "moments", "words"),
+    [
+        ("1", (1, 1, 1), ""),
+        ("0", (0, 0, 0), "joint 'j' moves no mass"),
+        ("0", (1, 1, 1), "no body has the inertia of link 'b'"),
+        ("1", (1, 1, 3), "no body has the inertia of link 'b'"),
+        ("1", (-1, 1, 1), "no body has the inertia of link 'b'"),
+    ],
+)
+def test_torques_of_masses_that_no_body_has_are_not_proven(
+    mass: str, moments: tuple[int, ...], words: str, tmp_path: Path
+) -> None:
+    """They would be those of another robot; hdplan refuses such a scene, too."""
+    inertia = '<inertia ixx="{}" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/>'.format(*moments)
+    (tmp_path / "r.urdf").write_text(f"""<robot name="r"><link name="a"/><link name="b"><inertial><mass value="{mass}"/>
+{inertia}</inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>""")
+    ends = "start: {joints: [0]}\ngoal: {joints: [0.1]}\n"
+    (tmp_path / "s.yaml").write_text(f"hdplan: 1\nrobot: {{urdf: r.urdf}}\n{ends}limits: {{torque: 9, velocity: 1}}\n")
+    motion = {"joint_names": ["j"], "times": [0, 1], "positions": [[0], [0.1]], "velocities": [[0], [0]]}
+    (tmp_path / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
+    if not words:
+        assert read(tmp_path / "s.yaml", tmp_path / "m.json").loads[0]["mass"] == 1
+        return
+    with pytest.raises(RejectedError, match=words):
+        read(tmp_path / "s.yaml", tmp_path / "m.json")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        '<group_state name="s" group="g"><joint name="j" value="0"/><joint name="j" value="1"/></group_state>',
+        '<group_state name="s" group="g"><joint name="j" value="0"/></group_state>' * 2,
+    ],
+)
+def test_a_named_state_that_stands_twice_is_refused(words: str) -> None:
+    with pytest.raises(RejectedError, match="stands twice"):
+        Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"],
+)
+def test_numbers_that_could_stand_for_others_are_refused(words: str, tmp_path: Path) -> None:
+    scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
+    more = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}, **yaml.safe_load(words)}
+    two = files(scene, tmp_path, lambda text: json.dumps({**yaml.safe_load(text), "obstacles": [more]}))
+    with pytest.raises(RejectedError, match=r"(is|are) expected"):
         read(*two)
 
 
