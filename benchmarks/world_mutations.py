@@ -102,7 +102,7 @@ def odd(point: Any, corners: Any, way: Any) -> bool:
         u = np.einsum("fi,fi->f", s, h) / det
         q = np.cross(s, one)
         v, t = q @ way / det, np.einsum("fi,fi->f", q, two) / det
-    return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
+        return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
 
 
 class Judge:

@@ -487,6 +487,24 @@ def test_a_goal_in_the_frame_of_an_object_is_refused(tmp_path: Path) -> None:
         planned(*given)
 
 
+def test_a_link_of_the_name_world_that_is_elsewhere_is_not_the_world(tmp_path: Path) -> None:
+    """MoveIt looks among links first; where the robot stands elsewhere, poses in that frame have two meanings."""
+    for base, good in (({}, True), (ROBOT["base"], False)):
+        given = files(
+            tmp_path,
+            scene=put(SCENE, OBJECTS + ".0.header", {"frame_id": "world"}),
+            robot={"robot": {**ROBOT, "base": base}},
+        )
+        (tmp_path / "r.urdf").write_text(URDF.replace('"floor"', '"world"'))
+        if good:
+            check_equal(read(given).world, planned(*given))
+            continue
+        with pytest.raises(RejectedError, match="frame 'world'"):
+            read(given)
+        with pytest.raises(HdplanError, match="unknown frame 'world'"):
+            planned(*given)
+
+
 def test_an_octomap_is_taken_from_the_proof(tmp_path: Path) -> None:
     """Its cells are proven, but the checker does not read them itself, and says so first."""
     way = [0, -64, *[3, 0] * 14, 2, 0]  # down to one cell, at the origin
