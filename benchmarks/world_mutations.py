@@ -48,6 +48,7 @@ SCENES = (
     *("panda_grasp", "panda_cage", "panda_table_pick"),
 )
 MOMENTS = 200
+WAYS = ((0.6180339, 0.3247179, 0.7161573), (-0.7548776, 0.5698402, 0.2360679), (0.1415926, -0.7182818, -0.5772156))
 SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and what the kernel lets ends be off
 
 
@@ -86,8 +87,13 @@ def geometry_of(shape: World) -> Any:
 
 
 def inside(point: Any, corners: Any) -> bool:
-    """Whether a ray from a point meets triangles (F, 3, 3) an odd number of times."""
-    way = np.array([0.6180339, 0.3247179, 0.7161573])
+    """Whether rays from a point meet triangles (F, 3, 3) an odd number of times, whatever their way: of a surface that
+    a change has opened, one way alone says nothing."""
+    return all(odd(point, corners, np.array(way)) for way in WAYS)
+
+
+def odd(point: Any, corners: Any, way: Any) -> bool:
+    """Whether a ray along a way meets triangles (F, 3, 3) an odd number of times."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     h = np.cross(way, two)
     det = np.einsum("fi,fi->f", one, h)
@@ -96,7 +102,7 @@ def inside(point: Any, corners: Any) -> bool:
         u = np.einsum("fi,fi->f", s, h) / det
         q = np.cross(s, one)
         v, t = q @ way / det, np.einsum("fi,fi->f", q, two) / det
-    return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
+        return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
 
 
 class Judge:

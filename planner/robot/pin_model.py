@@ -163,10 +163,11 @@ def without_joints(
         kind = full.joints[full.getJointId(joint)]
         coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
         reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
-    # Pinocchio finds a joint's frame by name only, and fails if a link has the joint's name.
+    # Pinocchio finds a joint's frame by name only, and fails if a link has the joint's name, be it fixed.
     mark = "\x1f"  # which no name in XML has
+    joints = {str(frame.name) for frame in full.frames if frame.type != pin.FrameType.BODY}
     for frame in full.frames:
-        if frame.type == pin.FrameType.BODY and frame.name in full.names:
+        if frame.type == pin.FrameType.BODY and frame.name in joints:
             frame.name += mark
     model, collision = pin.buildReducedModel(full, geometry, [full.getJointId(joint) for joint in held], reference)
     for frame in model.frames:

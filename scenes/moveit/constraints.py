@@ -53,7 +53,7 @@ def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTar
         return Goals((_pose_goal(given, name, frames),))  # type: ignore[arg-type]
     if "joint_constraints" not in given:
         raise goals[0].error("has no joint_constraints and no position_constraints, so there is no goal")
-    return JointTarget(name, by_name=_joints(given["joint_constraints"]))
+    return JointTarget(name, by_name=_joints(given["joint_constraints"], frames))
 
 
 def read_path_constraints(section: Field, frames: Frames) -> PathConstraints:
@@ -87,7 +87,7 @@ def _only(section: Field) -> Field:
     return entries[0]
 
 
-def _joints(section: Field) -> dict[str, float]:
+def _joints(section: Field, frames: Frames) -> dict[str, float]:
     joints: dict[str, float] = {}
     for entry in section.items():
         joint = entry.mapping(MESSAGES["JointConstraint"], required=["joint_name", "position"])
@@ -95,6 +95,7 @@ def _joints(section: Field) -> dict[str, float]:
         if name in joints:
             raise entry.error(f"the joint {name!r} has a goal already")
         joints[name] = joint["position"].number(unit="rad or m")
+        frames.check_base(name, joints[name], entry)
         for key in ("tolerance_above", "tolerance_below"):
             if key in joint:
                 joint[key].number(low=0.0, unit="rad or m")

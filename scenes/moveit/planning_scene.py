@@ -78,14 +78,16 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         robot = _of_group(robot, request_keys["group_name"], semantics, (name, tree.name))
     transforms = scene_keys["fixed_frame_transforms"].items() if "fixed_frame_transforms" in scene_keys else ()
     frames = Frames.of(tree, robot.base).with_transforms(transforms)
-    obstacles = _world(scene_keys["world"], frames) if "world" in scene_keys else {}
     states = [keys[key] for keys, key in ((scene_keys, "robot_state"), (request_keys, "start_state")) if key in keys]
     start = {joint: value for state in states for joint, value in _state(state, frames, robot.base).items()}
     if not start:
         raise request.error(
             "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
         )
-    attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
+    attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"))
+    frames = frames.beside(part.name for part in attached)
+    obstacles = _world(scene_keys["world"], frames) if "world" in scene_keys else {}
+    frames = frames.beside(obstacles)
     if "allowed_collision_matrix" in scene_keys:
         matrix = scene_keys["allowed_collision_matrix"]
         added = read_allowed(matrix, tree, semantics, robot, obstacles, attached, another)
@@ -149,13 +151,13 @@ def _world(section: Field, frames: Frames) -> dict[str, Obstacle]:
     obstacles: dict[str, Obstacle] = {}
     for i, entry in enumerate(keys["collision_objects"].items() if "collision_objects" in keys else ()):
         said = entry.mapping(MESSAGES["CollisionObject"])
-        place = frames.of_header(said.get("header"))
+        place = frames.beside(obstacles).of_header(said.get("header"))
         for obstacle in _collision_object(entry, said, place, default_name=f"obstacle{i}"):
-            if obstacle.name in obstacles:
+            if obstacle.name in obstacles or obstacle.name in frames.objects:
                 raise entry.error(f"the name {obstacle.name!r} is taken by an earlier object; names must differ")
             obstacles[obstacle.name] = obstacle
-    if "octomap" in keys and (found := read_octomap(keys["octomap"], frames)):
-        if found.name in obstacles:
+    if "octomap" in keys and (found := read_octomap(keys["octomap"], frames.beside(obstacles))):
+        if found.name in obstacles or found.name in frames.objects:
             raise keys["octomap"].error(f"its name {found.name!r} is taken by an object; names must differ")
         obstacles[found.name] = found
     return obstacles
@@ -181,9 +183,9 @@ def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, defa
     ]
 
 
-def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> tuple[Attached, ...]:
+def _all_attached(state: Field | None, start: Field | None) -> tuple[Attached, ...]:
     """Return the attached objects: the scene's, each replaced by the request's of the same name."""
-    held, more = (_attached(each, standing) for each in (state, start))
+    held, more = (_attached(each) for each in (state, start))
     whole = start is not None and not _is_diff(start)
     if state is not None and _is_diff(state):
         state.note("is_diff is true: joints and attached objects that it leaves out are unknown, and not changed")
@@ -197,11 +199,11 @@ def _is_diff(state: Field) -> bool:
     return keys["is_diff"].boolean() if "is_diff" in keys else False
 
 
-def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[Attached]]:
+def _attached(state: Field | None) -> dict[str, list[Attached]]:
     """Return what a robot state attaches to its links: object -> its primitives, each with its own name."""
     keys = state.mapping(MESSAGES["RobotState"]) if state is not None else {}
     attached: dict[str, list[Attached]] = {}
-    taken = set(standing)
+    taken = set[str]()
     entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
     for entry in entries:
         said = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
@@ -249,4 +251,7 @@ def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
     values = joints["position"].numbers(unit="rad or m") if "position" in joints else ()
     if len(values) != len(names):
         raise keys["joint_state"].error(f"must have as many positions as names, found {len(values)} and {len(names)}")
-    return dict(zip(names, values, strict=True))
+    found = dict(zip(names, values, strict=True))
+    for joint, value in found.items():
+        frames.check_base(joint, value, section)
+    return found

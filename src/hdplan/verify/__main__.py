@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from .balls import RejectedError, shown
+from .balls import RejectedError, rejecting, shown
 from .checking import bounded, check
 from .kernel import IN_PART
 from .robot_files import is_name
@@ -15,7 +15,7 @@ from .robot_files import is_name
 
 def main(words: list[str]) -> int:
     """Check a proof: 0 if it is accepted, 4 if it is accepted in part, 1 if it is rejected, 2 for files that are
-    lacking."""
+    lacking or cannot be written."""
     parser = argparse.ArgumentParser(prog="python -m hdplan.verify", description="Check a proof that a motion is free.")
     parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
     parser.add_argument("--world", type=Path, metavar="FILE.json", help="write the world that was read")
@@ -32,14 +32,19 @@ def main(words: list[str]) -> int:
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
     bounded()
     try:
-        verdict, read = check(given.scene, given.motion, given.proof.read_bytes(), given.request, given.robot)
+        with rejecting():  # a file that cannot be opened, too
+            verdict, read = check(given.scene, given.motion, given.proof.read_bytes(), given.request, given.robot)
     except RejectedError as error:
         print(json.dumps([str(error), None]) if given.json else f"rejected: {error}")
         return 1
     if (world := given.world) is not None:
-        begun = world.with_name(f".{world.name}.part")  # whole or not at all
-        begun.write_text(json.dumps(read, allow_nan=False), encoding="utf-8")
-        begun.replace(world)
+        try:
+            begun = world.with_name(f".{world.name}.part")  # whole or not at all
+            begun.write_text(json.dumps(read, allow_nan=False), encoding="utf-8")
+            begun.replace(world)
+        except (OSError, ValueError) as error:
+            print(f"{shown(str(world))}: cannot be written ({error})", file=sys.stderr)
+            return 2
     print(json.dumps([verdict.text, verdict.whole]) if given.json else verdict.text)
     return 0 if verdict.whole else IN_PART
 

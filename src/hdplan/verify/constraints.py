@@ -36,6 +36,7 @@ def goal_of(value: Any, frames: Frames) -> Any:
             found[name] = number(own.get("position"), what)
             for key in ("tolerance_above", "tolerance_below"):
                 number(own.get(key, 0.0), f"{what}.{key}", low=0.0)
+        frames.check_base(found, "goal_constraints")
         return {"joints": found}
     places, turns = (_by_link(said.get(f"{x}_constraints")) for x in ("position", "orientation"))
     need(places and {*turns} <= {*places}, "goal_constraints: no joints, and no position of each link")

@@ -16,7 +16,7 @@ import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, named, need, shown, up
 from .kernel import ASSUMES, AT_ONCE, CLAIMS, INSTANT, Motion
-from .world import Bond, Joint, World, blossom, frame, keys_of, number, numbers, off_of, symmetric
+from .world import Bond, Joint, World, blossom, frame, keys_of, number, numbers, off_of, symmetric, unit_vector
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -266,7 +266,7 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
         if kind == "upright":
             _, link, axis, off, tolerance = keys_of(each, what, "kind link axis off tolerance")
             joint, pose = link_of(world, link)
-            way = Ball(numbers(axis, (3,), what), off_of(off, what))
+            way = unit_vector(axis, off, what)
             local = dot("ij,j->i", pose[0], way)[None]
             found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what)), True))
         elif kind == "position":

@@ -17,7 +17,7 @@ RATES = ("velocity", "acceleration", "jerk", "torque")
 
 def limits(top: dict[str, Any], joints: Joints, targets: Targets) -> dict[str, Any]:
     """Ranges of all joints that move, and what else the scene limits, one entry for each of them."""
-    said = mapping(top.get("limits") or {}, "limits", f"position {' '.join(RATES)}")
+    said = mapping(top.get("limits", {}), "limits", f"position {' '.join(RATES)}")
     ranges = said.pop("position", {})
     need(isinstance(ranges, dict) and {*ranges} <= {*joints.lead}, "limits.position: of a joint that does not lead")
     spans, ends = [], targets.beyond(top)

@@ -12,6 +12,8 @@ from .joints import Joints
 from .text import listing, mapping, values
 from .world import symmetric
 
+SHARE, LEAST = 2e-2, 2e-9  # of the largest moment, and [kg m^2], that written digits leave open
+
 
 def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
     """What each moving joint carries up to the next: mass, mass times centre, inertia about the joint's origin."""
@@ -29,6 +31,8 @@ def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
         found[joint] = [x + y for x, y in zip(own, (Ball(mass), moment, inert), strict=True)]
 
     for link, mass, at, about in joints.tree.masses():
+        if joints.at[link][0] >= 0:
+            check_body(mass, about, f"link '{link}'")
         carry(link, mass, at, Ball(about))
     if (load := top.get("payload")) is not None:
         said = mapping(load, "payload", "link mass com inertia")
@@ -36,6 +40,7 @@ def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
         need(mass >= 0, "payload: a mass below 0")
         six = values(said.get("inertia", [0.0] * 6), 6, "payload.inertia")
         about = symmetric(six)
+        check_body(mass, about, "payload")
         need(said.get("link") in joints.at, "payload: its link is not known")
         carry(said["link"], mass, (HERE[0], Ball(com)), Ball(about))
     for i, entry in enumerate(listing(top.get("attached"), "attached")):
@@ -44,6 +49,11 @@ def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
             need(mass >= 0, f"attached[{i}]: a mass below 0")
             at = scenes.pose_of(entry.get("pose"), f"attached[{i}]")
             carry(entry["link"], mass, at, solid_inertia(shape, mass, f"attached[{i}]"))
+    moved = [float(mass.mid) for mass, _, _ in found]
+    for i, name in reversed([*enumerate(joints.moving)]):
+        need(moved[i] > 0, f"limits.torque: joint '{name}' moves no mass, as its URDF gives none")
+        if (parent := joints.frames[name][0]) >= 0:
+            moved[parent] += moved[i]
     return [
         {
             "mass": float(mass.mid),
@@ -53,6 +63,15 @@ def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
         }
         for mass, first, inert in found
     ]
+
+
+def check_body(mass: float, about: Any, what: str) -> None:
+    """Reject an inertia that no body has: of its principal moments none is negative, or above the sum of the others,
+    and without mass all are 0."""
+    least, middle, most = np.linalg.eigvalsh(about)
+    slack = SHARE * max(abs(least), abs(most)) + LEAST
+    good = min(least, least + middle - most) >= -slack and (mass > 0 or most <= LEAST)
+    need(good, f"limits.torque: no body has the inertia of {what}")
 
 
 def solid_inertia(shape: dict[str, Any], mass: float, what: str) -> Ball:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,8 @@ from .text import row, strict_xml, table
 from .world import unique
 
 KINDS = (".stl", ".obj", ".dae")
+NEARLY = 1e-4  # of a polygon's largest coordinate, by which it may be bent
+FULL = 2 * np.pi - 1e-6  # [rad] a whole turn
 OBJ_WORDS = b"v f vn vt vp g o s usemtl mtllib".split()
 
 
@@ -41,8 +43,23 @@ def stl(data: bytes) -> Any:
     return table(words[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].ravel().tolist(), "STL").reshape(-1, 3, 3)
 
 
-def fans(faces: Iterable[Sequence[int]]) -> Any:
-    """Triangles (F, 3) of polygons, all at the first corner of theirs."""
+def fans(faces: Sequence[Sequence[int]], points: Any) -> Any:
+    """Triangles (F, 3) of polygons, all at the first corner of theirs, from where a polygon must be flat and seen
+    whole: others are cut in other ways by other readers. Those cut a quadrilateral alike that is bent, if both of its
+    diagonals run within it."""
+    for count in {*map(len, faces)} - {3}:
+        at = points[np.array([x for x in faces if len(x) == count])]
+        edges = at[:, 1:] - at[:, :1]
+        halves, off = np.cross(edges[:, :-1], edges[:, 1:]), NEARLY * np.abs(at).max(axis=(1, 2))[:, None]
+        way = halves.sum(axis=1)
+        way = way / np.sqrt((way * way).sum(axis=1, keepdims=True))
+        area, along = dots(halves, way[:, None]), dots(edges[:, :-1], edges[:, 1:])
+        good = (np.abs(dots(edges, way[:, None])) <= off).all(axis=1) & (np.arctan2(area, along).sum(axis=1) < FULL)
+        good &= (area >= -4 * off * np.abs(edges).max(axis=(1, 2))[:, None]).all(axis=1)
+        if count == 4:
+            others = np.cross(at[:, [2, 3]] - at[:, [1, 1]], at[:, [3, 0]] - at[:, [1, 1]])
+            good |= (dots(halves[:, 0], halves[:, 1]) > 0) & (dots(others[:, 0], others[:, 1]) > 0)
+        need(good.all(), f"a face of {count} corners is not flat and convex, and readers disagree about its surface")
     corners = [[x[0], x[i], x[i + 1]] for x in faces for i in range(1, len(x) - 1)]
     return np.array(corners, dtype=np.int64).reshape(-1, 3)
 
@@ -65,9 +82,14 @@ def obj(data: bytes) -> Any:
             told = [int(x) for x in words]
             faces.append([x - 1 if x > 0 else len(points) + x for x in told])
             need(all(told) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
-    corners = fans(faces)
-    need(corners.max(initial=-1) < len(points), "OBJ: a face has a vertex that is not there")
-    return table([x for each in points for x in each], "OBJ").reshape(-1, 3)[corners]
+    need(max(map(max, faces), default=-1) < len(points), "OBJ: a face has a vertex that is not there")
+    places = table([x for each in points for x in each], "OBJ").reshape(-1, 3)
+    return places[fans(faces, places)]
+
+
+def dots(a: Any, b: Any) -> Any:
+    """Products of vectors along the last axis."""
+    return (a * b).sum(axis=-1)
 
 
 def collada(root: Any, upright: bool) -> Ball:
@@ -112,7 +134,8 @@ def collada(root: Any, upright: bool) -> Ball:
                 need(all(x.isdigit() for x in sizes), "COLLADA: polygons of other sizes than it says")
                 ends, count = np.cumsum(np.array(sizes, dtype=np.int64)), len(sizes)
                 need(len(corners) == ends.max(initial=0), "COLLADA: polygons of other sizes than it says")
-                corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
+                need((corners < len(points)).all(), "COLLADA: a face has a vertex that is not there")
+                corners = fans([x.tolist() for x in np.split(corners, ends[:-1])], points)
             need(part.get("count") == str(count), "COLLADA: other faces than it counts")
             need((corners < len(points)).all(), "COLLADA: a face has a vertex that is not there")
             need(corners.size % 3 == 0, "COLLADA: corners that make no triangle")

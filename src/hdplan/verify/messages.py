@@ -51,6 +51,7 @@ MESSAGES = {
 }
 SOLIDS = {1: "box", 2: "sphere", 3: "cylinder"}  # shape_msgs/SolidPrimitive
 SAME = 1e-9  # by which two poses of one frame may differ
+VARIABLE = re.compile(r"/(x|y|theta|trans_[xyz]|rot_[xyzw])$")  # of a joint that carries a robot's base
 
 
 def message_of(data: bytes) -> Any:
@@ -142,15 +143,16 @@ def same(one_: Pose, two: Pose) -> bool:
 
 class Frames:
     """Where poses may be given: in the world, in the robot's root link, in links fixed to it, and in frames that the
-    scene fixes to them."""
+    scene fixes to them. Where an object, one of the `things`, has the name of such a frame, or a frame of its own has,
+    MoveIt takes the object's."""
 
     def __init__(self, tree: Tree, base: Pose, transforms: Any) -> None:
         at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
+        self.things, self.joints, self.links = set[str](), {*tree.joints}, {*tree.links}
         self.moving = {link for link, (joint, _) in at.items() if joint >= 0}
-        self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {
-            "": HERE,
-            "world": HERE,
-        }
+        self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {"": HERE}
+        if "world" in self.moving or not same(self.poses.setdefault("world", HERE), HERE):
+            self.poses.pop("world", None)  # a link of this name is elsewhere
         for i, entry in enumerate(listing(transforms, "fixed_frame_transforms")):
             what = f"fixed_frame_transforms[{i}]"
             said = fields(entry, "TransformStamped", what)
@@ -163,4 +165,12 @@ class Frames:
         """The pose of the frame that a header names."""
         name = str(fields({} if header is None else header, "Header", what).get("frame_id", "")).removeprefix("/")
         need(name in self.poses, f"{what}: the frame '{name}' is not known, or moves")
+        own = name in self.links or not any(f"{name}/".startswith(f"{x}/") for x in self.things)
+        need(own, f"{what}: the frame '{name}' has the name of an object, or of a part of one")
         return self.poses[name]
+
+    def check_base(self, values: dict[str, float], what: str) -> None:
+        """Reject values of joints that would move the robot's base."""
+        for name, at in values.items():
+            there = name in self.joints or not VARIABLE.search(name) or at == float(name.endswith("w"))
+            need(there, f"{what}: '{name}' moves the robot's base")

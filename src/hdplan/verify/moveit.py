@@ -33,13 +33,16 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
     base = scenes.pose_of(spec.get("base"), "robot.base")
     frames = Frames(tree, base, around.get("fixed_frame_transforms"))
     spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
-    standing = _standing(around.get("world"), frames)
     margin = _margin(around, tree)
     states = (around.get("robot_state"), "scene.robot_state"), (asked.get("start_state"), "request.start_state")
     start, held = dict[str, float](), dict[str, Any]()
     for state, what in states:
         start |= _state(state, frames, base, what)
-        held |= _held(state, what, {x["name"] for x in standing})
+        held |= _held(state, what)
+    frames.things |= {*held}
+    standing = _standing(around.get("world"), frames)
+    names = [x["name"] for x in [*standing, *(y for each in held.values() for y in each)]]
+    need(len({*names}) == len(names), "scene: the name of an object is taken")
     need(start, "request.start_state: there is no start")
     model = around.get("robot_model_name", "")
     need(type(model) is str, "scene.robot_model_name: a name is expected")
@@ -93,7 +96,8 @@ def _standing(value: Any, frames: Frames) -> list[dict[str, Any]]:
     for i, entry in enumerate(listing(said.get("collision_objects"), "world.collision_objects")):
         what = f"world.collision_objects[{i}]"
         place = frames.of(fields(entry, "CollisionObject", what).get("header"), what)
-        found += _bodies(entry, place, f"obstacle{i}", what)
+        found += (own := _bodies(entry, place, f"obstacle{i}", what))
+        frames.things.add(own[0]["name"])
     octomap = fields(said.get("octomap", {}), "OctomapWithPose", "octomap")
     content = fields(octomap.get("octomap", {}), "Octomap", "octomap")
     if content.get("data"):
@@ -101,8 +105,6 @@ def _standing(value: Any, frames: Frames) -> list[dict[str, Any]]:
         own = fields(content.get("header", {}), "Header", "octomap").get("frame_id", "")
         need(own == "" or same(frames.of(content["header"], "octomap"), place), "octomap: is in two frames")
         found.append({"name": MAP, "octomap": "", "pose": compose(place, pose(octomap.get("origin"), "octomap"))})
-    names = [x["name"] for x in found]
-    need(len({*names}) == len(names), "world: two objects of one name")
     return found
 
 
@@ -136,10 +138,10 @@ def _margin(around: dict[str, Any], tree: Tree) -> float:
     return max(sizes, default=0.0)
 
 
-def _held(state: Any, where: str, standing: set[str]) -> dict[str, list[dict[str, Any]]]:
+def _held(state: Any, where: str) -> dict[str, list[dict[str, Any]]]:
     """What links hold, by object."""
     said = fields({} if state is None else state, "RobotState", where)
-    found, taken = dict[str, Any](), set(standing)
+    found = dict[str, Any]()
     for i, entry in enumerate(listing(said.get("attached_collision_objects"), where)):
         what = f"{where.partition('.')[2]}.attached_collision_objects[{i}]"
         own = fields(entry, "AttachedCollisionObject", what)
@@ -148,9 +150,7 @@ def _held(state: Any, where: str, standing: set[str]) -> dict[str, list[dict[str
         need(frame == link, f"{what}: is not given in the frame of its link")
         near = words(own.get("touch_links"), what)
         parts = [{**x, "link": link, "touch_links": near} for x in _bodies(thing, HERE, what, what)]
-        names = {x["name"] for x in parts}
-        need(not names & taken, f"{what}: its name is taken")
-        taken |= names
+        need(parts[0]["name"] not in found, f"{what}: its name is taken")
         found[parts[0]["name"]] = parts
     return found
 
@@ -168,7 +168,9 @@ def _state(state: Any, frames: Frames, base: Pose, what: str) -> dict[str, float
     fields(joints.get("header", {}), "Header", what)
     names, at = words(joints.get("name"), what), numbers(joints.get("position"), None, what)
     need(len({*names}) == len(names) == len(at), f"{what}: a joint stands twice, or has no position")
-    return dict(zip(names, at, strict=True))
+    found = dict(zip(names, at, strict=True))
+    frames.check_base(found, what)
+    return found
 
 
 def _checked(value: Any, tree: Tree, spec: dict[str, Any]) -> list[list[str]]:

@@ -55,7 +55,7 @@ def pose_of(value: Any, what: str) -> Pose:
     tuple, which YAML does not have."""
     if type(value) is tuple:
         return value
-    keys, turn = mapping(value or {}, what, POSE), HERE[0]
+    keys, turn = mapping({} if value is None else value, what, POSE), HERE[0]
     need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
@@ -86,7 +86,8 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
         f"{what}: a shape '{kind}' of other keys",
     )
     if kind == "mesh":
-        scale = values(said.get("scale", 1), 3, what)
+        scale = said.get("scale", 1.0)  # one for all axes will do
+        scale = values(scale if isinstance(scale, list) else [scale] * 3, 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
         return mesh_of(folder / word(said["file"], what), scale, files, told, (what, None, named(what)), upright=True)
     if kind == "points":
@@ -184,7 +185,7 @@ def path_of(top: dict[str, Any]) -> list[Any]:
     """The path constraints as a world has them; a tuple has those that are worked out already."""
     if type(top.get("path")) is tuple:
         return list(top["path"])
-    said, found = mapping(top.get("path") or {}, "path", "upright position relative"), list[Any]()
+    said, found = mapping(top.get("path", {}), "path", "upright position relative"), list[Any]()
     if "upright" in said:
         keys = mapping(said["upright"], "path.upright", "link axis tolerance")
         axis = keys.get("axis", "z")

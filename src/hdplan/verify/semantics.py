@@ -39,7 +39,7 @@ class Semantics:
     def __init__(self, data: bytes, above: dict[str, tuple[str, str]], links: list[str]) -> None:
         root = strict_xml(data)
         need(root.tag == "robot", "SRDF: its root is no robot")
-        children(root, "SRDF", "", " ".join(WORDS), HARMLESS)
+        children(root, "SRDF", "", " ".join({*WORDS} - {"link", "joint", "chain"}), HARMLESS)
         for each in [y for x in root if x.tag in WORDS for y in (x, *x)]:
             holds, words = WORDS[each.tag]
             children(each, "SRDF", "", holds)
@@ -52,10 +52,14 @@ class Semantics:
         self.hands = [x.get("parent_link", "") for x in root.findall("end_effector")]  # the links that carry them
         self._states: dict[str, dict[str, dict[str, float]]] = {}  # by name and group
         for state in root.findall("group_state"):
+            of = state.get("name", ""), state.get("group", "")
+            need(of[1] not in self._states.get(of[0], {}), f"SRDF: state '{of[0]}' stands twice")
+            own = self._states.setdefault(of[0], {}).setdefault(of[1], {})
             for joint in state.findall("joint"):
-                if len(joint.get("value", "").split()) == 1:
-                    own = self._states.setdefault(state.get("name", ""), {}).setdefault(state.get("group", ""), {})
-                    own[joint.get("name", "")] = number(joint.get("value"), f"SRDF: state '{state.get('name')}'")
+                if len(joint.get("value", "").split()) < 2:  # others are of joints of another kind
+                    what = f"SRDF: state '{of[0]}'"
+                    need(joint.get("name", "") not in own, f"{what}: joint '{joint.get('name')}' stands twice")
+                    own[joint.get("name", "")] = number(joint.get("value"), what)
         off = {x.get("link", "") for x in root.findall("disable_default_collisions")} & {*links}
         pairs = [{frozenset((x.get("link1", ""), x.get("link2", ""))) for x in root.findall(tag)} for tag in PAIRS]
         self.disabled = ({frozenset((a, b)) for a in off for b in links if a != b} - pairs[1]) | pairs[0]

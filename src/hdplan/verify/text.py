@@ -60,8 +60,8 @@ def table(words: Sequence[bytes | str], what: str) -> Any:
 
 
 def values(value: Any, count: int, what: str) -> Any:
-    """As many finite numbers of a scene; one for all of them will do."""
-    rows = value if isinstance(value, list) else [value] * count
+    """As many finite numbers of a scene, in a list if they are several."""
+    rows = value if isinstance(value, list) else [value]
     good = len(rows) == count and all(type(x) in (int, float) and abs(x) < LARGEST for x in rows)
     need(good, f"{what}: {count} finite numbers are expected")
     return np.array(rows, dtype=np.float64)

@@ -81,6 +81,13 @@ def off_of(value: Any, what: str) -> float:
     return off
 
 
+def unit_vector(axis: Any, off: Any, what: str) -> Ball:
+    """A direction: one of another length would be nearer to others, or farther from them, than it is turned."""
+    way = Ball(numbers(axis, (3,), what), off_of(off, what))
+    need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
+    return way
+
+
 def frame(place: list[Any], what: str) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
     rotation, position, off = place
@@ -227,8 +234,7 @@ class World:
         good = type(name) is str and type(parent) is int and -1 <= parent < len(self.joints)
         good = good and kind in ("revolute", "prismatic") and name not in self.held
         need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
-        way = Ball(numbers(axis, (3,), what), off_of(off, what))
-        need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
+        way = unit_vector(axis, off, what)
         if follows is not None:
             need(type(follows) is list and len(follows) == 3 and type(follows[0]) is int, f"{what}.follows")
             factor, add = numbers(follows[1:], (2,), what).tolist()

@@ -76,7 +76,7 @@ SCENE: Said = {
     },
     "fixed_frame_transforms": [
         {
-            "header": {"frame_id": "base"}, "child_frame_id": "/desk",
+            "header": {"frame_id": "base"}, "child_frame_id": "/room",
             "transform": {"translation": {"x": 1.2, "y": 0.1}, "rotation": {"z": 0.6, "w": 0.8}},
         }
     ],
@@ -91,7 +91,7 @@ SCENE: Said = {
         "collision_objects": [
             {"id": "ball", **solid("sphere", [0.1], -1.5, 0.1, 0.4)},
             {
-                "header": {"frame_id": "desk"}, "id": "desk",
+                "header": {"frame_id": "room"}, "id": "desk",
                 "pose": {"position": [0.4, 0.3, 0], "orientation": [0, 0.6, 0, -0.8]},
                 "primitives": [{"type": 1, "dimensions": [0.4, 0.3, 0.2]}, {"type": 3, "dimensions": [0.3, 0.05]}],
                 "primitive_poses": [{}, {"position": [0, 0.2, 0.3], "orientation": {"x": 0.6, "w": 0.8}}],
@@ -328,7 +328,7 @@ def turned(link: str, *most: float, turn: Any = HALF, **more: Any) -> Said:
 
 
 BALL, CRATE = solid("sphere", [0.02], 0.3, 0.1, 1.2), solid("box", [0.1, 0.2, 0.3], 0.3, 0.1, 1.2)
-DESK = {"header": {"frame_id": "desk"}}
+DESK = {"header": {"frame_id": "room"}}
 CONSTRAINTS: dict[str, tuple[str, Said]] = {
     "a ball": ("goal", {"position_constraints": [position("hand", BALL)]}),
     "a crate on the desk": ("goal", {"position_constraints": [position("hand", CRATE, **DESK)]}),
@@ -408,7 +408,7 @@ REFUSED: dict[str, tuple[str, str, Any, str]] = {
     "a moved base": ("scene", "robot_state.multi_dof_joint_state.transforms.0.translation", [0, 0, 1], "base"),
     "a velocity": ("scene", "robot_state.joint_state.velocity", [0, 0.1], "at rest"),
     "a name that is held": ("scene", OBJECTS + ".0.id", "cup", "taken"),
-    "a name twice": ("scene", OBJECTS + ".0.id", "desk/1", "one name"),
+    "a name twice": ("scene", OBJECTS + ".0.id", "desk/1", "taken"),
     "a joint twice": ("request", "start_state.joint_state.name", ["a", "a", "b"], "twice"),
     "rows that lack": ("scene", MATRIX + ".entry_names", ["base", "fore"], "rows"),
     "a quaternion without w": ("scene", "fixed_frame_transforms.0.transform.rotation", {"z": 1}, "ROS 1"),
@@ -438,11 +438,78 @@ def test_what_cannot_be_read_is_named(case: str, tmp_path: Path) -> None:
         read(given)
 
 
+FRAME = "fixed_frame_transforms.0.child_frame_id"
+BOTH: dict[str, tuple[str, tuple[tuple[str, Any], ...], str]] = {
+    "a frame with the name of an object before it": (
+        "scene", ((FRAME, "ball"), (OBJECTS + ".1.header.frame_id", "ball")), "the name of an object",
+    ),
+    "a frame with the name of what is held": ("scene", ((HELD + ".object.id", "room"),), "the name of an object"),
+    "a frame with the name of an object's own frame": (
+        "scene", ((FRAME, "ball/top"), (OBJECTS + ".1.header.frame_id", "ball/top")), "the name of an object",
+    ),
+    "a base moved by a joint's value": (
+        "scene", (("robot_state.joint_state", {"name": ["a", "virtual/x"], "position": [0.3, 1]}),), "robot's base",
+    ),
+    "a goal for the base": (
+        "request",
+        (
+            (
+                "goal_constraints.0.joint_constraints",
+                [{"joint_name": x, "position": 0.4} for x in ("a", "b", "c", "virtual/theta")],
+            ),
+        ), "robot's base",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BOTH)
+def test_what_moveit_takes_otherwise_both_refuse(case: str, tmp_path: Path) -> None:
+    """MoveIt places what is given in a frame in an object's, if that has the name, and moves a base by `joint/x`."""
+    which, changes, words = BOTH[case]
+    said = GOOD[which]
+    for path, value in changes:
+        said = put(said, path, value)
+    given = files(tmp_path, **{which: said})
+    with pytest.raises(RejectedError, match=words):
+        read(given)
+    with pytest.raises(HdplanError, match=words):
+        planned(*given)
+
+
+def test_a_goal_in_the_frame_of_an_object_is_refused(tmp_path: Path) -> None:
+    goal = {"position_constraints": [position("hand", BALL, **DESK)]}
+    scene = put(SCENE, OBJECTS + ".0.id", "room")  # after which nothing is given in the frame of that name
+    scene = put(scene, OBJECTS + ".1.header.frame_id", "")
+    given = files(tmp_path, scene=scene, request={**REQUEST, "goal_constraints": [goal]})
+    with pytest.raises(RejectedError, match="the name of an object"):
+        read(given)
+    with pytest.raises(HdplanError, match="the name of an object"):
+        planned(*given)
+
+
+def test_a_link_of_the_name_world_that_is_elsewhere_is_not_the_world(tmp_path: Path) -> None:
+    """MoveIt looks among links first; where the robot stands elsewhere, poses in that frame have two meanings."""
+    for base, good in (({}, True), (ROBOT["base"], False)):
+        given = files(
+            tmp_path,
+            scene=put(SCENE, OBJECTS + ".0.header", {"frame_id": "world"}),
+            robot={"robot": {**ROBOT, "base": base}},
+        )
+        (tmp_path / "r.urdf").write_text(URDF.replace('"floor"', '"world"'))
+        if good:
+            check_equal(read(given).world, planned(*given))
+            continue
+        with pytest.raises(RejectedError, match="frame 'world'"):
+            read(given)
+        with pytest.raises(HdplanError, match="unknown frame 'world'"):
+            planned(*given)
+
+
 def test_an_octomap_is_taken_from_the_proof(tmp_path: Path) -> None:
     """Its cells are proven, but the checker does not read them itself, and says so first."""
     way = [0, -64, *[3, 0] * 14, 2, 0]  # down to one cell, at the origin
     octomap = {"octomap": {"binary": True, "id": "OcTree", "resolution": 0.1, "data": way}}
-    octomap |= {"header": {"frame_id": "desk"}, "origin": {"position": [1, 0, 2]}}
+    octomap |= {"header": {"frame_id": "room"}, "origin": {"position": [1, 0, 2]}}
     given = files(tmp_path, scene=put(SCENE, "world.octomap", octomap))
     scene, motion, request, robot = given
     proof = hdplan.prove(scene, motion, request, robot).data
@@ -547,6 +614,7 @@ WORDS = [
     "desk",
     "cup",
     "ball",
+    "room",
     "world",
     "",
     "/base",

@@ -111,6 +111,7 @@ def test_an_obstacle_that_spins_through_the_arm_is_not_kept_apart(tmp_path: Path
 def test_a_motion_that_begins_or_ends_at_speed_keeps_no_torque_limit(rates: list[float], tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_text(ARM.format(yoke='<link name="yoke"/>', at="-3 0 0"))
     scene = "robot: {urdf: r.urdf}\nstart: {joints: [0, 0]}\ngoal: {joints: [0.5, 0]}\nlimits: {torque: 1000}\n"
+    scene += "payload: {link: arm, mass: 1}\n"
     motion = {"positions": [[0, 0], [0.5, 0]], "times": [0.0, 1.0], "velocities": [[rate, 0.0] for rate in rates]}
     with pytest.raises(RejectedError, match=r"leaf|begins or ends with a jump"):
         forged(tmp_path, scene, ["pan", "lift"], motion)

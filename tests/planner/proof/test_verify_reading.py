@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import hdplan
 from hdplan.planner.geometry.mesh_files import read_mesh_file
@@ -49,7 +50,7 @@ def test_collada_files_are_read_as_hdplan_reads_them_or_refused() -> None:
 
 
 DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common>
+<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 -1 1 0</float_array><technique_common>
 <accessor source="#a" count="4" stride="3"/></technique_common></source>
 <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
 <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
@@ -61,7 +62,7 @@ DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries>
 
 
 def test_nodes_of_a_collada_file_place_each_other() -> None:
-    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [1, 0, 12]])
+    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [-1, -2, 10]])
     other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
     start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
     for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
@@ -86,13 +87,36 @@ def test_nodes_of_a_collada_file_place_each_other() -> None:
         ('<instance_geometry url="#g"/>', '<instance_geometry url="other.dae#g"/>'),
         ('<instance_geometry url="#g"/>', ""),
         ('<source id="p">', '<source id="g">'),
-        ("0 1 0 0 0 1</float", "0 1 0 0 0 inf</float"),
+        ("0 1 0 -1 1 0</float", "0 1 0 -1 1 inf</float"),
     ],
 )
 def test_other_collada_files_are_refused(before: str, after: str) -> None:
     assert before in DAE
     with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
         triangles(Path("a.dae"), DAE.replace(before, after).encode(), upright=False)
+
+
+@pytest.mark.parametrize(
+    ("points", "good"),
+    [
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], True),
+        ([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0.5]], True),  # bent, and whoever cuts it begins at the first
+        ([[0, 0, 0], [1, 0, 0], [0.2, 0.2, 0], [0, 1, 0]], True),  # seen whole from the first corner
+        ([[0, 0, 0], [0.2, 0.2, 0], [1, 0, 0], [0, 1, 0]], False),
+        ([[0, 0, 0], [1, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], True),
+        ([[0, 0, 0], [1, 0, 0.3], [2, 1, 0], [1, 2, 0.3], [0, 1, 0]], False),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, -1, 0]], False),
+    ],
+)
+def test_faces_of_which_readers_disagree_are_refused(points: list[list[float]], good: bool) -> None:
+    """hdplan refuses them, too: a proof about one way to cut them would be none about another."""
+    lines = [*(f"v {x} {y} {z}" for x, y, z in points), f"f {' '.join(str(i + 1) for i in range(len(points)))}"]
+    text = "\n".join(lines).encode()
+    if good:
+        assert len(triangles(Path("a.obj"), text, upright=False).mid) == len(points) - 2
+        return
+    with pytest.raises(RejectedError, match="readers disagree about its surface"):
+        triangles(Path("a.obj"), text, upright=False)
 
 
 def files(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> tuple[Path, Path]:
@@ -158,6 +182,59 @@ def test_a_motion_without_positions_has_no_others_in_their_place(tmp_path: Path)
     said = json.loads(two[1].read_text())
     two[1].write_text(json.dumps({**said, "times": [0, 1], "velocities": said.pop("positions")} | {"positions": None}))
     with pytest.raises(RejectedError, match="has no positions"):
+        read(*two)
+
+
+@pytest.mark.parametrize(
+    ("mass", "moments", "words"),
+    [
+        ("1", (1, 1, 1), ""),
+        ("0", (0, 0, 0), "joint 'j' moves no mass"),
+        ("0", (1, 1, 1), "no body has the inertia of link 'b'"),
+        ("1", (1, 1, 3), "no body has the inertia of link 'b'"),
+        ("1", (-1, 1, 1), "no body has the inertia of link 'b'"),
+    ],
+)
+def test_torques_of_masses_that_no_body_has_are_not_proven(
+    mass: str, moments: tuple[int, ...], words: str, tmp_path: Path
+) -> None:
+    """They would be those of another robot; hdplan refuses such a scene, too."""
+    inertia = '<inertia ixx="{}" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/>'.format(*moments)
+    (tmp_path / "r.urdf").write_text(f"""<robot name="r"><link name="a"/><link name="b"><inertial><mass value="{mass}"/>
+{inertia}</inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>""")
+    ends = "start: {joints: [0]}\ngoal: {joints: [0.1]}\n"
+    (tmp_path / "s.yaml").write_text(f"hdplan: 1\nrobot: {{urdf: r.urdf}}\n{ends}limits: {{torque: 9, velocity: 1}}\n")
+    motion = {"joint_names": ["j"], "times": [0, 1], "positions": [[0], [0.1]], "velocities": [[0], [0]]}
+    (tmp_path / "m.json").write_text(json.dumps({"hdplan_trajectory": 1, **motion}))
+    if not words:
+        assert read(tmp_path / "s.yaml", tmp_path / "m.json").loads[0]["mass"] == 1
+        return
+    with pytest.raises(RejectedError, match=words):
+        read(tmp_path / "s.yaml", tmp_path / "m.json")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        '<group_state name="s" group="g"><joint name="j" value="0"/><joint name="j" value="1"/></group_state>',
+        '<group_state name="s" group="g"><joint name="j" value="0"/></group_state>' * 2,
+        '<group_state name="s" group="g"><joint name="j"/></group_state>',
+    ],
+)
+def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
+    with pytest.raises(RejectedError, match=r"stands twice|'None' is no number"):
+        Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["pose: 0", "pose: []", "motion: {velocity: 1}", "shape: {type: box, size: 1}"],
+)
+def test_numbers_that_could_stand_for_others_are_refused(words: str, tmp_path: Path) -> None:
+    scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
+    more = {"name": "a", "shape": {"type": "box", "size": [1, 1, 1]}, **yaml.safe_load(words)}
+    two = files(scene, tmp_path, lambda text: json.dumps({**yaml.safe_load(text), "obstacles": [more]}))
+    with pytest.raises(RejectedError, match=r"(is|are) expected"):
         read(*two)
 
 

@@ -301,6 +301,9 @@ def test_links_are_told_apart_whatever_they_are_called(tmp_path: Path) -> None:
     file.write_text(f"<robot name='arm'>{links}{joints}</robot>")
     assert load_robot(RobotSpec(urdf=file)).links == names
     assert load_robot(RobotSpec(urdf=file, locked={"b": 0.3})).links == names
+    foot = "<link name='floor'/><joint name='base' type='fixed'><parent link='floor'/><child link='base'/></joint>"
+    file.write_text(f"<robot name='arm'>{links}{joints}{foot}</robot>")
+    assert load_robot(RobotSpec(urdf=file, locked={"a": 0.3})).links == names
 
 
 def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:

@@ -597,7 +597,7 @@ REFUSED = [
     ("scene", HELD, [{"link_name": "a"}], ["attached_collision_objects[0]: ", "'object' is missing"]),
     ("scene", HELD, [{"link_name": "a", "object": {}}], ["objects[0].object: ", "frame of its link 'a'", "found ''"]),
     ("scene", HELD, [held("cup", "world")], ["object.header.frame_id: ", "frame of its link 'hand'", "'world'"]),
-    ("scene", HELD, [held("can")], ["attached_collision_objects[0]: ", "'can'", "differ"]),
+    ("scene", HELD, [held("can")], ["collision_objects[0]: ", "'can'", "differ"]),
     ("scene", HELD, [held("cup"), held("cup")], ["attached_collision_objects[1]: ", "'cup'", "differ"]),
     ("scene", HELD, [{**held("cup"), "touch_links": "hand"}], ["touch_links: ", "list"]),
     ("scene", HELD, [{**held("cup"), "object": {"meshes": [{"triangles": [1]}]}}], [".meshes: ", "not supported"]),
