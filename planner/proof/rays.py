@@ -9,11 +9,14 @@ import numpy as np
 from hdplan.planner.proof.planes import COARSE, whole
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.once import read_only
 from hdplan.verify.kernel import NARROWEST, Motion
 from hdplan.verify.world import World
 
 FAR_APART = 8  # rows that are tried first
-AROUND = np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(60, 3))])  # of each row
+AROUND = read_only(
+    np.concatenate([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(60, 3))])
+)  # of each row
 
 
 def rays(world: World) -> Iterator[tuple[int, Array] | None]:

@@ -31,6 +31,7 @@ SHAPES = {  # and their sizes
     **{"balls": "points radii", "boxes": "low high"},
 }
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+CUBE.flags.writeable = False
 FRAME = "joint rotation position off"
 
 
