@@ -287,7 +287,7 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
             "while True: pass",
             15,
             "rejected: needs more than 1 s of a processor",
-        ),  # which takes longer on a busy machine
+        ),  # longer on a busy machine
         ("import time; time.sleep(60)", 2, "rejected: needs more than 2 s"),
     ],
 )
