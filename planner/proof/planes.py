@@ -18,7 +18,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.verify.kernel import Motion
+from hdplan.verify.kernel import Motion, half
 from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
@@ -164,7 +164,7 @@ class Planes:
 
 def _halved(pair: Rows, low: Array, high: Array, depth: Rows, normal: Array) -> tuple[Rows, Array, Array, Rows, Array]:
     """Return items with their intervals halved, as the kernel halves them."""
-    middle = np.where(high - low > 1, np.floor((low + high) / 2), (low + high) / 2)  # `half`
+    middle = np.array([half(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
     return (
         *(np.tile(pair, 2), np.concatenate([low, middle]), np.concatenate([middle, high])),
         *(np.tile(depth + 1, 2), np.tile(normal, (2, 1))),
