@@ -52,41 +52,30 @@ def check_new_folder(path: Path) -> None:
         raise InputError(f"{path}: exists already, and is not replaced: name a new folder")
     if not os.path.isdir(path.parent):
         raise InputError(f"{path}: the folder {path.parent} does not exist")
-    with _folder_beside(path):
+    with _beside(path, folder=True):
         pass
 
 
 def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
     """Write files into a new folder: all of them or none. Raises InputError if they cannot be written."""
-    with _folder_beside(path) as temporary:
+    with _beside(path, folder=True) as temporary:
         for name, data in files.items():
             (temporary / name).write_bytes(data)
         os.rename(temporary, path)  # refused if there is a file by now, or a folder with something in it
 
 
 @contextlib.contextmanager
-def _folder_beside(path: Path) -> Iterator[Path]:
-    """Yield an empty folder in the folder of `path`, removed at the end if it still exists."""
+def _beside(path: Path, folder: bool = False) -> Iterator[Path]:
+    """Yield an empty file, or folder, in the folder of `path`, removed at the end if it still exists."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        temporary.mkdir()
+        temporary.mkdir() if folder else temporary.touch()
         try:
             yield temporary
         finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-@contextlib.contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    """Yield an empty file in the folder of `path`, removed at the end if it still exists."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.touch()
-        try:
-            yield temporary
-        finally:
-            temporary.unlink(missing_ok=True)
+            if folder:
+                shutil.rmtree(temporary, ignore_errors=True)
+            else:
+                temporary.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
