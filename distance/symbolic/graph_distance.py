@@ -71,6 +71,7 @@ def _lift() -> ca.Function:
 
 
 def bracket(gradient: ca.MX) -> ca.MX:
-    """Return what the gradient changes by along a twist besides the Hessian, as twists do not commute: ½ g·[η, ·]."""
+    """Return what the gradient by a body's own twist changes by along a twist besides the Hessian, as twists do not
+    commute: ½ g·[η, ·]. For motions in the world it is the opposite."""
     force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
     return ca.blockcat([[ca.MX(3, 3), force], [force, torque]]) / 2

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from hdplan.distance.symbolic.graph_distance import bracket
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
-from hdplan.planner.problem.symbolic_place import bracket
 
 UNBRANCHED = {"never_inline": True}  # a Function that stays one, so that it can be a branch
 
@@ -84,7 +84,7 @@ def _chained(ends: int, n: int, exact: bool) -> ca.Function:
     push = -_sum(parts)
     results = [(inside * slope) @ slope.T, (inside * slope) @ push.T, (inside * push) @ push.T, depth * push]
     if exact:
-        turns = [bracket(part) / 2 for part in parts]
+        turns = [-bracket(part) for part in parts]
         blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(hessian, 6)]
         rows = [_sum(row) for row in blocks]  # by B's motion, but for its sign
         curved = [

@@ -14,10 +14,11 @@ import casadi as ca
 import numpy as np
 
 from hdplan.distance.symbolic.closed import CLOSED, closed_function
+from hdplan.distance.symbolic.graph_distance import bracket
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.one_pair import near, pair, pair_bend
-from hdplan.planner.problem.symbolic_place import SymbolicPlace, bracket, by_entries
+from hdplan.planner.problem.symbolic_place import SymbolicPlace, by_entries
 from hdplan.scenes.array_types import Array, Rows
 
 
@@ -136,5 +137,5 @@ def _to_entries(n: int) -> ca.Function:
     )
     _, up, turned = by_entries(2)(placement, push)
     across = ca.reshape(mixed, n, 6) @ up.T
-    within = up @ (ca.reshape(own, 6, 6) + bracket(push) / 2) @ up.T + turned
+    within = up @ (ca.reshape(own, 6, 6) - bracket(push)) @ up.T + turned
     return ca.Function("to_entries", [placement, mixed, own, push], [across, within])

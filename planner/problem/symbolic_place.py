@@ -15,6 +15,7 @@ from typing import Protocol
 import casadi as ca
 
 from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.graph_distance import bracket
 from hdplan.planner.kinematics.forward import Kinematics
 
 
@@ -116,7 +117,7 @@ def _of_carriers(
         for block, other in zip(row, screws, strict=True):
             hessian += one.T @ block @ other
         if exact:
-            upper = ca.triu(one.T @ (bracket(by) / 2) @ one, False)  # joints come in the order of the tree
+            upper = ca.triu(-one.T @ bracket(by) @ one, False)  # joints come in the order of the tree
             hessian += upper + upper.T
     return closed_function("half_square", [q], value, [slope], [[hessian]])
 
@@ -130,12 +131,6 @@ class SymbolicMotion:
     step: ca.MX  # (n, K) to its end
     frames: ca.MX  # (12, F) of obstacles that stand; those of others are not meant to be looked at
     exact: bool
-
-
-def bracket(wrench: ca.MX) -> ca.MX:
-    """Return the matrix (6, 6) of w·[S, S'] = S·matrix S' for motions S, S' = [v, ω] in the world."""
-    force, torque = ca.skew(wrench[:3]), ca.skew(wrench[3:])
-    return -ca.blockcat([[ca.MX(3, 3), force], [force, torque]])
 
 
 @functools.cache
