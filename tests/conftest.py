@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import threading
 
 import pytest
 
 from hdplan.planner.terminal import console
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Have XLA compile without optimizing: what the default suite compiles runs once or twice. The slow laws and the
+    benchmarks run it as users do."""
+    if config.option.markexpr == "not slow":
+        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 
 @pytest.fixture(autouse=True)
