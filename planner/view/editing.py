@@ -126,9 +126,9 @@ class Editing:
 class Fields:
     """Inputs of the panel that show a value of the scene and edit it."""
 
-    def __init__(self, editing: Editing) -> None:
-        """Start without any."""
-        self._editing = editing
+    def __init__(self, editing: Editing, turn: Callable[[], int] = lambda: 0) -> None:
+        """Start without any. They are about what is selected at a `turn`: what was typed in another one is refused."""
+        self._editing, self._turn = editing, turn
         self._fields: list[tuple[Any, str, Callable[[], Any]]] = []
 
     def add(self, field: str, handle: Any, value: Callable[[], Any], edit: Callable[[Edited, Any], Edited]) -> None:
@@ -140,8 +140,14 @@ class Fields:
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                found = handle.value
-                self._editing.edit(field, lambda edited: edit(edited, exactly(found, value())))
+                found, turn = handle.value, self._turn()
+
+                def exact(edited: Edited) -> Edited:
+                    if turn != self._turn():
+                        raise InputError(f"{field}: another thing is selected by now")
+                    return edit(edited, exactly(found, value()))
+
+                self._editing.edit(field, exact)
 
         handle.on_update(changed)
 

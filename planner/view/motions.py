@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.result import PlanResult
@@ -46,6 +45,7 @@ class Shown:
     origin: Scene  # in which it came
     result: PlanResult | None = None  # the plan that it comes from
     visible: bool = True
+    doubted: bool = False  # whether nothing is known of it, as what measured or drew it failed
     misfit: str = ""  # why nothing can be proven of it in the scene as it was last checked
 
 
@@ -70,7 +70,12 @@ class Motions:
 
     def holds(self, shown: Shown) -> bool:
         """Whether what is known of a motion is of the scene as it is now."""
-        return shown.motion.scene is self._viewer.scene
+        return shown.motion.scene is self._viewer.scene and not shown.doubted
+
+    def doubt(self) -> None:
+        """Take back what is known of all motions, until they are certified again."""
+        for shown in self.shown:
+            shown.doubted = True
 
     def add(self, motion: ShownMotion, result: PlanResult | None = None) -> None:
         """Show a motion, or replace the one of its name, and make it the active one."""
@@ -85,7 +90,8 @@ class Motions:
             path = PathNode(server, f"path/{self._came}", motion.tip, FAINT)
             shown = Shown(motion, self._came, color, nodes, path, motion.scene)
             self.shown.append(shown)
-        shown.origin, shown.result, shown.motion = motion.scene, result, motion
+        shown.origin, shown.result = motion.scene, result
+        shown.motion, shown.misfit, shown.doubted = motion, "", False
         self.active = shown
         self.paint()
 
@@ -130,7 +136,7 @@ class Motions:
         """Certify a motion in the scene as it is now; one that does not fit it, as one without times where these
         matter, keeps what is known of it in an older scene."""
         try:
-            motion = _again(shown.motion, self._viewer.edited.certifier, measured)
+            motion = self._again(shown, measured)
         except InputError as error:
             shown.misfit = str(error)
         else:
@@ -159,8 +165,14 @@ class Motions:
             self._paint(shown)
 
     def _take(self, shown: Shown, motion: ShownMotion) -> None:
-        shown.motion, shown.misfit = motion, ""
+        shown.motion, shown.misfit, shown.doubted = motion, "", False
         self._paint(shown)
+
+    def _again(self, shown: Shown, measured: bool) -> ShownMotion:
+        """Return the same motion in the scene as it is now."""
+        motion = shown.motion
+        certificate = motion.certificate if self.holds(shown) else None
+        return ShownMotion.of(motion.name, motion.trajectory, self._viewer.edited.certifier, certificate, measured)
 
     def _paint(self, shown: Shown) -> None:
         motion = shown.motion
@@ -185,9 +197,3 @@ def verdict_color(certificate: Certificate) -> Color:
     if certificate.certified:
         return START
     return CONTACT if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN) else FAINT
-
-
-def _again(motion: ShownMotion, certifier: Certifier, measured: bool = True) -> ShownMotion:
-    """Return the same motion in another scene."""
-    certificate = motion.certificate if motion.scene is certifier.setup.asked else None
-    return ShownMotion.of(motion.name, motion.trajectory, certifier, certificate, measured)

@@ -39,7 +39,7 @@ class ObstacleFields:
         new.on_click(lambda event: self._editing.do(partial(self.add, str(event.target.value))))
         mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
         self._buttons.on_click(lambda event: self._editing.do(getattr(self, str(event.target.value))))
-        self._fields = Fields(self._editing)
+        self._fields = Fields(self._editing, lambda: viewer.panel.handles.turn)
         self._kind: object = None  # of obstacle whose fields there are
 
     # --- by the worker's thread -----------------------------------------------------------------------------------

@@ -100,8 +100,7 @@ class Panel:
 
     def update(self) -> None:
         """Show the values of the scene as it is now."""
-        if not self.handles.dragging:
-            self.handles.update()
+        self.handles.update()
         self.obstacles.update()
         self.jogging.update()
         self.settings.update()
@@ -156,9 +155,12 @@ class Panel:
         if self._next.content != content:
             self._next.content = content
 
-    def complain(self, error: Exception) -> None:
-        """Say an error."""
-        self.say_next(str(error), bad=True)
+    def take_back(self) -> None:
+        """Withdraw what was said of the motions and of a moment: something failed."""
+        self._clearance.content = ""
+        self.outdate()
+        self.rows.say()
+        self.say_next(OUTDATED)
 
     def _seek(self, share: object) -> None:
         """Show the moment at a share of the timeline."""

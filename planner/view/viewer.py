@@ -36,6 +36,8 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.scene import Scene
 
+FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
+
 
 class Viewer:
     """A scene in the browsers of one server."""
@@ -238,7 +240,14 @@ class Viewer:
         self.panel.player.enable(bool(self.motions.shown) or timeline.timed)
 
     def _take(self, before: Scene, check: bool = False) -> None:
-        """Show the scene as it is now in place of an earlier one."""
+        """Show the scene as it is now in place of an earlier one; if that fails, nothing is known of its motions."""
+        try:
+            self._show_scene(before, check)
+        except Exception:
+            self._doubt()
+            raise
+
+    def _show_scene(self, before: Scene, check: bool) -> None:
         self.stage.take(self.edited)
         if self.scene is not before:
             if check:
@@ -251,10 +260,19 @@ class Viewer:
         self.panel.player.draw()
         self.panel.looking.fade()
 
+    def _doubt(self) -> None:
+        """Take back what was said of the motions: what is shown may be half drawn."""
+        self.motions.doubt()
+        self.panel.take_back()
+
     def _failed(self, error: Exception) -> None:
-        if not isinstance(error, HdplanError):
-            self._complain(f"{type(error).__name__}: {error}")
-        self.panel.complain(error)
+        """Say what a job could not do: what was refused has changed nothing, anything else is a fault of hdplan."""
+        if isinstance(error, HdplanError):
+            self.panel.say_next(str(error), bad=True)
+            return
+        self._doubt()
+        self.panel.say_next(FAILED.format(error=f"{type(error).__name__}: {error}"), bad=True)
+        self._complain(f"{type(error).__name__}: {error}")
 
 
 def _skins(scene: Scene, robot: Robot) -> tuple[tuple[Skin, ...], str]:
