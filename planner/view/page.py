@@ -15,6 +15,8 @@ from typing import Any
 import viser
 
 from hdplan.planner.view.drawing.nodes import draw_ground
+from hdplan.planner.view.gate import WATCH, Gate
+from hdplan.scenes.files import MOST_BYTES
 
 Told = Mapping[str, Any]
 Handler = Callable[[viser.ClientHandle, Told], object]
@@ -49,6 +51,10 @@ div:has(> .hdplan-page) + div + div + div + div {
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: 0.9em !important }
 [role="tab"] > div { margin-right: 0.25em !important }
+.hdplan-watching { display: none }
+.hdplan-watches .hdplan-watching { display: block }
+.hdplan-watches div:has(> div > .hdplan-page) :is(button:not([role=tab]), input, textarea, .mantine-Slider-root,
+  [data-do]) { pointer-events: none; opacity: 0.55 }
 """
 
 SCRIPT = """
@@ -60,6 +66,13 @@ if (!window.hdplan) {
     set.call(field, JSON.stringify({...told, at: performance.now()}));
     field.dispatchEvent(new Event('input', {bubbles: true}));
   };
+  document.addEventListener('change', (event) => {
+    const file = [...event.target.files || []].find((file) => file.size > MOST);
+    if (!file) return;
+    event.stopImmediatePropagation();  // before anything of it is sent
+    event.target.value = '';
+    tell({do: 'too large', name: file.name, size: file.size});
+  }, true);
   const dark = matchMedia('(prefers-color-scheme: dark)');
   const theme = () => tell({do: 'theme', dark: dark.matches});
   dark.addEventListener('change', theme);
@@ -83,15 +96,19 @@ if (!window.hdplan) {
   window.hdplan = {theme};
 }
 setTimeout(window.hdplan.theme);
-"""
+history.replaceState(null, '', location.pathname);  // viser writes the address of its server there once more
+document.documentElement.classList.toggle('hdplan-watches', location.pathname.startsWith('/WATCH/'));
+""".replace("WATCH", WATCH).replace("MOST", str(MOST_BYTES))
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+
+WATCHING = "You watch: what others do is seen here, and nothing can be changed."
 
 
 class Page:
     """The unseen part of the page, and what listens to it."""
 
-    def __init__(self, server: viser.ViserServer, title: str, base: tuple[float, float, float]) -> None:
+    def __init__(self, server: viser.ViserServer, gate: Gate, title: str, base: tuple[float, float, float]) -> None:
         """Build it in the container at hand, as the first there; `title` is the page's, and the ground lies at
         `base`."""
         self._server, self._base = server, base
@@ -100,9 +117,11 @@ class Page:
         server.gui.add_html(
             f'<i class="hdplan-page"></i><style>{STYLE}</style>'
             f'<img hidden alt="" src="{PIXEL}" onload="{html.escape(script)}">'
+            f'<div class="hd hdplan-watching">{WATCHING}</div>'
         )
         self._field = server.gui.add_text("page", "")
         self._field.on_update(self._heard)
+        gate.page_field = str(self._field._impl.uuid)  # viser has no other name for it; a law notices if it goes
         draw_ground(server.scene, base, dark=False)
 
     def on(self, what: str, handler: Handler) -> None:

@@ -30,6 +30,7 @@ from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
+from hdplan.planner.view.uploads import LONGEST, check_size
 from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 
@@ -46,7 +47,7 @@ class Panel:
         """Build it; `note` is said among the layers. What comes first stays in sight (`page`)."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.page = Page(viewer.server, viewer.scene.name, viewer.scene.robot.base.position)
+        self.page = Page(viewer.server, viewer.gate, viewer.scene.name, viewer.scene.robot.base.position)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._next = gui.add_html("")
@@ -77,6 +78,7 @@ class Panel:
         self.keys = Keys(viewer)
         self._followed = 0.0
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
+        self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
 
     @property
     def verdict(self) -> str:
@@ -161,6 +163,11 @@ class Panel:
         self.outdate()
         self.rows.say()
         self.say_next(OUTDATED)
+
+    def _refuse(self, name: object, size: object) -> None:
+        """Say that a file is too large to be sent."""
+        if isinstance(size, int | float):
+            self.editing.do(lambda: check_size(str(name)[:LONGEST], size))
 
     def _seek(self, share: object) -> None:
         """Show the moment at a share of the timeline."""

@@ -83,8 +83,8 @@ def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | 
     the scene does not allow."""
     begin = begin or edited
     if thing.kind == "obstacle":
-        old, new = (mine := obstacle_of(edited, thing)), moved(mine, pose)
-        obstacles = [new if obstacle is old else obstacle for obstacle in edited.scene.obstacles]
+        mine = obstacle_of(edited, thing)
+        obstacles = [moved(mine, pose) if obstacle is mine else obstacle for obstacle in edited.scene.obstacles]
         return edited.changed(obstacles=tuple(obstacles)), ""
     if thing.kind == "goal" and (old := _pose(edited, thing)) is not None:
         return _goal_pose_dragged(edited, old, pose, begin)

@@ -25,6 +25,7 @@ from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.gate import Gate
 from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
@@ -45,6 +46,7 @@ class Viewer:
     def __init__(
         self,
         server: viser.ViserServer,
+        gate: Gate,
         setup: Setup,
         trajectories: Sequence[tuple[str, Trajectory]] = (),
         complain: Callable[[str], object] = lambda text: None,
@@ -53,7 +55,7 @@ class Viewer:
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
-        self.server = server
+        self.server, self.gate = server, gate
         self.history = History(Edited.of(setup, trajectories[0][1] if trajectories else None))
         self._complain = complain
         motions = []
@@ -76,6 +78,11 @@ class Viewer:
     def port(self) -> int:
         """The port on which it is served."""
         return int(self.server.get_port())
+
+    def address(self, watch: bool = False) -> str:
+        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
+        shared. Raises KeyError if it is not."""
+        return self.gate.address(self.port, watch)
 
     @property
     def edited(self) -> Edited:

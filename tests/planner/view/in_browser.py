@@ -84,7 +84,7 @@ class Tabs:
 
 
 def address(viewer: Viewer) -> str:
-    return f"http://127.0.0.1:{viewer.port}"
+    return viewer.address()
 
 
 def picture(page: Any) -> NDArray[np.int64]:
