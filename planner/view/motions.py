@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,9 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, START, clearance_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import PathNode, RobotNodes
+from hdplan.planner.view.drawing.nodes import PATH_WIDTH, PathNode, RobotNodes
 from hdplan.planner.view.drawing.skins import Color, Skin
+from hdplan.planner.view.words import SHORT
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.scene import Scene
@@ -28,9 +29,18 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 FAINT: Color = (160, 160, 160)
+THIN = 0.5 * PATH_WIDTH  # [m] of the path of a motion that is not the active one
 THROUGH = 0.4  # opacity of the robots of motions that are not the active one
 SAME = 1e-3  # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
 LONGEST = 40  # characters of a motion's name
+
+
+class Look(NamedTuple):
+    """How a path is drawn."""
+
+    colors: NDArray[np.uint8] | Color  # along it (K, 3), or of all of it
+    means: str  # what one colour of all of it means; "" for clearances
+    wide: bool
 
 
 @dataclass(eq=False)
@@ -142,12 +152,6 @@ class Motions:
         else:
             self._take(shown, motion)
 
-    def outdate(self, before: Scene) -> None:
-        """Draw the paths of motions that held in an earlier scene as those of which nothing is known in this one."""
-        for shown in self.shown:
-            if shown.motion.scene is before:
-                self._draw(shown, FAINT)
-
     def show(self, parameter_of: Callable[[Curve], float], q: Array) -> None:
         """Show the other motions' robots where they are: `parameter_of` a curve says where. The robot itself is at `q`
         (n,): what would stand in its place is not drawn."""
@@ -160,9 +164,23 @@ class Motions:
                 shown.robot.show(at)
 
     def paint(self) -> None:
-        """Draw the paths: a single one by its clearance, several in their own colours."""
+        """Draw the paths, as `look_of` says, and the robots of motions that fail."""
         for shown in self.shown:
             self._paint(shown)
+
+    def look_of(self, shown: Shown) -> Look:
+        """Return how a motion's path is drawn: the active one by its clearance, the others thin and in their own
+        colours; one of which nothing is known grey, and one that fails in the colour of its verdict."""
+        motion, active = shown.motion, shown is self.active
+        if not self.holds(shown):
+            return Look(FAINT, "not checked in this scene yet", active)
+        if not motion.certificate.certified:
+            return Look(verdict_color(motion.certificate), SHORT[motion.certificate.status], active)
+        if not active:
+            return Look(shown.color, "certified", active)
+        if motion.measured:
+            return Look(clearance_colors(motion.clearance), "", active)
+        return Look(START, "certified, measured when you let go", active)
 
     def _take(self, shown: Shown, motion: ShownMotion) -> None:
         shown.motion, shown.misfit, shown.doubted = motion, "", False
@@ -175,21 +193,11 @@ class Motions:
         return ShownMotion.of(motion.name, motion.trajectory, self._viewer.edited.certifier, certificate, measured)
 
     def _paint(self, shown: Shown) -> None:
-        motion = shown.motion
-        if not self.holds(shown):
-            self._draw(shown, FAINT)
-        elif not motion.measured and not motion.certificate.certified:
-            self._draw(shown, verdict_color(motion.certificate))
-        elif len(self.shown) > 1:
-            self._draw(shown, shown.color)
-        elif motion.measured:
-            self._draw(shown, clearance_colors(motion.clearance))
-        else:
-            self._draw(shown, START)
-
-    def _draw(self, shown: Shown, colors: NDArray[np.uint8] | Color) -> None:
-        shown.path.draw(shown.motion.tip, colors)
+        look = self.look_of(shown)
+        shown.path.draw(shown.motion.tip, look.colors, PATH_WIDTH if look.wide else THIN)
         shown.path.visible = shown.visible and self._viewer.panel.layers.on("path")
+        fails = self.holds(shown) and not shown.motion.certificate.certified
+        shown.robot.paint(verdict_color(shown.motion.certificate) if fails else shown.color)
 
 
 def verdict_color(certificate: Certificate) -> Color:

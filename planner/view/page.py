@@ -54,7 +54,7 @@ div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-b
 .hdplan-watching { display: none }
 .hdplan-watches .hdplan-watching { display: block }
 .hdplan-watches div:has(> div > .hdplan-page) :is(button:not([role=tab]), input, textarea, .mantine-Slider-root,
-  [data-do]) { pointer-events: none; opacity: 0.55 }
+  .hd-link) { pointer-events: none; opacity: 0.55 }
 """
 
 SCRIPT = """

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
-from hdplan.planner.view.drawing.colors import legend
+from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.editing import Editing
@@ -55,7 +55,7 @@ class Panel:
         self._clearance = gui.add_html("")
         self.live = Live(viewer)
         self.looking = Looking(viewer)
-        self._legend = gui.add_html(legend())
+        self._legend = gui.add_html("")
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
@@ -84,6 +84,11 @@ class Panel:
     def verdict(self) -> str:
         """What is written of the scene and its motions, as HTML."""
         return str(self._next.content) + self.rows.content
+
+    @property
+    def legend(self) -> str:
+        """What is written of the path's colours, as HTML."""
+        return str(self._legend.content)
 
     @property
     def clearance(self) -> str:
@@ -140,6 +145,7 @@ class Panel:
         """Say what holds of the motions, and what to do next."""
         viewer, active = self._viewer, self._viewer.motions.active
         self.rows.say()
+        self._say_colors()
         if active is None:
             words = whats_next(viewer.edited, None)
         else:
@@ -148,6 +154,16 @@ class Panel:
             if words == OUTDATED and active.misfit:
                 words = f"{active.motion.name}: {active.misfit}: press Plan"
         self.say_next(words)
+
+    def _say_colors(self) -> None:
+        """Say what the colours of the active motion's path mean now."""
+        motions = self._viewer.motions
+        content = ""
+        if motions.active is not None:
+            colors, means, _ = motions.look_of(motions.active)
+            content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
+        if self._legend.content != content:
+            self._legend.content = content
 
     def say_next(self, words: str, bad: bool = False) -> None:
         """Say what is to be done or known now, in the two lines that are reserved for it."""
@@ -162,6 +178,7 @@ class Panel:
         self._clearance.content = ""
         self.outdate()
         self.rows.say()
+        self._say_colors()
         self.say_next(OUTDATED)
 
     def _refuse(self, name: object, size: object) -> None:

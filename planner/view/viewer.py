@@ -194,6 +194,7 @@ class Viewer:
     def choose(self, name: str) -> None:
         """Make a motion the active one."""
         self.motions.active = self.motions.named(name)
+        self.motions.paint()
         self.redraw()
 
     def show_robot(self, q: Array) -> None:
@@ -259,7 +260,7 @@ class Viewer:
         if self.scene is not before:
             if check:
                 self.motions.check()
-            self.motions.outdate(before)
+            self.motions.paint()
             self.panel.outdate()
             self._time()
         self.panel.update()
@@ -270,6 +271,7 @@ class Viewer:
     def _doubt(self) -> None:
         """Take back what was said of the motions: what is shown may be half drawn."""
         self.motions.doubt()
+        self.motions.paint()
         self.panel.take_back()
 
     def _failed(self, error: Exception) -> None:

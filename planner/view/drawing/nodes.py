@@ -90,6 +90,11 @@ class RobotNodes:
             place = self.data.oMi[joint]
             frame.position, frame.wxyz = place.translation, wxyz_of(place.rotation)
 
+    def paint(self, color: Color) -> None:
+        """Take another colour."""
+        self.color = color
+        self.mark(())
+
     def mark(self, links: Collection[str]) -> None:
         """Colour these links as being in contact, and all others as they were."""
         for skin, mesh in self.meshes:
@@ -215,10 +220,12 @@ class PathNode:
         self._server = server
         self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
 
-    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
-        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour."""
+    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color, width: float = PATH_WIDTH) -> None:
+        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour, of a `width` [m]."""
         with self._server.atomic():
             self._node.points, self._node.colors = _segments(tip, colors)
+            if self._node.thickness != width:
+                self._node.thickness = width
 
     @property
     def visible(self) -> bool:
