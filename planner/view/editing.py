@@ -34,7 +34,9 @@ class Editing:
         """Build it in the container at hand."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.buttons = gui.add_button_group("history", ("undo", "redo", "reset"), hint="of all that changes the scene")
+        self.buttons = gui.add_button_group(
+            "history", ("undo", "redo", "reset"), hint="of scene and motions; reset: the scene as it was"
+        )
         self._said = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._numbers = itertools.count()
@@ -105,12 +107,13 @@ class Editing:
         possible = {
             "undo": history.can_undo,
             "redo": history.can_redo,
-            "reset": history.now is not history.first,
+            "reset": viewer.edited is not viewer.first,
         }
         if not possible[way]:
             raise InputError(f"there is nothing to {way}")
         {"undo": viewer.undo, "redo": viewer.redo, "reset": viewer.reset}[way]()
-        viewer.panel.live.follow()
+        if way == "reset":
+            viewer.panel.live.follow()
 
     def guarded(self, job: Callable[[], object]) -> None:
         """Do it, or say in a line why not."""

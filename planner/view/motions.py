@@ -7,7 +7,7 @@ All is called by the viewer's one thread.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -48,7 +48,7 @@ class Shown:
     """A motion with its nodes in the scene."""
 
     motion: ShownMotion
-    number: int  # its own in this viewer, which names its nodes
+    number: int  # its own in this viewer
     color: Color
     robot: RobotNodes  # seen through, where it is not the active one
     path: PathNode
@@ -59,13 +59,25 @@ class Shown:
     misfit: str = ""  # why nothing can be proven of it in the scene as it was last checked
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What an undo brings back of a motion."""
+
+    motion: ShownMotion
+    number: int
+    color: Color
+    origin: Scene
+    result: PlanResult | None
+    visible: bool
+
+
 class Motions:
     """The motions, in the order in which they came."""
 
     def __init__(self, viewer: Viewer, skins: Sequence[Skin]) -> None:
         """Start without any; `skins` are what robots are shown in that are seen through."""
         self._viewer, self._skins = viewer, [skin for skin in skins if skin.joint]
-        self._came = 0
+        self._came = self._sent = 0  # motions, and their nodes: an undo sends a motion's again
         self.shown: list[Shown] = []
         self.active: Shown | None = None  # whose joints and clearance are shown
 
@@ -91,18 +103,49 @@ class Motions:
         """Show a motion, or replace the one of its name, and make it the active one."""
         shown = self.named(motion.name)
         if shown is None:
-            server, robot = self._viewer.server, self._viewer.robot
             used = [other.color for other in self.shown]
-            color = min(MOTIONS, key=used.count)
             self._came += 1
-            node = f"robot{self._came}"
-            nodes = RobotNodes(server, node, robot, self._skins, color=color, opacity=THROUGH, visible=False)
-            path = PathNode(server, f"path/{self._came}", motion.tip, FAINT)
-            shown = Shown(motion, self._came, color, nodes, path, motion.scene)
+            color = min(MOTIONS, key=used.count)
+            shown = self._drawn(Kept(motion, self._came, color, motion.scene, result, visible=True))
             self.shown.append(shown)
         shown.origin, shown.result = motion.scene, result
         shown.motion, shown.misfit, shown.doubted = motion, "", False
         self.active = shown
+        self.paint()
+
+    def _drawn(self, kept: Kept) -> Shown:
+        """Draw a motion that is not shown yet."""
+        server, robot = self._viewer.server, self._viewer.robot
+        self._sent += 1
+        node = f"robot{self._sent}"
+        nodes = RobotNodes(server, node, robot, self._skins, color=kept.color, opacity=THROUGH, visible=False)
+        path = PathNode(server, f"path/{self._sent}", kept.motion.tip, FAINT)
+        return Shown(kept.motion, kept.number, kept.color, nodes, path, kept.origin, kept.result, kept.visible)
+
+    def kept(self) -> tuple[tuple[Kept, ...], int | None]:
+        """Return what an undo brings back: the motions, and the number of the active one."""
+        motions = [Kept(s.motion, s.number, s.color, s.origin, s.result, s.visible) for s in self.shown]
+        return tuple(motions), None if self.active is None else self.active.number
+
+    def restore(self, motions: Sequence[Kept], active: int | None) -> None:
+        """Show what was kept, and nothing else."""
+        there = {shown.number: shown for shown in self.shown}
+        for number in there.keys() - {kept.number for kept in motions}:
+            there[number].robot.remove()
+            there[number].path.remove()
+        self.shown = []
+        for kept in motions:
+            shown = there.get(kept.number) or self._drawn(kept)
+            doubted = shown.doubted and shown.motion is kept.motion
+            shown.motion, shown.origin, shown.result, shown.visible = (
+                kept.motion,
+                kept.origin,
+                kept.result,
+                kept.visible,
+            )
+            shown.misfit, shown.doubted = "", doubted
+            self.shown.append(shown)
+        self.active = next((shown for shown in self.shown if shown.number == active), None)
         self.paint()
 
     def remove(self, shown: Shown) -> None:
@@ -121,14 +164,15 @@ class Motions:
         for shown in plans[: max(len(plans) + 1 - keep, 0)]:
             self.remove(shown)
 
-    def rename(self, shown: Shown, name: str) -> None:
-        """Give a motion another name. Raises HdplanError for one that is empty, long or taken."""
+    def free_for(self, shown: Shown, name: str) -> str:
+        """Return another name for a motion, as it is written. Raises HdplanError for one that is empty, long or
+        taken."""
         name = " ".join(name.split())
         if not 0 < len(name) <= LONGEST:
             raise HdplanError(f"a motion's name has 1 to {LONGEST} characters, found {len(name)}")
         if self.named(name) not in (None, shown):
             raise HdplanError(f"another motion is called '{name}'")
-        shown.motion = replace(shown.motion, name=name)
+        return name
 
     def check(self) -> None:
         """Certify the active motion in the scene as it is now, without measuring its clearances, which takes longer."""

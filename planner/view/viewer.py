@@ -1,7 +1,7 @@
 """The viewer: one scene, its robot and its motions, the same in every browser that looks at it.
 
-Everything is drawn by one thread (`Worker`); browsers only send requests. What is shown is a value (`Edited`, with its
-`History`) and the motions (`Motions`); the other modules here draw it (`Stage`), say it (`Panel`) and change it.
+Everything is drawn by one thread (`Worker`); browsers only send requests. What is shown is a value (`Edited`) and the
+motions (`Motions`), with a `History`; the other modules here draw it (`Stage`), say it (`Panel`) and change it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
 from hdplan.planner.view.drawing.timeline import Timeline
-from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.gate import Gate
+from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE
-from hdplan.planner.view.motions import Motions
+from hdplan.planner.view.motions import Kept, Motions, Shown
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.stage import Stage
@@ -37,6 +38,8 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.scene import Scene
 
+State = tuple[Edited, tuple[Kept, ...], int | None]
+"""What an undo brings back: the scene, the motions, and the number of the active one."""
 FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
 
@@ -56,7 +59,8 @@ class Viewer:
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
         self.server, self.gate = server, gate
-        self.history = History(Edited.of(setup, trajectories[0][1] if trajectories else None))
+        self.edited = self.first = Edited.of(setup, trajectories[0][1] if trajectories else None)
+        self.history: History[State] = History()
         self._complain = complain
         motions = []
         for name, trajectory in trajectories:
@@ -83,11 +87,6 @@ class Viewer:
         """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
         shared. Raises KeyError if it is not."""
         return self.gate.address(self.port, watch)
-
-    @property
-    def edited(self) -> Edited:
-        """The scene as it is now, with its ends."""
-        return self.history.now
 
     @property
     def scene(self) -> Scene:
@@ -144,30 +143,43 @@ class Viewer:
         they are, and what was said of them falls until they are measured again, except of the active one on request: it
         is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
         _ = edited.contacts  # refused before anything is shown
-        before = self.scene
-        self.history.change(edited, step)
+        if step:
+            self.step()
+        else:
+            self.history.part()
+        before, self.edited = self.scene, edited
         self._take(before, check)
+
+    def step(self) -> None:
+        """Begin a step, of the scene or of the motions, that can be undone."""
+        self.history.step(self._state())
 
     def undo(self) -> None:
         """Go one step back, and say what holds there."""
-        before = self.scene
-        self.history.undone()
-        self._take(before)
-        self.measure()
+        self._restore(self.history.undone(self._state()))
 
     def redo(self) -> None:
         """Go one step forward again, and say what holds there."""
-        before = self.scene
-        self.history.redone()
-        self._take(before)
-        self.measure()
+        self._restore(self.history.redone(self._state()))
 
     def reset(self) -> None:
         """Take the scene as it was at first, a step that can be undone, and say what holds there."""
-        before = self.scene
-        self.history.reset()
-        self._take(before)
+        self.panel.live.forget()
+        self.change(self.first)
         self.measure()
+
+    def _state(self) -> State:
+        return self.edited, *self.motions.kept()
+
+    def _restore(self, state: State) -> None:
+        """Show a scene and motions as they were; what was planned meanwhile comes too late."""
+        self.panel.live.forget()
+        before = self.scene
+        self.edited, motions, active = state
+        self.motions.restore(motions, active)
+        self._take(before)
+        self.motions.measure()
+        self.redraw()
 
     def measure(self) -> None:
         """Certify and measure the motions again that are not of the scene as it is now."""
@@ -182,17 +194,29 @@ class Viewer:
         *,
         measured: bool = True,
         result: PlanResult | None = None,
+        step: bool = True,
     ) -> Certificate:
-        """Add a motion, or replace the one of that name, and make it the active one; return what holds of it in the
-        scene as it is now: `certificate`, if it is of this scene. Its clearances are `measured` at once or later;
-        `result` is the plan that it comes from."""
+        """Add a motion, or replace the one of that name, and make it the active one, a step that can be undone or a
+        part of the last one; return what holds of it in the scene as it is now: `certificate`, if it is of this scene.
+        Its clearances are `measured` at once or later; `result` is the plan that it comes from."""
         motion = ShownMotion.of(name, trajectory, self.certifier, certificate, measured)
+        if step:
+            self.step()
+            self.panel.live.forget()
         self.motions.add(motion, result)
         self.redraw()
         return motion.certificate
 
+    def remove(self, shown: Shown) -> None:
+        """Take a motion away, a step that can be undone."""
+        self.step()
+        self.panel.live.forget()
+        self.motions.remove(shown)
+        self.redraw()
+
     def choose(self, name: str) -> None:
-        """Make a motion the active one."""
+        """Make a motion the active one: what is being planned from another one would take its place."""
+        self.panel.live.forget()
         self.motions.active = self.motions.named(name)
         self.motions.paint()
         self.redraw()

@@ -305,7 +305,8 @@ def test_scenes_and_motions_are_opened(viewer: Viewer, trajectory: Trajectory, t
         assert "opened: way" in said(viewer)
         assert "certified" in said(viewer)
     assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "way"]
-    sent(viewer, field(viewer, "history"), "undo")
+    for _ in range(6):  # of five motions and the scene
+        sent(viewer, field(viewer, "history"), "undo")
     assert viewer.scene is first
 
 

@@ -77,5 +77,5 @@ def test_the_legend_means_the_colours_that_are_drawn(viewer: Viewer) -> None:
     by_worker(viewer, viewer.panel.handles.let_go)
     assert MM in viewer.panel.legend
     for shown in list(viewer.motions.shown):
-        by_worker(viewer, lambda shown=shown: (viewer.motions.remove(shown), viewer.redraw()))
+        by_worker(viewer, lambda shown=shown: viewer.remove(shown))
     assert viewer.panel.legend == ""
