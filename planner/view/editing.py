@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 PAUSE = 1.0  # [s] after which an edit of the same field is another step
+LINGERS = 1.5  # [s] for which a value that was refused stays in its field
 REST = 0.3  # [s] without edits after which motions are measured
 DIGITS = 4  # after the point, of numbers in fields
 
@@ -43,7 +44,7 @@ class Editing:
         self._typed: set[str] = set()  # the fields whose new values wait
         self._doing = ""  # the field that is edited at this moment
         self._last: tuple[str, float, Edited | None] = ("", 0.0, None)  # field, when, and what came of it
-        self._rest: threading.Timer | None = None
+        self._timers: dict[str, threading.Timer] = {}  # by what is to be done
 
     @property
     def said(self) -> str:
@@ -56,7 +57,7 @@ class Editing:
 
     def do(self, job: Callable[[], object]) -> None:
         """Have something done that counts each time; what is refused is said. By any thread."""
-        self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: self.guarded(job))
+        self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
     def edit(self, field: str, edit: Edit) -> None:
         """Have a field edited; of several values that wait, only the newest counts. By any thread."""
@@ -64,7 +65,8 @@ class Editing:
 
         def job() -> None:
             self._typed.discard(field)
-            self.guarded(lambda: self.apply(field, edit, asked))
+            if not self.guarded(lambda: self.apply(field, edit, asked)):
+                self._later("values", LINGERS, self._viewer.panel.show_values)
 
         self._typed.add(field)
         self._viewer.worker.ask(f"edit {field}", job)
@@ -74,9 +76,9 @@ class Editing:
         return field == self._doing or field in self._typed
 
     def end(self) -> None:
-        """Drop what is still to be measured."""
-        if self._rest is not None:
-            self._rest.cancel()
+        """Drop what is still to be done."""
+        for timer in self._timers.values():
+            timer.cancel()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -93,10 +95,15 @@ class Editing:
             self._doing = ""
         self._last = field, time.monotonic(), edited
         viewer.panel.live.follow()
-        self.end()
-        self._rest = threading.Timer(REST, lambda: viewer.worker.ask("measure", viewer.measure))
-        self._rest.daemon = True
-        self._rest.start()
+        self._later("measure", REST, viewer.measure)
+
+    def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
+        """Have something done after a pause, which begins anew."""
+        if what in self._timers:
+            self._timers[what].cancel()
+        timer = self._timers[what] = threading.Timer(seconds, lambda: self._viewer.worker.ask(what, job))
+        timer.daemon = True
+        timer.start()
 
     def say(self, text: str) -> None:
         """Say something that was done, or nothing."""
@@ -115,8 +122,8 @@ class Editing:
         if way == "reset":
             viewer.panel.live.follow()
 
-    def guarded(self, job: Callable[[], object]) -> None:
-        """Do it, or say in a line why not."""
+    def guarded(self, job: Callable[[], object]) -> bool:
+        """Do it, or say in a line why not; whether it was done."""
         source, folder = f"{self._viewer.scene.source}: ", f"{self._viewer.uploads.folder}/"
         self.say("")
         try:
@@ -124,6 +131,8 @@ class Editing:
         except HdplanError as error:
             words = str(error).removeprefix(source).replace(folder, "")
             self._said.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
+            return False
+        return True
 
 
 class Fields:

@@ -26,6 +26,7 @@ from websockets.http11 import Request, Response
 from hdplan.scenes.files import MOST_BYTES
 
 WATCH = "watch"  # begins the path of an address that shows everything and changes nothing
+ALIVE = "alive"  # ends the path of the address at which a page asks whether the server is there
 MOST_MESSAGE = 2_000_000  # [bytes] of one message; files come in parts of half a megabyte
 SMALLEST_PART = 65_536  # [bytes] on average, of a file that comes in parts
 NO_SECRET = "This address lacks its secret part: open the one that hdplan view has written.\n"
@@ -84,6 +85,8 @@ class Gate:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, ELSEWHERE)
             path = request.path.partition("?")[0].rstrip("/") + "/"
             for watches, own in self.paths.items():
+                if secrets.compare_digest(path.encode(), f"{own}{ALIVE}/".encode()):
+                    return connection.respond(http.HTTPStatus.OK, "")
                 if secrets.compare_digest(path.encode(), own.encode()):
                     connection.gate, connection.watches = self, watches
                     response = answer(connection, replace(request, path="/"))  # its client is one file

@@ -52,6 +52,10 @@ class Handles:
         """Let go of what is dragged, if anything is: its browser may be gone. By any thread."""
         self._viewer.worker.ask("let go", self.let_go)
 
+    def deselect(self) -> None:
+        """Select nothing. By any thread."""
+        self._viewer.worker.ask("select", lambda: self.select(None))
+
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def select(self, thing: Thing | None) -> None:

@@ -90,7 +90,7 @@ class ObstacleFields:
         return obstacle_of(self._viewer.edited, thing)
 
     def _put(self, field: str, shape: Shape, stem: str) -> None:
-        edited, thing = edits.added(self._viewer.edited, shape, stem)
+        edited, thing = edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
         self._editing.apply(field, lambda _: edited)
         self._viewer.panel.handles.select(thing)
 

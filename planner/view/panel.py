@@ -33,6 +33,7 @@ from hdplan.planner.view.things import Thing
 from hdplan.planner.view.uploads import LONGEST, check_size
 from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -78,6 +79,7 @@ class Panel:
         self.keys = Keys(viewer)
         self._followed = 0.0
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
+        self.page.on("exponent", lambda *_: self.editing.do(_refuse_exponent))
         self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
 
     @property
@@ -108,6 +110,10 @@ class Panel:
     def update(self) -> None:
         """Show the values of the scene as it is now."""
         self.handles.update()
+        self.show_values()
+
+    def show_values(self) -> None:
+        """Show the values of the scene in all fields but those in which somebody types."""
         self.obstacles.update()
         self.jogging.update()
         self.settings.update()
@@ -131,6 +137,7 @@ class Panel:
         """Withdraw what was said of a scene that has changed."""
         self._plots.outdate()
         self.planning.outdate()
+        self.editing.say("")
 
     def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
         """Say what holds at a moment: of a robot at `q` (n,)."""
@@ -146,6 +153,7 @@ class Panel:
         viewer, active = self._viewer, self._viewer.motions.active
         self.rows.say()
         self._say_colors()
+        self.saving.outdate()
         if active is None:
             words = whats_next(viewer.edited, None)
         else:
@@ -191,3 +199,7 @@ class Panel:
         if isinstance(share, int | float) and math.isfinite(share):
             timeline = self.player.timeline
             self.player.go_to(timeline.begin + min(max(share, 0.0), 1.0) * (timeline.end - timeline.begin))
+
+
+def _refuse_exponent() -> None:
+    raise InputError("numbers are written without an exponent here, as 0.001 or 1000000")

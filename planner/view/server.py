@@ -15,13 +15,13 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.gate import UNGUARDED, Gate
+from hdplan.planner.view.page import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
-WIDTH = 360  # [px] of the panel, whatever it says
 TRIED = 100  # ports after the wanted one
 
 

@@ -12,7 +12,7 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
-from hdplan.planner.view.drawing.motion import Tip
+from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.edited import Edited
@@ -72,7 +72,7 @@ class Stage:
         ):
             ghost.show(q)
             ghost.mark({link for contact in contacts for link in (contact.link, contact.other)})
-            label.text = name if not contacts else f"{name}: {contact_words(contacts[:1])}"
+            label.text = name if not contacts else shortened(f"{name}: {contact_words(contacts[:1])}")
             label.position = self.tip.placement(q).translation + 0.06 * UP
         touched = {contact.other for contacts in edited.contacts for contact in contacts}
         for each in self.obstacles:

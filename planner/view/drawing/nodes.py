@@ -26,7 +26,7 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     intensities,
 )
-from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, obstacle_parts, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -275,7 +275,7 @@ class ClosestNodes:
         nearest = pairs[0] or pairs[1]
         self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
-            self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
+            self.label.text = shortened(f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}")
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
 
 

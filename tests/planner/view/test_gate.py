@@ -42,9 +42,11 @@ PATIENCE = 60.0  # [s]
 
 @pytest.fixture(scope="module")
 def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    viewer = open_viewer(scene, [("found", trajectory)], port=8380, share=True)
+    complaints: list[str] = []
+    viewer = open_viewer(scene, [("found", trajectory)], port=8380, share=True, complain=complaints.append)
     yield viewer
     viewer.close()
+    assert not complaints
 
 
 def answered(viewer: Viewer, path: str, **headers: str) -> int:
