@@ -75,6 +75,13 @@ def send(connection: ClientConnection, *messages: dict[str, Any]) -> None:
         connection.send(msgspec.msgpack.encode(message))
 
 
+def comes_in(viewer: Viewer, page: ClientConnection) -> None:
+    """Tell where a page looks from, as it does first, and wait until its camera was set, which it must live to see."""
+    send(page, CAMERA)
+    until(lambda: bool(viewer.server.get_clients() and viewer.panel.looking._set), "it does not come in")
+    assert viewer.worker.settle(PATIENCE)
+
+
 def here(viewer: Viewer) -> str:
     return f"127.0.0.1:{viewer.port}"
 
@@ -138,8 +145,7 @@ def test_this_machine_has_several_names(viewer: Viewer, name: str) -> None:
 
 def test_the_page_itself_may_change_everything(viewer: Viewer) -> None:
     with opened(viewer, viewer.gate.paths[False], Origin=f"http://{here(viewer)}") as page:
-        send(page, CAMERA)
-        until(lambda: bool(viewer.server.get_clients()), "it does not come in")
+        comes_in(viewer, page)
         send(page, renaming(viewer))
         until(lambda: viewer.motions.shown[0].motion.name == "mine", "it keeps its name")
     until(lambda: not viewer.server.get_clients(), "it does not leave")
@@ -152,8 +158,7 @@ def test_who_watches_sees_everything_and_changes_nothing(viewer: Viewer) -> None
     before = viewer.edited, [shown.motion for shown in viewer.motions.shown]
     with opened(viewer, viewer.gate.paths[True]) as page:
         assert len(page.recv(timeout=PATIENCE)) > 1000
-        send(page, CAMERA)
-        until(lambda: bool(viewer.server.get_clients()), "it does not come in")
+        comes_in(viewer, page)
         told = json.dumps({"do": "theme", "dark": True})
         field = {"type": "GuiUpdateMessage", "uuid": viewer.gate.page_field}
         send(
@@ -254,7 +259,8 @@ def test_all_files_under_way_have_room_together_or_none() -> None:
 
 def test_files_of_a_page_that_leaves_are_forgotten(viewer: Viewer) -> None:
     with opened(viewer, viewer.gate.paths[False]) as page:
-        send(page, CAMERA, beginning(1_000_000, 2))
+        comes_in(viewer, page)
+        send(page, beginning(1_000_000, 2))
         until(lambda: viewer.gate.uploading == 1_000_000, "it is not let in")
     until(lambda: viewer.gate.uploading == 0, "it is held for ever")
 
