@@ -147,7 +147,8 @@ class Page {
   stands(motion, poses) { // whether its robot is where another one is, with which it would flicker
     const joints = new Set(said.robot.map((i) => this.meshes[i].joint).filter((joint) => joint));
     return [...joints].every((joint) => {
-      const [a, b] = [this.pose(motion, joint), poses(joint)], turn = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6];
+      const [a, b] = [this.pose(motion, joint), poses(joint)], [p, q] = [unit(a.slice(3)), unit(b.slice(3))];
+      const turn = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
       return Math.hypot(...sub(a, b)) < 1e-3 && Math.abs(turn) > 1 - 1e-6;
     });
   }

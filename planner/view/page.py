@@ -43,6 +43,8 @@ div:has(> .hdplan-page) + div + div + div + div {
   border-bottom: 1px solid var(--mantine-color-default-border) }
 .hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4; overflow-wrap: anywhere }
 .hd-two { min-height: 2.8em; max-height: 8.4em; overflow: auto; margin: 0.4em 0 }
+.hd-badge { position: fixed; left: 0.8em; top: 0.6em; z-index: 3; padding: 0.15em 0.6em; border-radius: 6px;
+  font-size: 1.25rem; pointer-events: none; background: light-dark(#ffffffd0, #1b1c1ed0) }
 .hd-under { margin-top: -0.9em }  /* of what it explains, which leaves room below itself */
 .hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }

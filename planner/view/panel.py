@@ -31,7 +31,7 @@ from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.uploads import LONGEST, check_size
-from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
+from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
@@ -51,7 +51,7 @@ class Panel:
         self.page = Page(viewer.server, viewer.gate, viewer.scene.name, viewer.scene.robot.base.position)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
-        self._next = gui.add_html("")
+        self._next, self._badge = gui.add_html(""), gui.add_html("")
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
         self.live = Live(viewer)
@@ -85,7 +85,7 @@ class Panel:
     @property
     def verdict(self) -> str:
         """What is written of the scene and its motions, as HTML."""
-        return str(self._next.content) + self.rows.content
+        return str(self._next.content) + str(self._badge.content) + self.rows.content
 
     @property
     def legend(self) -> str:
@@ -153,6 +153,7 @@ class Panel:
         viewer, active = self._viewer, self._viewer.motions.active
         self.rows.say()
         self._say_colors()
+        self._say_badge()
         self.saving.outdate()
         if active is None:
             words = whats_next(viewer.edited, None)
@@ -173,6 +174,14 @@ class Panel:
         if self._legend.content != content:
             self._legend.content = content
 
+    def _say_badge(self) -> None:
+        """Say the verdict in the scene."""
+        viewer, active = self._viewer, self._viewer.motions.active
+        holds = active is not None and viewer.motions.holds(active)
+        content = badge(viewer.edited, None if active is None else active.motion, holds)
+        if self._badge.content != content:
+            self._badge.content = content
+
     def say_next(self, words: str, bad: bool = False) -> None:
         """Say what is to be done or known now, in the two lines that are reserved for it."""
         said = html.escape(words)
@@ -187,6 +196,7 @@ class Panel:
         self.outdate()
         self.rows.say()
         self._say_colors()
+        self._say_badge()
         self.say_next(OUTDATED)
 
     def _refuse(self, name: object, size: object) -> None:

@@ -30,6 +30,7 @@ from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Kept, Motions, Shown
 from hdplan.planner.view.panel import Panel
+from hdplan.planner.view.pulse import Pulse
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
@@ -75,6 +76,7 @@ class Viewer:
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
+        self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
 
@@ -130,6 +132,7 @@ class Viewer:
 
     def close(self) -> None:
         """End the threads and the server."""
+        self.pulse.end()
         self.panel.end()
         self.worker.end()
         self.uploads.close()
@@ -261,6 +264,7 @@ class Viewer:
             self.motions.add(motion)
         if motions:
             self.motions.active = self.motions.shown[0]
+            self.motions.paint()
         self.panel.update()
         self.redraw()
         self.panel.looking.begin()

@@ -36,6 +36,7 @@ from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
+TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
@@ -53,10 +54,9 @@ class RobotNodes:
         *,
         color: Color | None = None,
         opacity: float | None = None,
-        edges: bool = False,
         visible: bool = True,
     ) -> None:
-        """Send the meshes, or only the `edges` of their triangles; `color` replaces the skins' own."""
+        """Send the meshes; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -72,7 +72,6 @@ class RobotNodes:
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
-                    wireframe=edges,
                     cast_shadow=False,
                     receive_shadow=False,
                 ),
@@ -262,9 +261,18 @@ class ClosestNodes:
         ]
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
         self.labelled = True
+        self._tight = False
+
+    def pulse(self, phase: float) -> None:
+        """Draw the closest pair with an obstacle, where it is tight, as wide as at a phase of its pulse, 0 to 1."""
+        swell = PULSE * 0.5 * (1.0 - np.cos(2 * np.pi * phase)) if self._tight else 0.0
+        width = float(SEGMENT_WIDTH * (1.0 + swell))
+        if self.lines[0].thickness != width:
+            self.lines[0].thickness = width
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
+        self._tight = pairs[0] is not None and pairs[0].distance < TIGHT
         for line, pair in zip(self.lines, pairs, strict=True):
             line.visible = pair is not None
             if pair is not None:

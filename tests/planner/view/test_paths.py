@@ -40,13 +40,15 @@ def one(color: tuple[int, int, int]) -> list[list[int]]:
     return intensities(np.array([color], dtype=np.uint8)).tolist()
 
 
-@pytest.mark.parametrize("chosen", ["found", "line"])
+@pytest.mark.parametrize("chosen", ["found", "line", ""])
 def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: str) -> None:
-    by_worker(viewer, lambda: viewer.choose(chosen))
+    """Whichever is chosen, and at first."""
+    if chosen:
+        by_worker(viewer, lambda: viewer.choose(chosen))
     found, line = viewer.motions.shown
     assert drawn(line).tolist() == one(CONTACT)
     assert {tuple(mesh.color) for _, mesh in line.robot.meshes} == {CONTACT}
-    if chosen == "found":
+    if chosen != "line":
         scale = clearance_colors(found.motion.clearance)
         assert drawn(found).tolist() == np.unique(intensities(scale), axis=0).tolist()
         assert MM in viewer.panel.legend
@@ -59,8 +61,9 @@ def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: 
 
 
 def test_the_chosen_path_alone_is_wide(viewer: Viewer) -> None:
-    for name in ("line", "found"):
-        by_worker(viewer, lambda name=name: viewer.choose(name))
+    for name in ("found", "line", "found"):
+        if viewer.motions.active is None or viewer.motions.active.motion.name != name:
+            by_worker(viewer, lambda name=name: viewer.choose(name))
         widths = {shown.motion.name: shown.path._node.thickness for shown in viewer.motions.shown}
         assert widths[name] == PATH_WIDTH
         assert all(width < PATH_WIDTH for other, width in widths.items() if other != name)
