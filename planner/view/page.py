@@ -102,9 +102,9 @@ if (!window.hdplan) {
     event.stopPropagation();
     tell({do: 'exponent'});
   }, true);
-  setInterval(() => fetch('ALIVE').then((answer) => answer.ok, () => false).then((alive) => {
-    document.documentElement.classList.toggle('hdplan-ended', !alive);
-  }), 3000);
+  const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
+  const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
+  setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
   document.addEventListener('click', (event) => {
     const plot = event.target.closest('.u-over');
     const link = event.target.closest('[data-do]');

@@ -103,7 +103,14 @@ def test_the_address_lets_in_and_no_other(viewer: Viewer) -> None:
     whole, watch = viewer.gate.paths[False], viewer.gate.paths[True]
     assert viewer.address() == f"http://{here(viewer)}{whole}"
     assert len(whole) > 20
-    for path in (whole, whole.rstrip("/"), f"{whole}?darkMode", watch):
+    for path in (
+        whole,
+        whole.rstrip("/"),
+        f"{whole}?darkMode",
+        watch,
+        f"{whole}{module.ALIVE}",
+        f"{watch}{module.ALIVE}",
+    ):
         assert answered(viewer, path) == 200
     for path in (
         "/",

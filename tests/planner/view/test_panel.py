@@ -15,9 +15,10 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import edits
 from hdplan.planner.view.drawing.motion import shortened
+from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.page import NARROWEST, WIDTH
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
@@ -137,3 +138,32 @@ def test_the_panel_leaves_room_for_the_scene(viewer: Viewer, window: object, wid
     for _ in range(2):
         viewer.panel.page._theme(client, {"do": "theme", "dark": False, "width": window})
     assert asked == ([] if width in (None, WIDTH) else [width])
+
+
+def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Viewer) -> None:
+    stage = viewer.stage
+    by_worker(viewer, lambda: viewer.panel.handles.select(None))
+    for now, ghosts in ((0.0, (False, True)), (0.5, (True, True)), (1.0, (True, False))):
+        viewer.show(now)
+        assert (stage.start.visible, stage.goal.visible) == ghosts
+        assert [label.visible for label in stage.labels] == [True, True]
+    by_worker(viewer, lambda: viewer.panel.handles.select(START))
+    assert [label.visible for label in stage.labels] == [False, True]
+    viewer.panel.layers.set("start and goal", on=False)
+    assert viewer.worker.settle(20)
+    assert not any(label.visible for label in stage.labels)
+
+
+def test_the_closest_pair_pulses_where_it_is_tight_and_nowhere_else(viewer: Viewer) -> None:
+    closest, tight = viewer.stage.closest, []
+    for now in np.linspace(0.0, 1.0, 21):
+        viewer.show(now)
+        pair = viewer.certifier.closest(viewer.configuration)[0]
+        widths = []
+        for phase in np.linspace(0.0, 1.0, 9):
+            closest.pulse(phase)
+            widths.append(closest.lines[0].thickness)
+        assert widths[0] == widths[-1] == SEGMENT_WIDTH
+        tight.append(pair is not None and pair.distance < TIGHT)
+        assert (max(widths) > SEGMENT_WIDTH) == tight[-1]
+    assert len(set(tight)) == 2
