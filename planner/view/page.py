@@ -134,7 +134,7 @@ document.documentElement.classList.toggle('hdplan-watches', location.pathname.st
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
 
-WATCHING = "You watch: what others do is seen here, and nothing can be changed."
+WATCHING = "You watch: what others do shows here, and nothing can be changed."
 
 
 class Page:
