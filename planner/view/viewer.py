@@ -22,7 +22,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.shading import told_apart
-from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
+from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.gate import Gate
@@ -36,7 +36,7 @@ from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.scene import Scene
 
 State = tuple[Edited, tuple[Kept, ...], int | None]
@@ -67,7 +67,7 @@ class Viewer:
         for name, trajectory in trajectories:
             with naming(name):  # several may have come, and one not fit
                 motions.append(ShownMotion.of(name, trajectory, self.certifier))
-        skins, note = _skins(self.scene, self.robot)
+        skins, note = shown_skins(self.robot, self.scene.robot)
         skins = told_apart(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
         self.stage = Stage(server, self.edited, skins)
@@ -310,15 +310,3 @@ class Viewer:
         self._doubt()
         self.panel.say_next(FAILED.format(error=f"{type(error).__name__}: {error}"), bad=True)
         self._complain(f"{type(error).__name__}: {error}")
-
-
-def _skins(scene: Scene, robot: Robot) -> tuple[tuple[Skin, ...], str]:
-    """What the robot is shown in, and a word where that is not all its visual meshes."""
-    try:
-        skins, left_out = visual_skins(robot, scene.robot)
-    except InputError as error:
-        skins, left_out = (), (str(error),)
-    if skins:
-        return skins, f"left out of the picture: {'; '.join(left_out)}" if left_out else ""
-    why = "; ".join(left_out) or "its URDF has no visual meshes"
-    return collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}"
