@@ -268,6 +268,7 @@ def view(
     video: given.Film = None,
     host: given.Host = None,
     port: given.Port = None,
+    share: given.Share = False,
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 
@@ -289,6 +290,7 @@ def view(
             video=video,
             host=host,
             port=port,
+            share=share,
         )
     )
 

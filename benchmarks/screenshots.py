@@ -54,7 +54,7 @@ def opened(browser: Any, viewer: Viewer, size: tuple[int, int], complaints: list
     page.set_default_timeout(PATIENCE)
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(f"http://127.0.0.1:{viewer.port}")
+    page.goto(viewer.address())
     page.wait_for_selector("canvas")
     page.get_by_text("Software WebGL").wait_for()
     page.locator(".mantine-Notification-closeButton").dispatch_event("click")

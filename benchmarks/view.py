@@ -64,7 +64,7 @@ def opened(viewer: Viewer, size: dict[str, int], script: str = "") -> Iterator[A
         browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
         page = browser.new_page(viewport=size)
         page.add_init_script(script)
-        page.goto(f"http://127.0.0.1:{viewer.port}")
+        page.goto(viewer.address())
         page.get_by_text("certified: at least").first.wait_for()
         yield page
         browser.close()

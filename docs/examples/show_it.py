@@ -10,7 +10,7 @@ motions = [(solver, hdplan.plan(scene, solver=solver).trajectory) for solver in 
 
 viewer = open_viewer(scene, motions)  # on this machine alone; the next free port if 8080 is taken
 try:
-    print(f"{scene.name} at http://127.0.0.1:{viewer.port}")
+    print(f"{scene.name} at {viewer.address()}")
     viewer.record(Path("show_it.html"))  # opens in any browser, without a server
     # Here a program of yours goes on; the viewer serves until it is closed.
 finally:

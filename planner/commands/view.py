@@ -20,7 +20,7 @@ from hdplan.planner.terminal.interrupts import until_ctrl_c
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.front import check_files, check_installed, check_proof, motion_names
+from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
 from hdplan.scenes.errors import naming
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -40,10 +40,11 @@ def run_view(
     video: Path | None,
     host: str | None,
     port: int | None,
+    share: bool = False,
 ) -> int:
     """Serve until Ctrl-C, or write the page `record` and the film `video`. Returns the exit code: 0."""
     if record is not None or video is not None:
-        served = {"--host": host, "--port": port, "--proof": proof}
+        served = {"--host": host, "--port": port, "--proof": proof, "--share": share or None}
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
         return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
     check_installed()
@@ -60,12 +61,15 @@ def run_view(
 
     with waiting("loading the robot's meshes"):
         arm = load_scene_robot(problem)
-        viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, complain=complain)
+        viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, share=share, complain=complain)
     if read is not None:
         viewer.show_proof(read)
     with contextlib.closing(viewer), until_ctrl_c(), printing() as show:
         taken = f" (port {port} is taken)" if viewer.port != port else ""
-        show(f"{problem.name} at http://{host}:{viewer.port}{taken}, until Ctrl-C")
+        show(f"{problem.name} at {viewer.address()}{taken}, until Ctrl-C")
+        if share:
+            where = "" if not is_loopback(host) else f" (from this machine alone, as it listens at {host})"
+            show(f"to watch, and change nothing: {viewer.address(watch=True)}{where}")
         sys.stdout.flush()
         threading.Event().wait()
     return 0

@@ -117,15 +117,17 @@ class Page {
     for (const { robot, poses, color } of said.ghosts) {
       for (const i of robot) {
         const mesh = this.meshes[i];
-        if (mesh.joint) stage.solids.push({ mesh, place: still(poses[mesh.joint]), color: rgb(color), alpha: 0.35, group: poses });
+        const visible = () => !said.motions.some((motion) => this.stands(motion, (joint) => poses[joint]));
+        if (mesh.joint) stage.solids.push({ mesh, place: still(poses[mesh.joint]), color: rgb(color), alpha: 0.35, group: poses, visible });
       }
     }
     said.motions.forEach((motion, number) => {
       for (const i of said.robot) {
         const mesh = this.meshes[i];
         if (number && !mesh.joint) continue;
-        const along = () => placed(poseBetween(motion.poses[mesh.joint], place(motion.when, this.now)));
-        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1 });
+        const along = () => placed(this.pose(motion, mesh.joint));
+        const visible = () => !number || !this.stands(motion, (joint) => this.pose(said.motions[0], joint));
+        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1, visible });
       }
       const points = [], colors = [];
       for (let i = 1; i < motion.path.length; i++) {
@@ -138,6 +140,17 @@ class Page {
     this.grid();
     this.gap = stage.segments([], []);
     stage.strips.push({ lines: this.gap, width: 2.5 });
+  }
+
+  pose(motion, joint) { return poseBetween(motion.poses[joint], place(motion.when, this.now)); }
+
+  stands(motion, poses) { // whether its robot is where another one is, with which it would flicker
+    const joints = new Set(said.robot.map((i) => this.meshes[i].joint).filter((joint) => joint));
+    return [...joints].every((joint) => {
+      const [a, b] = [this.pose(motion, joint), poses(joint)], [p, q] = [unit(a.slice(3)), unit(b.slice(3))];
+      const turn = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
+      return Math.hypot(...sub(a, b)) < 1e-3 && Math.abs(turn) > 1 - 1e-6;
+    });
   }
 
   grid() {

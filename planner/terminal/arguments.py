@@ -214,6 +214,10 @@ Port = Annotated[
     int | None,
     typer.Option(metavar="N", help="Port to serve on, or the next free one; 8080 unless given.", parser=_port),
 ]
+Share = Annotated[
+    bool,
+    typer.Option("--share", help="Write a second address, by which others see everything and change nothing."),
+]
 
 # robots
 RobotName = Annotated[

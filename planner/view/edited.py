@@ -1,5 +1,4 @@
-"""The scene as it is edited in the browser: a value that is replaced by every change, and the earlier ones for undo and
-redo.
+"""The scene as it is edited in the browser: a value that is replaced by every change.
 
 Of a goal that leaves a choice, the scene keeps the whole (tolerances, free axes, alternatives); one configuration of it
 is shown, and planned to while something is dragged.
@@ -119,50 +118,3 @@ def _meets(robot: Robot, q: Array, target: Target) -> bool:
     if isinstance(target, JointTarget):
         return bool(np.abs(robot.configuration(target) - q).max() <= SAME_END)
     return all(miss_of(robot, pose, q).within(pose) for pose in target.poses)
-
-
-class History:
-    """What is edited now, and what it was and will be again."""
-
-    def __init__(self, first: Edited) -> None:
-        """Begin with a scene."""
-        self.now = self.first = first
-        self._before: list[Edited] = []
-        self._after: list[Edited] = []
-
-    def change(self, to: Edited, step: bool = True) -> None:
-        """Take a new value: a step that can be undone, or a part of the last one, as while something is dragged."""
-        if step:
-            self._before.append(self.now)
-        self._after.clear()
-        self.now = to
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to undo."""
-        return bool(self._before)
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether there is a step to redo."""
-        return bool(self._after)
-
-    def undone(self) -> Edited:
-        """Go one step back, if there is one; return what is edited then."""
-        if self._before:
-            self._after.append(self.now)
-            self.now = self._before.pop()
-        return self.now
-
-    def redone(self) -> Edited:
-        """Go one step forward again, if there is one; return what is edited then."""
-        if self._after:
-            self._before.append(self.now)
-            self.now = self._after.pop()
-        return self.now
-
-    def reset(self) -> Edited:
-        """Take what it was at first, a step that can be undone; return it."""
-        if self.now is not self.first:
-            self.change(self.first)
-        return self.now

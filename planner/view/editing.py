@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 PAUSE = 1.0  # [s] after which an edit of the same field is another step
+LINGERS = 1.5  # [s] for which a value that was refused stays in its field
 REST = 0.3  # [s] without edits after which motions are measured
 DIGITS = 4  # after the point, of numbers in fields
 
@@ -34,14 +35,16 @@ class Editing:
         """Build it in the container at hand."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.buttons = gui.add_button_group("history", ("undo", "redo", "reset"), hint="of all that changes the scene")
+        self.buttons = gui.add_button_group(
+            "history", ("undo", "redo", "reset"), hint="of scene and motions; reset: the scene as it was"
+        )
         self._said = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._numbers = itertools.count()
         self._typed: set[str] = set()  # the fields whose new values wait
         self._doing = ""  # the field that is edited at this moment
         self._last: tuple[str, float, Edited | None] = ("", 0.0, None)  # field, when, and what came of it
-        self._rest: threading.Timer | None = None
+        self._timers: dict[str, threading.Timer] = {}  # by what is to be done
 
     @property
     def said(self) -> str:
@@ -54,7 +57,7 @@ class Editing:
 
     def do(self, job: Callable[[], object]) -> None:
         """Have something done that counts each time; what is refused is said. By any thread."""
-        self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: self.guarded(job))
+        self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
     def edit(self, field: str, edit: Edit) -> None:
         """Have a field edited; of several values that wait, only the newest counts. By any thread."""
@@ -62,7 +65,8 @@ class Editing:
 
         def job() -> None:
             self._typed.discard(field)
-            self.guarded(lambda: self.apply(field, edit, asked))
+            if not self.guarded(lambda: self.apply(field, edit, asked)):
+                self._later("values", LINGERS, self._viewer.panel.show_values)
 
         self._typed.add(field)
         self._viewer.worker.ask(f"edit {field}", job)
@@ -72,9 +76,9 @@ class Editing:
         return field == self._doing or field in self._typed
 
     def end(self) -> None:
-        """Drop what is still to be measured."""
-        if self._rest is not None:
-            self._rest.cancel()
+        """Drop what is still to be done."""
+        for timer in self._timers.values():
+            timer.cancel()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -91,10 +95,15 @@ class Editing:
             self._doing = ""
         self._last = field, time.monotonic(), edited
         viewer.panel.live.follow()
-        self.end()
-        self._rest = threading.Timer(REST, lambda: viewer.worker.ask("measure", viewer.measure))
-        self._rest.daemon = True
-        self._rest.start()
+        self._later("measure", REST, viewer.measure)
+
+    def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
+        """Have something done after a pause, which begins anew."""
+        if what in self._timers:
+            self._timers[what].cancel()
+        timer = self._timers[what] = threading.Timer(seconds, lambda: self._viewer.worker.ask(what, job))
+        timer.daemon = True
+        timer.start()
 
     def say(self, text: str) -> None:
         """Say something that was done, or nothing."""
@@ -105,15 +114,16 @@ class Editing:
         possible = {
             "undo": history.can_undo,
             "redo": history.can_redo,
-            "reset": history.now is not history.first,
+            "reset": viewer.edited is not viewer.first,
         }
         if not possible[way]:
             raise InputError(f"there is nothing to {way}")
         {"undo": viewer.undo, "redo": viewer.redo, "reset": viewer.reset}[way]()
-        viewer.panel.live.follow()
+        if way == "reset":
+            viewer.panel.live.follow()
 
-    def guarded(self, job: Callable[[], object]) -> None:
-        """Do it, or say in a line why not."""
+    def guarded(self, job: Callable[[], object]) -> bool:
+        """Do it, or say in a line why not; whether it was done."""
         source, folder = f"{self._viewer.scene.source}: ", f"{self._viewer.uploads.folder}/"
         self.say("")
         try:
@@ -121,14 +131,16 @@ class Editing:
         except HdplanError as error:
             words = str(error).removeprefix(source).replace(folder, "")
             self._said.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
+            return False
+        return True
 
 
 class Fields:
     """Inputs of the panel that show a value of the scene and edit it."""
 
-    def __init__(self, editing: Editing) -> None:
-        """Start without any."""
-        self._editing = editing
+    def __init__(self, editing: Editing, turn: Callable[[], int] = lambda: 0) -> None:
+        """Start without any. They are about what is selected at a `turn`: what was typed in another one is refused."""
+        self._editing, self._turn = editing, turn
         self._fields: list[tuple[Any, str, Callable[[], Any]]] = []
 
     def add(self, field: str, handle: Any, value: Callable[[], Any], edit: Callable[[Edited, Any], Edited]) -> None:
@@ -140,8 +152,14 @@ class Fields:
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                found = handle.value
-                self._editing.edit(field, lambda edited: edit(edited, exactly(found, value())))
+                found, turn = handle.value, self._turn()
+
+                def exact(edited: Edited) -> Edited:
+                    if turn != self._turn():
+                        raise InputError(f"{field}: another thing is selected by now")
+                    return edit(edited, exactly(found, value()))
+
+                self._editing.edit(field, exact)
 
         handle.on_update(changed)
 

@@ -18,6 +18,7 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.things import Thing, moved, obstacle_of
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
@@ -36,14 +37,16 @@ NEW: Mapping[str, Shape] = MappingProxyType(  # what is added by a word; meshes 
     }
 )
 AROUND = 12  # places around the robot at which a new obstacle may appear
+ROOMY = 0.6  # of the most room there is that serves as well
 BESIDE = 1.2  # times its width from an obstacle to its duplicate
 NO_TIMES = "obstacles.{name}.motion: only a motion through timed poses has a time that it takes"
 
 
-def added(edited: Edited, shape: Shape, stem: str) -> tuple[Edited, Thing]:
-    """Return it with a new obstacle, named after `stem`, within reach and away from start, goal and other obstacles."""
+def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> tuple[Edited, Thing]:
+    """Return it with a new obstacle, named after `stem`, within reach and away from start, goal and other obstacles;
+    seen from an `eye` (3,) before the robot, where there is room."""
     name = free_name(edited, stem)
-    obstacle = Obstacle(name, shape, Pose(_spot(edited)))
+    obstacle = Obstacle(name, shape, Pose(_spot(edited, eye)))
     return edited.changed(obstacles=(*edited.scene.obstacles, obstacle)), Thing("obstacle", name)
 
 
@@ -147,8 +150,9 @@ def _whole(edited: Edited) -> Edited:
     return edited
 
 
-def _spot(edited: Edited) -> tuple[float, float, float]:
-    """Where there is most room on a circle about the base, as far out and as high as start and goal are."""
+def _spot(edited: Edited, eye: Array | None) -> tuple[float, float, float]:
+    """Where there is most room on a circle about the base, as far out and as high as start and goal are; seen from an
+    eye (3,), of the places with about as much room the nearest."""
     tip = Tip.of(edited.robot)
     ends = np.array([tip.placement(q).translation for q in (edited.start, edited.goal)])
     base = np.array(edited.robot.base.position)
@@ -158,5 +162,6 @@ def _spot(edited: Edited) -> tuple[float, float, float]:
     ring += [base[0], base[1], ends[:, 2].mean()]
     others = np.array([*ends, *(obstacle.pose.position for obstacle in edited.scene.obstacles)])
     room = np.linalg.norm(ring[:, None] - others, axis=2).min(axis=1)
-    x, y, z = np.round(ring[room.argmax()], 3).tolist()
+    away = np.zeros(AROUND) if eye is None else np.linalg.norm(ring - eye, axis=1)
+    x, y, z = np.round(ring[np.lexsort((-room, np.where(room < ROOMY * room.max(), np.inf, away)))[0]], 3).tolist()
     return x, y, z

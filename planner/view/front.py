@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import ipaddress
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +18,14 @@ def check_installed() -> None:
     """Raise InputError, saying what to install, if viser is missing."""
     if importlib.util.find_spec("viser") is None:
         raise InputError("the viewer needs viser, which is not installed: pip install viser")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is seen by this machine alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Path], served: Sequence[str]) -> None:

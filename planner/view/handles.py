@@ -30,7 +30,10 @@ class Handles:
         """Build the list in the container at hand."""
         self._viewer = viewer
         self.selected: Thing | None = None
+        self.turn = 0  # how often another thing was selected
         self._begin: Edited | None = None  # what it was when dragging began
+        self._moving = False  # whether the change under way is the hand's
+        self._at: Pose | None = None  # where the hand, or `place`, has put the handle
         self.choice = viewer.server.gui.add_dropdown(
             "selected", (NOTHING, *map(str, things(viewer.edited))), hint="what gets a handle in the scene"
         )
@@ -49,19 +52,21 @@ class Handles:
         """Let go of what is dragged, if anything is: its browser may be gone. By any thread."""
         self._viewer.worker.ask("let go", self.let_go)
 
+    def deselect(self) -> None:
+        """Select nothing. By any thread."""
+        self._viewer.worker.ask("select", lambda: self.select(None))
+
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
     def select(self, thing: Thing | None) -> None:
         """Select a thing, or nothing; of a goal with poses of several links, the first."""
-        if thing is not None:
-            every = things(self._viewer.edited)
-            thing = thing if thing in every else next((each for each in every if each.kind == thing.kind), None)
-        self.selected = thing
-        name = NOTHING if thing is None else str(thing)
-        if self.choice.value != name:
-            self.choice.value = name
-        self._viewer.stage.highlight(thing)
-        self._viewer.panel.select(thing)
+        every = things(self._viewer.edited)
+        if thing is not None and thing not in every:
+            alike = (each for each in every if each.kind == thing.kind and thing.kind != "obstacle")
+            thing = next(alike, None)
+        self.turn += thing != self.selected
+        self.selected, self._begin = thing, None
+        self._show()
         self.place()
         self._viewer.panel.player.draw()
 
@@ -72,12 +77,15 @@ class Handles:
             return
         before, begin = viewer.edited, self._begin
         edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin)
-        self._begin = begin or before  # what changes now leaves the handle to the hand
+        self._begin, self._moving = begin or before, True  # what changes now leaves the handle to the hand
         try:
             viewer.change(edited, step=begin is None, check=viewer.panel.live.on)
         except HdplanError:
             self._begin = begin
             raise
+        finally:
+            self._moving = False
+        self._at = place_of(edited, self.selected, viewer.stage.tip)
         self._say(words)
         viewer.panel.live.follow()
 
@@ -88,13 +96,29 @@ class Handles:
         self.place()
 
     def update(self) -> None:
-        """List what there is to select now, after a change of the scene other than by dragging."""
-        names = (NOTHING, *map(str, things(self._viewer.edited)))
+        """Follow a change of the scene: what is gone is neither selected nor dragged any more, and what was moved by
+        another hand leaves this one. What stays in its place stays in the hand, whose next movement is another step."""
+        if self._moving:
+            return
+        dragging, self._begin = self.dragging, None
+        every = things(self._viewer.edited)
+        names = (NOTHING, *map(str, every))
         if self.choice.options != names:
             self.choice.options = names
-            self.select(self.selected if self.selected in things(self._viewer.edited) else None)
-        else:
+        if self.selected is None or self.selected not in every:
+            self.select(None)
+            return
+        self._show()
+        if not dragging or self._at != place_of(self._viewer.edited, self.selected, self._viewer.stage.tip):
             self.place()
+
+    def _show(self) -> None:
+        """Say what is selected, in the list, in the scene and in the fields."""
+        name = NOTHING if self.selected is None else str(self.selected)
+        if self.choice.value != name:
+            self.choice.value = name
+        self._viewer.stage.highlight(self.selected)
+        self._viewer.panel.select(self.selected)
 
     def place(self) -> None:
         """Put a handle where the selected thing is. Each is a node of another name: a browser goes on turning one of
@@ -104,12 +128,13 @@ class Handles:
             self._handle = None
         viewer, thing = self._viewer, self.selected
         if thing is None:
+            self._at = None
             self._say("")
             return
         if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
             viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
             self._say("its handle is where it is at 0 s; it moves on as before")
-        pose = place_of(viewer.edited, thing, viewer.stage.tip)
+        self._at = pose = place_of(viewer.edited, thing, viewer.stage.tip)
         x, y, z, w = pose.quaternion_xyzw
         self._handles += 1
         self._handle = viewer.server.scene.add_transform_controls(
@@ -132,9 +157,14 @@ class Handles:
 
     def _dragged(self, event: Any) -> None:
         """Handle a browser's event."""
-        self._viewer.worker.ask("drag", lambda: self.drag(pose_of(event.target)))
+        self._viewer.worker.ask("drag", lambda: self._follow(event.target))
         if event.phase == "end":
             self.release()
+
+    def _follow(self, handle: Any) -> None:
+        """Let the selected thing follow its handle; one that was taken away may still be in a hand elsewhere."""
+        if handle is self._handle:
+            self.drag(pose_of(handle))
 
     def _say(self, text: str) -> None:
         self._said.content = small(text)

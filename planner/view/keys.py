@@ -96,6 +96,7 @@ class Keys:
             Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
             Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
             Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), shift=True),
+            Key("esc", "escape", "Select nothing", lambda _: viewer.panel.handles.deselect()),
             Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
             *layers,
             *(Key("?", "?", "List the keys", self._list, shift) for shift in (True, False)),  # not so on all keyboards

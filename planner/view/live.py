@@ -48,6 +48,7 @@ class Live:
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
         self._changed = threading.Condition()
         self._wish: tuple[Edited, Trajectory | None] | None = None
+        self._turn = 0  # how often what is being planned came to nothing
         self._busy = self._ended = False
         self._slow = 0  # plans in a row that found nothing in time
         self._shown: deque[float] = deque()  # when certified motions were shown
@@ -100,14 +101,25 @@ class Live:
             self._wish = viewer.edited, None if active is None else active.motion.trajectory
             self._changed.notify_all()
 
-    def _take(self, edited: Edited, result: PlanResult) -> None:
-        """Show a motion that was certified in a scene: in the one of now it may not hold any more."""
+    def forget(self) -> None:
+        """Drop what is being planned from the active motion: it is another one by now, or back where it was."""
+        with self._changed:
+            self._wish = None
+            self._turn += 1
+
+    def _take(self, edited: Edited, result: PlanResult, turn: int) -> None:
+        """Show a motion that was certified in a scene, if it was not dropped: in the one of now it may not hold any
+        more."""
         viewer = self._viewer
+        if turn != self._turn:
+            return
         certificate = result.certificate if viewer.scene is edited.scene else None
         active = viewer.motions.active
         planned_here = active is not None and active.result is not None
         name = active.motion.name if active and planned_here else viewer.motions.free_name(NAME)
-        viewer.put(name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result)
+        viewer.put(
+            name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result, step=False
+        )
         active = viewer.motions.active
         if active is not None and active.motion.certificate.certified:
             now = time.monotonic()
@@ -135,18 +147,19 @@ class Live:
                 if self._ended or self._wish is None:
                     return
                 (edited, guess), self._wish, self._busy = self._wish, None, True
+                turn = self._turn
             try:
-                self._plan(edited, guess)
+                self._plan(edited, guess, turn)
             finally:
                 with self._changed:
                     self._busy = False
                     self._changed.notify_all()
 
-    def _plan(self, edited: Edited, guess: Trajectory | None) -> None:
+    def _plan(self, edited: Edited, guess: Trajectory | None, turn: int) -> None:
         ask, began = self._viewer.worker.ask, time.monotonic()
 
         def given_up() -> bool:
-            return self._ended or (self._wish is not None and time.monotonic() > began + PATIENCE)
+            return self._ended or turn != self._turn or (self._wish is not None and time.monotonic() > began + PATIENCE)
 
         try:
             result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIMIT, stop=given_up)
@@ -160,7 +173,7 @@ class Live:
             return
         if result.certified:
             self._slow = 0
-            ask("live", lambda: self._take(edited, result))
+            ask("live", lambda: self._take(edited, result, turn))
             return
         spent = time.monotonic() - began
         self._slow += spent > LIMIT

@@ -7,6 +7,7 @@ Every browser has a camera of its own; obstacles fade for the one that moved las
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class Looking:
         self._viewer = viewer
         self._outline = Outline(viewer.robot)
         self._set: dict[int, tuple[str, float, Array]] = {}  # by browser: its view, for which aspect, and the eye
-        self._eye: Array | None = None  # of the browser that moved last
+        self.eye: Array | None = None  # of the browser that moved last
         server = viewer.server
         self.buttons = server.gui.add_button_group("look from", (BEST, *SIDES))
         self.buttons.on_click(self._pressed)
@@ -50,7 +51,7 @@ class Looking:
         view, camera = self.view(BEST, ASPECT), self._viewer.server.initial_camera
         camera.fov = FOV
         camera.position, camera.look_at = view.eye, view.target
-        self._eye = view.eye
+        self.eye = view.eye
         self.fade()
 
     def view(self, name: str, aspect: float) -> View:
@@ -66,13 +67,13 @@ class Looking:
         any thread."""
         if client is not None:
             aspect = client.camera.aspect
-            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look_at_selected(client, aspect))
+            self._turned(client, lambda: self._look_at_selected(client, aspect))
 
     def fade(self) -> None:
         """Let obstacles fade that hide what is of interest, and no others. By the worker's thread."""
-        if self._eye is None:
+        if self.eye is None:
             return
-        hidden = self._boxes().in_the_way(self._eye, self._interest())
+        hidden = self._boxes().in_the_way(self.eye, self._interest())
         for node, faded in zip(self._viewer.stage.obstacles, hidden.tolist(), strict=True):
             node.fade(faded)
 
@@ -115,7 +116,12 @@ class Looking:
     def _ask(self, client: viser.ClientHandle, name: str) -> None:
         aspect = client.camera.aspect  # now: a later message may be an earlier one's echo
         if name in (BEST, *SIDES):  # a browser may send anything
-            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look(client, name, aspect))
+            self._turned(client, lambda: self._look(client, name, aspect))
+
+    def _turned(self, client: viser.ClientHandle, turn: Callable[[], None]) -> None:
+        """Have the worker turn a browser's camera, if it is still there then."""
+        number, clients = client.client_id, self._viewer.server.get_clients
+        self._viewer.worker.ask(f"look of {number}", lambda: turn() if number in clients() else None)
 
     def _look_at_selected(self, client: viser.ClientHandle, aspect: float) -> None:
         viewer, thing = self._viewer, self._viewer.panel.handles.selected
@@ -144,8 +150,8 @@ class Looking:
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
         if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < STILL:
             self._ask(client, name)  # as it stands where it was set to: frame it anew
-        if self._eye is None or np.abs(eye - self._eye).max() > STILL:
-            self._eye = eye
+        if self.eye is None or np.abs(eye - self.eye).max() > STILL:
+            self.eye = eye
             self._viewer.worker.ask("fade", self.fade)
 
 

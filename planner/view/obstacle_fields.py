@@ -39,7 +39,7 @@ class ObstacleFields:
         new.on_click(lambda event: self._editing.do(partial(self.add, str(event.target.value))))
         mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
         self._buttons.on_click(lambda event: self._editing.do(getattr(self, str(event.target.value))))
-        self._fields = Fields(self._editing)
+        self._fields = Fields(self._editing, lambda: viewer.panel.handles.turn)
         self._kind: object = None  # of obstacle whose fields there are
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ class ObstacleFields:
         return obstacle_of(self._viewer.edited, thing)
 
     def _put(self, field: str, shape: Shape, stem: str) -> None:
-        edited, thing = edits.added(self._viewer.edited, shape, stem)
+        edited, thing = edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
         self._editing.apply(field, lambda _: edited)
         self._viewer.panel.handles.select(thing)
 

@@ -9,16 +9,22 @@ from __future__ import annotations
 
 import html
 import json
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import viser
 
 from hdplan.planner.view.drawing.nodes import draw_ground
+from hdplan.planner.view.gate import ALIVE, WATCH, Gate
+from hdplan.scenes.files import MOST_BYTES
 
 Told = Mapping[str, Any]
 Handler = Callable[[viser.ClientHandle, Told], object]
 
+WIDTH, NARROWEST = 360, 250  # [px] of the panel
+SHARE = 0.4  # of a window's width that the panel takes at most
+ENDED = "hdplan view has ended, or cannot be reached: this is what was shown last"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
 STYLE = """
 div:has(> .hdplan-page) + div { display: none }
@@ -35,9 +41,10 @@ div:has(> .hdplan-page) + div + div + div + div {
   position: sticky; top: 2.9em; z-index: 6; padding-top: 0.3em; background: var(--mantine-color-body);
   box-shadow: 0 -0.6em var(--mantine-color-body);
   border-bottom: 1px solid var(--mantine-color-default-border) }
-.hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4 }
-.hd-two { height: 2.8em; overflow: hidden; margin: 0.4em 0;
-  display: -webkit-box; -webkit-line-clamp: 2; -webkit-box-orient: vertical }
+.hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4; overflow-wrap: anywhere }
+.hd-two { min-height: 2.8em; max-height: 8.4em; overflow: auto; margin: 0.4em 0 }
+.hd-badge { position: fixed; left: 0.8em; top: 0.6em; z-index: 3; padding: 0.15em 0.6em; border-radius: 6px;
+  font-size: 1.25rem; pointer-events: none; background: light-dark(#ffffffd0, #1b1c1ed0) }
 .hd-under { margin-top: -0.9em }  /* of what it explains, which leaves room below itself */
 .hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
@@ -49,9 +56,18 @@ div:has(> .hdplan-page) + div + div + div + div {
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: 0.9em !important }
 [role="tab"] > div { margin-right: 0.25em !important }
-"""
+@media (max-width: 860px) { [role="tab"] svg { display: none } }
+.hdplan-ended::after { content: "ENDED"; position: fixed; inset: 0 0 auto 0; z-index: 9999; padding: 0.7em;
+  text-align: center; color: #fff; background: #a50026; font: 1rem sans-serif }
+.hdplan-ended body { filter: grayscale(1) opacity(0.6); pointer-events: none }
+.hdplan-watching { display: none }
+.hdplan-watches .hdplan-watching { display: block }
+.hdplan-watches div:has(> div > .hdplan-page) :is(button:not([role=tab]), input, textarea, .mantine-Slider-root,
+  .hd-link) { pointer-events: none; opacity: 0.55 }
+""".replace("ENDED", ENDED)
 
-SCRIPT = """
+SCRIPT = (
+    """
 if (!window.hdplan) {
   const tell = (told) => {
     const field = document.querySelector('div:has(> .hdplan-page) + div input');
@@ -60,9 +76,35 @@ if (!window.hdplan) {
     set.call(field, JSON.stringify({...told, at: performance.now()}));
     field.dispatchEvent(new Event('input', {bubbles: true}));
   };
+  document.addEventListener('change', (event) => {
+    const file = [...event.target.files || []].find((file) => file.size > MOST);
+    if (!file) return;
+    event.stopImmediatePropagation();  // before anything of it is sent
+    event.target.value = '';
+    tell({do: 'too large', name: file.name, size: file.size});
+  }, true);
   const dark = matchMedia('(prefers-color-scheme: dark)');
-  const theme = () => tell({do: 'theme', dark: dark.matches});
+  const theme = () => tell({do: 'theme', dark: dark.matches, width: innerWidth});
   dark.addEventListener('change', theme);
+  let resized;
+  addEventListener('resize', () => { clearTimeout(resized); resized = setTimeout(theme, 300); });
+  const numeric = (event) => event.target.matches('input[inputmode=decimal], input[inputmode=numeric]');
+  document.addEventListener('keydown', (event) => {  // viser's fields drop the letter alone, and 1e9 would be 19
+    if (!/^e$/i.test(event.key) || event.ctrlKey || event.metaKey || !numeric(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    event.target.blur();
+    tell({do: 'exponent'});
+  }, true);
+  document.addEventListener('paste', (event) => {
+    if (!numeric(event) || !/e/i.test(event.clipboardData.getData('text'))) return;
+    event.preventDefault();
+    event.stopPropagation();
+    tell({do: 'exponent'});
+  }, true);
+  const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
+  const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
+  setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
   document.addEventListener('click', (event) => {
     const plot = event.target.closest('.u-over');
     const link = event.target.closest('[data-do]');
@@ -83,26 +125,36 @@ if (!window.hdplan) {
   window.hdplan = {theme};
 }
 setTimeout(window.hdplan.theme);
-"""
+history.replaceState(null, '', location.pathname);  // viser writes the address of its server there once more
+document.documentElement.classList.toggle('hdplan-watches', location.pathname.startsWith('/WATCH/'));
+""".replace("WATCH", WATCH)
+    .replace("MOST", str(MOST_BYTES))
+    .replace("ALIVE", ALIVE)
+)
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+
+WATCHING = "You watch: what others do shows here, and nothing can be changed."
 
 
 class Page:
     """The unseen part of the page, and what listens to it."""
 
-    def __init__(self, server: viser.ViserServer, title: str, base: tuple[float, float, float]) -> None:
+    def __init__(self, server: viser.ViserServer, gate: Gate, title: str, base: tuple[float, float, float]) -> None:
         """Build it in the container at hand, as the first there; `title` is the page's, and the ground lies at
         `base`."""
         self._server, self._base = server, base
         self._handlers: dict[str, Handler] = {"theme": self._theme}
+        self._widths: dict[int, float] = {}  # of the panel, by browser
         script = SCRIPT + f"document.title = {json.dumps(title)};"
         server.gui.add_html(
             f'<i class="hdplan-page"></i><style>{STYLE}</style>'
             f'<img hidden alt="" src="{PIXEL}" onload="{html.escape(script)}">'
+            f'<div class="hd hdplan-watching">{WATCHING}</div>'
         )
         self._field = server.gui.add_text("page", "")
         self._field.on_update(self._heard)
+        gate.page_field = str(self._field._impl.uuid)  # viser has no other name for it; a law notices if it goes
         draw_ground(server.scene, base, dark=False)
 
     def on(self, what: str, handler: Handler) -> None:
@@ -119,10 +171,16 @@ class Page:
             handler(event.client, told)
 
     def _theme(self, client: viser.ClientHandle, told: Told) -> None:
-        """Show one browser the page in its own colour scheme."""
+        """Show one browser the page in its own colour scheme, with a panel that leaves room for the scene."""
         dark = told.get("dark") is True
         client.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
         draw_ground(client.scene, self._base, dark=dark)
+        window = told.get("width")
+        if isinstance(window, int | float) and math.isfinite(window):
+            width = min(max(SHARE * window, NARROWEST), WIDTH)
+            if self._widths.get(client.client_id, WIDTH) != width:  # what somebody has pulled stays otherwise
+                client.gui.main_panel.set_width(width)
+                self._widths[client.client_id] = width
 
 
 def link(text: str, what: str, title: str = "", **told: object) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
-from hdplan.planner.view.drawing.colors import legend
+from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.editing import Editing
@@ -30,8 +30,10 @@ from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
-from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
+from hdplan.planner.view.uploads import LONGEST, check_size
+from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -46,15 +48,15 @@ class Panel:
         """Build it; `note` is said among the layers. What comes first stays in sight (`page`)."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.page = Page(viewer.server, viewer.scene.name, viewer.scene.robot.base.position)
+        self.page = Page(viewer.server, viewer.gate, viewer.scene.name, viewer.scene.robot.base.position)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
-        self._next = gui.add_html("")
+        self._next, self._badge = gui.add_html(""), gui.add_html("")
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
         self.live = Live(viewer)
         self.looking = Looking(viewer)
-        self._legend = gui.add_html(legend())
+        self._legend = gui.add_html("")
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
@@ -77,11 +79,18 @@ class Panel:
         self.keys = Keys(viewer)
         self._followed = 0.0
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
+        self.page.on("exponent", lambda *_: self.editing.do(_refuse_exponent))
+        self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
 
     @property
     def verdict(self) -> str:
         """What is written of the scene and its motions, as HTML."""
-        return str(self._next.content) + self.rows.content
+        return str(self._next.content) + str(self._badge.content) + self.rows.content
+
+    @property
+    def legend(self) -> str:
+        """What is written of the path's colours, as HTML."""
+        return str(self._legend.content)
 
     @property
     def clearance(self) -> str:
@@ -100,8 +109,11 @@ class Panel:
 
     def update(self) -> None:
         """Show the values of the scene as it is now."""
-        if not self.handles.dragging:
-            self.handles.update()
+        self.handles.update()
+        self.show_values()
+
+    def show_values(self) -> None:
+        """Show the values of the scene in all fields but those in which somebody types."""
         self.obstacles.update()
         self.jogging.update()
         self.settings.update()
@@ -125,6 +137,7 @@ class Panel:
         """Withdraw what was said of a scene that has changed."""
         self._plots.outdate()
         self.planning.outdate()
+        self.editing.say("")
 
     def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
         """Say what holds at a moment: of a robot at `q` (n,)."""
@@ -139,6 +152,9 @@ class Panel:
         """Say what holds of the motions, and what to do next."""
         viewer, active = self._viewer, self._viewer.motions.active
         self.rows.say()
+        self._say_colors()
+        self._say_badge()
+        self.saving.outdate()
         if active is None:
             words = whats_next(viewer.edited, None)
         else:
@@ -148,6 +164,24 @@ class Panel:
                 words = f"{active.motion.name}: {active.misfit}: press Plan"
         self.say_next(words)
 
+    def _say_colors(self) -> None:
+        """Say what the colours of the active motion's path mean now."""
+        motions = self._viewer.motions
+        content = ""
+        if motions.active is not None:
+            colors, means, _ = motions.look_of(motions.active)
+            content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
+        if self._legend.content != content:
+            self._legend.content = content
+
+    def _say_badge(self) -> None:
+        """Say the verdict in the scene."""
+        viewer, active = self._viewer, self._viewer.motions.active
+        holds = active is not None and viewer.motions.holds(active)
+        content = badge(viewer.edited, None if active is None else active.motion, holds)
+        if self._badge.content != content:
+            self._badge.content = content
+
     def say_next(self, words: str, bad: bool = False) -> None:
         """Say what is to be done or known now, in the two lines that are reserved for it."""
         said = html.escape(words)
@@ -156,12 +190,26 @@ class Panel:
         if self._next.content != content:
             self._next.content = content
 
-    def complain(self, error: Exception) -> None:
-        """Say an error."""
-        self.say_next(str(error), bad=True)
+    def take_back(self) -> None:
+        """Withdraw what was said of the motions and of a moment: something failed."""
+        self._clearance.content = ""
+        self.outdate()
+        self.rows.say()
+        self._say_colors()
+        self._say_badge()
+        self.say_next(OUTDATED)
+
+    def _refuse(self, name: object, size: object) -> None:
+        """Say that a file is too large to be sent."""
+        if isinstance(size, int | float):
+            self.editing.do(lambda: check_size(str(name)[:LONGEST], size))
 
     def _seek(self, share: object) -> None:
         """Show the moment at a share of the timeline."""
         if isinstance(share, int | float) and math.isfinite(share):
             timeline = self.player.timeline
             self.player.go_to(timeline.begin + min(max(share, 0.0), 1.0) * (timeline.end - timeline.begin))
+
+
+def _refuse_exponent() -> None:
+    raise InputError("numbers are written without an exponent here, as 0.001 or 1000000")

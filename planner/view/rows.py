@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,12 +103,13 @@ class Rows:
         self._viewer.redraw()
 
     def _rename(self, shown: Shown, told: Told) -> None:
-        self._viewer.motions.rename(shown, str(told.get("answer", "")))
-        self._viewer.redraw()
+        viewer, name = self._viewer, self._viewer.motions.free_for(shown, str(told.get("answer", "")))
+        viewer.step()
+        shown.motion = replace(shown.motion, name=name)
+        viewer.redraw()
 
     def _remove(self, shown: Shown, told: Told) -> None:
-        self._viewer.motions.remove(shown)
-        self._viewer.redraw()
+        self._viewer.remove(shown)
 
     def _closest(self, shown: Shown, told: Told) -> None:
         motion, player = shown.motion, self._viewer.panel.player

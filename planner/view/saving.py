@@ -39,6 +39,7 @@ class Saving:
         scene = gui.add_button("Save scene", icon=viser.Icon.DOWNLOAD)
         motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
         self._said = gui.add_html("")
+        self._about: tuple[object, object] = None, None  # the scene and the motion of which something is said
         scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
         motion.on_click(lambda event: self._asked_for(event, "motion.json", self.motion_file))
 
@@ -92,7 +93,17 @@ class Saving:
                 setup.robot.configuration(target, scene.from_request)  # refused early
         return scene, Certifier(setup)
 
+    def outdate(self) -> None:
+        """Withdraw what was said of a file, as scene or motion are others by now."""
+        if self._said.content and any(one is not two for one, two in zip(self._about, self._now(), strict=True)):
+            self._said.content = ""
+
+    def _now(self) -> tuple[object, object]:
+        active = self._viewer.motions.active
+        return self._viewer.edited, None if active is None else active.motion.trajectory
+
     def _say(self, text: str) -> None:
+        self._about = self._now()
         self._said.content = small(html.escape(text))
 
     def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:

@@ -14,13 +14,14 @@ import viser
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.gate import UNGUARDED, Gate
+from hdplan.planner.view.page import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
-WIDTH = 360  # [px] of the panel, whatever it says
 TRIED = 100  # ports after the wanted one
 
 
@@ -31,22 +32,27 @@ def open_viewer(
     robot: Robot | None = None,
     host: str = HOST,
     port: int = PORT,
+    share: bool = False,
     complain: Callable[[str], object] = lambda text: None,
 ) -> Viewer:
     """Begin to serve a scene with trajectories by name; `viewer.close()` ends it.
 
-    The viewer's `server.get_port()` says which port it is. Raises InputError for a host that is not this machine, if no
+    `viewer.address()` is where browsers find it; with `share`, `viewer.address(watch=True)` is where others see
+    everything and change nothing. Raises InputError for a host that is not this machine, if no
     port is free, or for trajectories that do not fit the scene's robot.
     """
     setup = Setup.of(scene, robot)
     chosen = free_port(host, port)
-    with quiet():
+    gate = Gate(host, share)
+    with quiet(), gate.guarding() as guarded:
         server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
     try:
+        if not guarded:
+            raise InputError(UNGUARDED)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()  # next to the scene, not over it
         server.gui.main_panel.set_width(WIDTH)
-        return Viewer(server, setup, trajectories, complain)
+        return Viewer(server, gate, setup, trajectories, complain)
     except BaseException:
         with quiet():
             server.stop()

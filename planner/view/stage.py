@@ -12,7 +12,7 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
-from hdplan.planner.view.drawing.motion import Tip
+from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.edited import Edited
@@ -37,15 +37,16 @@ class Stage:
         self.tip = Tip.of(robot)
         self.all_obstacles = server.scene.add_frame("/obstacles", show_axes=False)
         self._chosen: Callable[[Thing], object] | None = None
+        self._handled = ""  # the kind of what has a handle, in whose place no label is read
         self._sent = 0  # obstacles: each has a node's name of its own
         self.obstacles: list[ObstacleNode] = []
         regions = edited.scene.path.regions  # where a point of a link is to stay
         self.region = draw_region(server, *regions) if regions else None
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
-        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, edges=True)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)
         self.labels = [
-            server.scene.add_label(f"/{name}/label", name, font_screen_scale=0.9) for name in ("start", "goal")
+            server.scene.add_label(f"/label of {name}", name, font_screen_scale=0.9) for name in ("start", "goal")
         ]
         self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
         self.closest = ClosestNodes(server)
@@ -72,7 +73,7 @@ class Stage:
         ):
             ghost.show(q)
             ghost.mark({link for contact in contacts for link in (contact.link, contact.other)})
-            label.text = name if not contacts else f"{name}: {contact_words(contacts[:1])}"
+            label.text = name if not contacts else shortened(f"{name}: {contact_words(contacts[:1])}")
             label.position = self.tip.placement(q).translation + 0.06 * UP
         touched = {contact.other for contacts in edited.contacts for contact in contacts}
         for each in self.obstacles:
@@ -85,6 +86,9 @@ class Stage:
             obstacle.show(seconds)
         for ghost in (self.start, self.goal):
             ghost.visible = ghosts and not _same(ghost.q, q)
+        for name, label in zip(("start", "goal"), self.labels, strict=True):  # also where the robot stands there
+            if label.visible != (shown := ghosts and name != self._handled):
+                label.visible = shown
         self.closest.show(pairs)
 
     def on_click(self, chosen: Callable[[Thing], object]) -> None:
@@ -104,8 +108,7 @@ class Stage:
     def highlight(self, thing: Thing | None) -> None:
         """Show what is selected; labels make room for its handle."""
         self.closest.labelled = thing is None
-        for kind, label in zip(("start", "goal"), self.labels, strict=True):
-            label.visible = thing is None or thing.kind != kind
+        self._handled = "" if thing is None else thing.kind
         for node in self.obstacles:
             node.select(thing is not None and thing.kind == "obstacle" and node.obstacle.name == thing.name)
         for kind, ghost in (("start", self.start), ("goal", self.goal)):

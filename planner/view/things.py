@@ -17,6 +17,7 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.ends import jogged, with_target
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
@@ -50,8 +51,11 @@ def things(edited: Edited) -> tuple[Thing, ...]:
 
 
 def obstacle_of(edited: Edited, thing: Thing) -> Obstacle:
-    """Return the obstacle that is selected."""
-    return next(obstacle for obstacle in edited.scene.obstacles if obstacle.name == thing.name)
+    """Return the obstacle that is selected. Raises InputError if it is gone."""
+    for obstacle in edited.scene.obstacles:
+        if obstacle.name == thing.name:
+            return obstacle
+    raise InputError(f"{thing}: is no longer in the scene")
 
 
 def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
@@ -79,9 +83,8 @@ def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | 
     the scene does not allow."""
     begin = begin or edited
     if thing.kind == "obstacle":
-        obstacles = [
-            moved(obstacle, pose) if obstacle.name == thing.name else obstacle for obstacle in edited.scene.obstacles
-        ]
+        mine = obstacle_of(edited, thing)
+        obstacles = [moved(mine, pose) if obstacle is mine else obstacle for obstacle in edited.scene.obstacles]
         return edited.changed(obstacles=tuple(obstacles)), ""
     if thing.kind == "goal" and (old := _pose(edited, thing)) is not None:
         return _goal_pose_dragged(edited, old, pose, begin)

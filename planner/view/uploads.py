@@ -37,9 +37,7 @@ class Uploads:
             raise InputError(f"{name}: a file that ends with one of {', '.join(endings)} is needed")
         if not content:
             raise InputError(f"{name}: is empty")
-        if len(content) > MOST_BYTES:
-            size, most = len(content) / 1e6, MOST_BYTES / 1e6
-            raise InputError(f"{name}: is {size:.0f} MB large; files of at most {most:.0f} MB are read")
+        check_size(name, len(content))
         path = self.folder / bare
         path.write_bytes(content)
         return path
@@ -58,3 +56,9 @@ class Uploads:
     def close(self) -> None:
         """Delete them."""
         self._folder.cleanup()
+
+
+def check_size(name: str, size: float) -> None:
+    """Raise InputError for a file that is too large [bytes]: a page asks before it sends one."""
+    if size > MOST_BYTES:
+        raise InputError(f"{name}: is {size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")

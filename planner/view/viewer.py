@@ -1,7 +1,7 @@
 """The viewer: one scene, its robot and its motions, the same in every browser that looks at it.
 
-Everything is drawn by one thread (`Worker`); browsers only send requests. What is shown is a value (`Edited`, with its
-`History`) and the motions (`Motions`); the other modules here draw it (`Stage`), say it (`Panel`) and change it.
+Everything is drawn by one thread (`Worker`); browsers only send requests. What is shown is a value (`Edited`) and the
+motions (`Motions`), with a `History`; the other modules here draw it (`Stage`), say it (`Panel`) and change it.
 """
 
 from __future__ import annotations
@@ -22,19 +22,26 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.shading import told_apart
-from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
+from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
-from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.gate import Gate
+from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE
-from hdplan.planner.view.motions import Motions
+from hdplan.planner.view.motions import Kept, Motions, Shown
 from hdplan.planner.view.panel import Panel
+from hdplan.planner.view.pulse import Pulse
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.scene import Scene
+
+State = tuple[Edited, tuple[Kept, ...], int | None]
+"""What an undo brings back: the scene, the motions, and the number of the active one."""
+FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
 
 class Viewer:
@@ -43,6 +50,7 @@ class Viewer:
     def __init__(
         self,
         server: viser.ViserServer,
+        gate: Gate,
         setup: Setup,
         trajectories: Sequence[tuple[str, Trajectory]] = (),
         complain: Callable[[str], object] = lambda text: None,
@@ -51,14 +59,15 @@ class Viewer:
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
-        self.server = server
-        self.history = History(Edited.of(setup, trajectories[0][1] if trajectories else None))
+        self.server, self.gate = server, gate
+        self.edited = self.first = Edited.of(setup, trajectories[0][1] if trajectories else None)
+        self.history: History[State] = History()
         self._complain = complain
         motions = []
         for name, trajectory in trajectories:
             with naming(name):  # several may have come, and one not fit
                 motions.append(ShownMotion.of(name, trajectory, self.certifier))
-        skins, note = _skins(self.scene, self.robot)
+        skins, note = shown_skins(self.robot, self.scene.robot)
         skins = told_apart(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
         self.stage = Stage(server, self.edited, skins)
@@ -67,6 +76,7 @@ class Viewer:
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
+        self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
 
@@ -75,10 +85,10 @@ class Viewer:
         """The port on which it is served."""
         return int(self.server.get_port())
 
-    @property
-    def edited(self) -> Edited:
-        """The scene as it is now, with its ends."""
-        return self.history.now
+    def address(self, watch: bool = False) -> str:
+        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
+        shared. Raises KeyError if it is not."""
+        return self.gate.address(self.port, watch)
 
     @property
     def scene(self) -> Scene:
@@ -122,6 +132,7 @@ class Viewer:
 
     def close(self) -> None:
         """End the threads and the server."""
+        self.pulse.end()
         self.panel.end()
         self.worker.end()
         self.uploads.close()
@@ -135,30 +146,43 @@ class Viewer:
         they are, and what was said of them falls until they are measured again, except of the active one on request: it
         is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
         _ = edited.contacts  # refused before anything is shown
-        before = self.scene
-        self.history.change(edited, step)
+        if step:
+            self.step()
+        else:
+            self.history.part()
+        before, self.edited = self.scene, edited
         self._take(before, check)
+
+    def step(self) -> None:
+        """Begin a step, of the scene or of the motions, that can be undone."""
+        self.history.step(self._state())
 
     def undo(self) -> None:
         """Go one step back, and say what holds there."""
-        before = self.scene
-        self.history.undone()
-        self._take(before)
-        self.measure()
+        self._restore(self.history.undone(self._state()))
 
     def redo(self) -> None:
         """Go one step forward again, and say what holds there."""
-        before = self.scene
-        self.history.redone()
-        self._take(before)
-        self.measure()
+        self._restore(self.history.redone(self._state()))
 
     def reset(self) -> None:
         """Take the scene as it was at first, a step that can be undone, and say what holds there."""
-        before = self.scene
-        self.history.reset()
-        self._take(before)
+        self.panel.live.forget()
+        self.change(self.first)
         self.measure()
+
+    def _state(self) -> State:
+        return self.edited, *self.motions.kept()
+
+    def _restore(self, state: State) -> None:
+        """Show a scene and motions as they were; what was planned meanwhile comes too late."""
+        self.panel.live.forget()
+        before = self.scene
+        self.edited, motions, active = state
+        self.motions.restore(motions, active)
+        self._take(before)
+        self.motions.measure()
+        self.redraw()
 
     def measure(self) -> None:
         """Certify and measure the motions again that are not of the scene as it is now."""
@@ -173,18 +197,31 @@ class Viewer:
         *,
         measured: bool = True,
         result: PlanResult | None = None,
+        step: bool = True,
     ) -> Certificate:
-        """Add a motion, or replace the one of that name, and make it the active one; return what holds of it in the
-        scene as it is now: `certificate`, if it is of this scene. Its clearances are `measured` at once or later;
-        `result` is the plan that it comes from."""
+        """Add a motion, or replace the one of that name, and make it the active one, a step that can be undone or a
+        part of the last one; return what holds of it in the scene as it is now: `certificate`, if it is of this scene.
+        Its clearances are `measured` at once or later; `result` is the plan that it comes from."""
         motion = ShownMotion.of(name, trajectory, self.certifier, certificate, measured)
+        if step:
+            self.step()
+            self.panel.live.forget()
         self.motions.add(motion, result)
         self.redraw()
         return motion.certificate
 
+    def remove(self, shown: Shown) -> None:
+        """Take a motion away, a step that can be undone."""
+        self.step()
+        self.panel.live.forget()
+        self.motions.remove(shown)
+        self.redraw()
+
     def choose(self, name: str) -> None:
-        """Make a motion the active one."""
+        """Make a motion the active one: what is being planned from another one would take its place."""
+        self.panel.live.forget()
         self.motions.active = self.motions.named(name)
+        self.motions.paint()
         self.redraw()
 
     def show_robot(self, q: Array) -> None:
@@ -227,6 +264,7 @@ class Viewer:
             self.motions.add(motion)
         if motions:
             self.motions.active = self.motions.shown[0]
+            self.motions.paint()
         self.panel.update()
         self.redraw()
         self.panel.looking.begin()
@@ -238,12 +276,19 @@ class Viewer:
         self.panel.player.enable(bool(self.motions.shown) or timeline.timed)
 
     def _take(self, before: Scene, check: bool = False) -> None:
-        """Show the scene as it is now in place of an earlier one."""
+        """Show the scene as it is now in place of an earlier one; if that fails, nothing is known of its motions."""
+        try:
+            self._show_scene(before, check)
+        except Exception:
+            self._doubt()
+            raise
+
+    def _show_scene(self, before: Scene, check: bool) -> None:
         self.stage.take(self.edited)
         if self.scene is not before:
             if check:
                 self.motions.check()
-            self.motions.outdate(before)
+            self.motions.paint()
             self.panel.outdate()
             self._time()
         self.panel.update()
@@ -251,19 +296,17 @@ class Viewer:
         self.panel.player.draw()
         self.panel.looking.fade()
 
+    def _doubt(self) -> None:
+        """Take back what was said of the motions: what is shown may be half drawn."""
+        self.motions.doubt()
+        self.motions.paint()
+        self.panel.take_back()
+
     def _failed(self, error: Exception) -> None:
-        if not isinstance(error, HdplanError):
-            self._complain(f"{type(error).__name__}: {error}")
-        self.panel.complain(error)
-
-
-def _skins(scene: Scene, robot: Robot) -> tuple[tuple[Skin, ...], str]:
-    """What the robot is shown in, and a word where that is not all its visual meshes."""
-    try:
-        skins, left_out = visual_skins(robot, scene.robot)
-    except InputError as error:
-        skins, left_out = (), (str(error),)
-    if skins:
-        return skins, f"left out of the picture: {'; '.join(left_out)}" if left_out else ""
-    why = "; ".join(left_out) or "its URDF has no visual meshes"
-    return collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}"
+        """Say what a job could not do: what was refused has changed nothing, anything else is a fault of hdplan."""
+        if isinstance(error, HdplanError):
+            self.panel.say_next(str(error), bad=True)
+            return
+        self._doubt()
+        self.panel.say_next(FAILED.format(error=f"{type(error).__name__}: {error}"), bad=True)
+        self._complain(f"{type(error).__name__}: {error}")

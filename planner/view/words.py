@@ -12,7 +12,7 @@ from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
-from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
 from hdplan.planner.view.edited import Edited
 
 OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
@@ -98,3 +98,26 @@ def whats_next(
         worst = min(certificate.failures, key=lambda place: place.distance)
         return f"{found} in this scene: {worst.link} and {worst.other}, {millimetres(worst.distance)}: press Plan"
     return f"{found} in this scene: press Plan"
+
+
+def badge(edited: Edited, active: ShownMotion | None, holds: bool) -> str:
+    """Return the verdict in a few words, as HTML that stands in the scene; nothing without a motion."""
+    for name, contacts in zip(("start", "goal"), edited.contacts, strict=True):
+        if contacts:
+            return _badge("bad", f"✕ {name} in collision")
+    if active is None:
+        return ""
+    if not holds:
+        return _badge("", "… not checked in this scene yet")
+    certificate = active.certificate
+    if certificate.certified:
+        clear = "" if certificate.clearance is None else f" {1e3 * certificate.clearance:.0f} mm"
+        return _badge("good", f"✓ certified{clear}")
+    if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE) and certificate.failures:
+        worst = min(certificate.failures, key=lambda place: place.distance)
+        return _badge("bad", f"✕ {shortened(worst.other, 24)} {millimetres(worst.distance)}")
+    return _badge("bad", f"✕ {SHORT[certificate.status]}")
+
+
+def _badge(tint: str, text: str) -> str:
+    return f'<div class="hd-badge hd-{tint}" role="status">{html.escape(text)}</div>'

@@ -7,6 +7,7 @@ while others wait.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 
@@ -68,7 +69,8 @@ class Worker:
             try:
                 job()
             except Exception as error:  # one bad request must not end the viewer
-                self._complain(error)
+                with contextlib.suppress(Exception):  # nor what is said of it
+                    self._complain(error)
             finally:
                 with self._changed:
                     self._doing = ""

@@ -7,7 +7,7 @@ import viser
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres, shortened
 from hdplan.planner.view.drawing.nodes import BESIDE
 from hdplan.scenes.array_types import Array
 
@@ -40,4 +40,5 @@ def clash_of(motion: ShownMotion, certifier: Certifier) -> tuple[str, Array] | N
         pair.points for pair in pairs if pair is not None and (pair.link, pair.other) == (worst.link, worst.other)
     ]
     at = points[0].mean(axis=0) if points else Tip.of(certifier.robot).placement(q).translation
-    return f"{worst.link} – {worst.other}: {millimetres(worst.distance)}", np.asarray(at + [0.0, 0.0, BESIDE])
+    words = shortened(f"{worst.link} – {worst.other}: {millimetres(worst.distance)}")
+    return words, np.asarray(at + [0.0, 0.0, BESIDE])

@@ -75,7 +75,7 @@ def hex_of(color: Color) -> str:
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
-def legend() -> str:
+def clearance_legend() -> str:
     """Return the clearance scale as HTML."""
     stops = ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE)
     return (
@@ -83,3 +83,8 @@ def legend() -> str:
         f'<div style="flex:1;height:0.6em;border-radius:3px;background:linear-gradient(to right, {stops})"></div>'
         f"<span>≥ {FAR * 1000:g} mm clear</span></div>"
     )
+
+
+def color_legend(color: Color, means: str) -> str:
+    """Return what one colour of a path means as HTML; `means` is HTML."""
+    return f'<div class="hd">path: <span style="color:{hex_of(color)}">▬</span> {means}</div>'

@@ -138,6 +138,12 @@ def millimetres(distance: float) -> str:
     return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
 
 
+def shortened(text: str, most: int = 80) -> str:
+    """Return a text of at most so many characters, both ends of a longer one: names may be of any length."""
+    side = (most - 1) // 2
+    return text if len(text) <= most else f"{text[:side]}…{text[-side:]}"
+
+
 def shares_of(trajectory: Trajectory, certifier: Certifier) -> Iterator[Share]:
     """Yield the shares of the scene's limits that a trajectory takes; none for a path without times."""
     ordered = trajectory.of_joints(certifier.robot.joint_names, certifier.robot.locked)

@@ -26,7 +26,7 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     intensities,
 )
-from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, obstacle_parts, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -36,6 +36,7 @@ from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
+TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
@@ -53,10 +54,9 @@ class RobotNodes:
         *,
         color: Color | None = None,
         opacity: float | None = None,
-        edges: bool = False,
         visible: bool = True,
     ) -> None:
-        """Send the meshes, or only the `edges` of their triangles; `color` replaces the skins' own."""
+        """Send the meshes; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -72,7 +72,6 @@ class RobotNodes:
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
-                    wireframe=edges,
                     cast_shadow=False,
                     receive_shadow=False,
                 ),
@@ -89,6 +88,11 @@ class RobotNodes:
         for joint, frame in self.frames.items():
             place = self.data.oMi[joint]
             frame.position, frame.wxyz = place.translation, wxyz_of(place.rotation)
+
+    def paint(self, color: Color) -> None:
+        """Take another colour."""
+        self.color = color
+        self.mark(())
 
     def mark(self, links: Collection[str]) -> None:
         """Colour these links as being in contact, and all others as they were."""
@@ -215,10 +219,12 @@ class PathNode:
         self._server = server
         self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
 
-    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
-        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour."""
+    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color, width: float = PATH_WIDTH) -> None:
+        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour, of a `width` [m]."""
         with self._server.atomic():
             self._node.points, self._node.colors = _segments(tip, colors)
+            if self._node.thickness != width:
+                self._node.thickness = width
 
     @property
     def visible(self) -> bool:
@@ -255,9 +261,18 @@ class ClosestNodes:
         ]
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
         self.labelled = True
+        self._tight = False
+
+    def pulse(self, phase: float) -> None:
+        """Draw the closest pair with an obstacle, where it is tight, as wide as at a phase of its pulse, 0 to 1."""
+        swell = PULSE * 0.5 * (1.0 - np.cos(2 * np.pi * phase)) if self._tight else 0.0
+        width = float(SEGMENT_WIDTH * (1.0 + swell))
+        if self.lines[0].thickness != width:
+            self.lines[0].thickness = width
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
+        self._tight = pairs[0] is not None and pairs[0].distance < TIGHT
         for line, pair in zip(self.lines, pairs, strict=True):
             line.visible = pair is not None
             if pair is not None:
@@ -268,7 +283,7 @@ class ClosestNodes:
         nearest = pairs[0] or pairs[1]
         self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
-            self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
+            self.label.text = shortened(f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}")
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
 
 

@@ -15,7 +15,7 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
-from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.motion import ShownMotion, shortened
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.limits import QUANTITIES
@@ -223,7 +223,7 @@ def _of_clearance(motions: Sequence[tuple[str, Color]]) -> tuple[list[str], list
 def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
     lines = (
         f'<span style="white-space:nowrap;padding-right:0.8em"><span style="color:{hex_of(color)}">▬</span> '
-        f"{html.escape(name)}</span>"
+        f"{html.escape(shortened(name, 40))}</span>"
         for name, color in zip(names, colors, strict=True)
     )
     return f'<div class="hd" style="line-height:1.3">{" ".join(lines)}</div>'

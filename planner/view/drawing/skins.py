@@ -133,6 +133,18 @@ def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[S
     return tuple(skins), tuple(failed)
 
 
+def shown_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], str]:
+    """Return what the robot is shown in, and a word where that is not all its visual meshes."""
+    try:
+        skins, left_out = visual_skins(robot, spec)
+    except InputError as error:
+        skins, left_out = (), (str(error),)
+    if skins:
+        return skins, f"left out of the picture: {'; '.join(left_out)}" if left_out else ""
+    why = "; ".join(left_out) or "its URDF has no visual meshes"
+    return collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}"
+
+
 @functools.lru_cache(maxsize=8)
 def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
     """Return the links' collision geometry, as the certificate sees it."""

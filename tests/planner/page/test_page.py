@@ -121,6 +121,10 @@ def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
             browser.run(f"page.now = {now}; page.paint()")
             pictures.append(browser.run("document.getElementById('scene').toDataURL()"))
         assert len(set(pictures)) == 3
+        ghosts = "page.stage.solids.filter(x => x.visible && x.alpha < 1)"  # none where the robot stands
+        for now, seen in ((0.0, 0.5), (0.5, 1.0), (1.0, 0.5)):
+            share = f"{ghosts}.filter(x => x.visible()).length / {ghosts}.length"
+            assert browser.run(f"page.now = {now}; {share}") == seen
         browser.run("time.value = 0.25; time.dispatchEvent(new Event('input'))")
         assert browser.run("page.now") == pytest.approx(0.25)
         cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"

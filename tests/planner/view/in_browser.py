@@ -50,8 +50,9 @@ def opened_browser() -> Iterator[Any]:
 
 
 def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
-    """A viewer without reflections and shadows, which cost the processor seconds a page."""
-    viewer = open_viewer(scene, motions, port=8280)
+    """A viewer without reflections, shadows and a pulse, which cost the processor seconds a page."""
+    viewer = open_viewer(scene, motions, port=8280, share=True)
+    viewer.pulse.end()
     viewer.server.scene.configure_environment_map(None)
     viewer.server.scene.configure_default_lights(cast_shadow=False)
     return viewer
@@ -84,7 +85,7 @@ class Tabs:
 
 
 def address(viewer: Viewer) -> str:
-    return f"http://127.0.0.1:{viewer.port}"
+    return viewer.address()
 
 
 def picture(page: Any) -> NDArray[np.int64]:

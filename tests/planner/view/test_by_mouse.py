@@ -285,7 +285,7 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
     more = [Obstacle(f"box {i}", Box((0.03, 0.03, 0.03)), Pose(tuple(place))) for i, place in enumerate(places)]
     viewer = plainly(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), (NAME, trajectory))
     with contextlib.closing(viewer), slow_line(viewer.port, delay=0.3, rate=2e6) as port:
-        page = tab(f"http://127.0.0.1:{port}")
+        page = tab(address(viewer).replace(f":{viewer.port}/", f":{port}/"))
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
         look(viewer, EYE, TARGET)
         page.wait_for_timeout(2000)

@@ -13,7 +13,8 @@ import pytest
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import edits, ends
-from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.history import History
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, TimedPoses
@@ -144,34 +145,29 @@ def test_what_no_file_could_say_is_refused(edited: Edited, edit: Callable[[Edite
     assert scene_text(edited.scene) == before
 
 
-def test_any_edits_can_be_undone_redone_and_reset(edited: Edited) -> None:
+def test_any_edits_can_be_undone_and_redone(edited: Edited) -> None:
     """At random: going back and forth passes through the same scenes, and a new step forgets what was undone."""
     rng = np.random.default_rng(5)
-    history = History(edited)
-    line, at = [edited], 0
+    history: History[Edited] = History()
+    line, at, now = [edited], 0, edited
     for _ in range(200):
         turn = rng.random()
         if turn < 0.5:
-            names = list(obstacles(history.now))
+            names = list(obstacles(now))
             step = [
                 lambda now, names: edits.added(now, Sphere(0.01), "s")[0],
                 lambda now, names: edits.duplicated(now, names[0])[0] if names else now.changed(),
                 lambda now, names: edits.deleted(now, names[-1]) if names else now.changed(),
                 lambda now, names: ends.fixed(now, "start", ends.random_free(now, "start", rng)),
             ][rng.integers(4)]
-            history.change(step(history.now, names))
-            line, at = [*line[: at + 1], history.now], at + 1
+            history.step(now)
+            now = step(now, names)
+            line, at = [*line[: at + 1], now], at + 1
         elif turn < 0.75:
-            at = max(at - 1, 0)
-            assert history.undone() is line[at]
-        elif turn < 0.97:
-            at = min(at + 1, len(line) - 1)
-            assert history.redone() is line[at]
+            at, now = max(at - 1, 0), history.undone(now)
         else:
-            if history.now is not edited:
-                line, at = [*line[: at + 1], edited], at + 1
-            assert history.reset() is edited
-        assert history.now is line[at]
+            at, now = min(at + 1, len(line) - 1), history.redone(now)
+        assert now is line[at]
         assert (history.can_undo, history.can_redo) == (at > 0, at < len(line) - 1)
 
 

@@ -19,7 +19,7 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view import edits
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import GOAL, START, Thing
+from hdplan.planner.view.things import GOAL, START, Thing, things
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
@@ -117,11 +117,10 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
     texts = ["", "0.01", "-3", "nan", "1e400", "abc", "ball", "ä\u2028b", "0 0 0", "\x00"]
     by_worker(viewer, lambda: viewer.panel.obstacles.add("points"))
     by_worker(viewer, lambda: viewer.panel.obstacles.add("capsule"))
-    things = [Thing("obstacle", "ball"), Thing("obstacle", "points"), Thing("obstacle", "capsule"), GOAL]
     refused = taken = 0
     for _ in range(150):
         if rng.random() < 0.2:
-            thing = things[rng.integers(len(things))]
+            thing = things(viewer.edited)[rng.integers(len(things(viewer.edited)))]
             by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))
         fields = [*viewer.panel.obstacles._fields._fields, *viewer.panel.settings._fields._fields]
         handle = fields[rng.integers(len(fields))][0]
@@ -306,7 +305,8 @@ def test_scenes_and_motions_are_opened(viewer: Viewer, trajectory: Trajectory, t
         assert "opened: way" in said(viewer)
         assert "certified" in said(viewer)
     assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "way"]
-    sent(viewer, field(viewer, "history"), "undo")
+    for _ in range(6):  # of five motions and the scene
+        sent(viewer, field(viewer, "history"), "undo")
     assert viewer.scene is first
 
 

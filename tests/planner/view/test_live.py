@@ -16,7 +16,8 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import live as module
-from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.history import History
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, START, Thing, dragged, place_of, things
 from hdplan.planner.view.viewer import Viewer
@@ -277,17 +278,17 @@ def test_a_drag_is_one_step_that_is_undone_and_done_again(viewer: Viewer) -> Non
     assert viewer.edited is last
 
 
-def test_history_forgets_what_was_undone_at_the_next_step(scene: Scene) -> None:
-    first = Edited.of(Setup.of(scene))
-    second, third = first.changed(obstacles=()), first.changed(obstacles=scene.obstacles[:1])
-    history = History(first)
+def test_history_forgets_what_was_undone_at_the_next_step() -> None:
+    history: History[str] = History()
     assert (history.can_undo, history.can_redo) == (False, False)
-    assert history.undone() is first
-    history.change(second)
-    history.change(third, step=False)
-    assert history.undone() is first
-    assert history.redone() is third
-    assert history.undone() is first
-    history.change(second)
+    assert history.undone("first") == "first"
+    history.step("first")
+    assert history.undone("second, changed") == "first"
+    assert history.redone("first") == "second, changed"
+    assert history.undone("second, changed") == "first"
+    history.step("first")
     assert not history.can_redo
-    assert history.redone() is second
+    assert history.redone("third") == "third"
+    assert history.undone("third") == "first"
+    history.part()
+    assert not history.can_redo

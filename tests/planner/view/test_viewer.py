@@ -454,9 +454,10 @@ def test_a_scene_that_does_not_fit_moves_nothing(viewer: Viewer) -> None:
 def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
     """As a browser may send anything."""
     for position, wxyz in (((np.nan, 0, 0), (1, 0, 0, 0)), ((0, 0, 0), (0, 0, 0, 0)), ((0, np.inf, 0), (1, 0, 0, 0))):
-        handle = SimpleNamespace(position=position, wxyz=wxyz)
+        handle = SimpleNamespace(position=position, wxyz=wxyz, remove=lambda: None)
         viewer.panel.handles.choice.value = str(GOAL)
         viewer.worker.settle(20)
+        viewer.panel.handles._handle = handle
         before = viewer.scene
         viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update"))
         assert viewer.worker.settle(20)

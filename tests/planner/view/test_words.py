@@ -10,9 +10,9 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.drawing.motion import ShownMotion, Tip
+from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres
 from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.words import OUTDATED, SHORT, figures, whats_next
+from hdplan.planner.view.words import OUTDATED, SHORT, badge, figures, whats_next
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 
@@ -73,3 +73,20 @@ def test_an_end_in_collision_comes_before_everything_else(edited: Edited, trajec
 def test_every_verdict_has_a_short_name() -> None:
     assert set(SHORT) == set(Status)
     assert max(map(len, SHORT.values())) < 25  # of one line
+
+
+def test_the_badge_says_the_verdict_in_a_few_words(edited: Edited, trajectory: Trajectory, scene: Scene) -> None:
+    """Nothing without a motion, and no tick where nothing is known."""
+    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    certified, colliding = (ShownMotion.of("", each, edited.certifier) for each in (trajectory, line))
+    assert badge(edited, None, False) == ""
+    assert certified.certificate.clearance is not None
+    assert f"✓ certified {1e3 * certified.certificate.clearance:.0f} mm" in badge(edited, certified, True)
+    assert "✓" not in badge(edited, certified, False)
+    assert "not checked" in badge(edited, certified, False)
+    worst = min(colliding.certificate.failures, key=lambda place: place.distance)
+    assert f"✕ {worst.other} {millimetres(worst.distance)}" in badge(edited, colliding, True)
+    assert "hd-bad" in badge(edited, colliding, True)
+    ball = replace(scene.obstacles[0], pose=Pose(tuple(certified.tip[-1].tolist())))
+    blocked = edited.changed(obstacles=(ball,))
+    assert "✕ goal in collision" in badge(blocked, certified, False)

@@ -1,0 +1,52 @@
+"""The way back and forth: what was shown before each step, and what was undone.
+
+A value is remembered as it is when it is left, as what a step began goes on changing: a motion follows what is dragged.
+"""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+Value = TypeVar("Value")
+
+
+class History(Generic[Value]):
+    """Earlier values and undone ones; what is shown now is another's."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._before: list[Value] = []
+        self._after: list[Value] = []
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to undo."""
+        return bool(self._before)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step to redo."""
+        return bool(self._after)
+
+    def step(self, now: Value) -> None:
+        """Begin a step, which leads away from what is shown now."""
+        self._before.append(now)
+        self._after.clear()
+
+    def part(self) -> None:
+        """Go on with the last step: what was undone can no longer be done again."""
+        self._after.clear()
+
+    def undone(self, now: Value) -> Value:
+        """Return what was shown before the last step, or what is shown now if there is none."""
+        if not self._before:
+            return now
+        self._after.append(now)
+        return self._before.pop()
+
+    def redone(self, now: Value) -> Value:
+        """Return what was shown before the last undo, or what is shown now if there is none."""
+        if not self._after:
+            return now
+        self._before.append(now)
+        return self._after.pop()

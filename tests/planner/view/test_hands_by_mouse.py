@@ -1,0 +1,142 @@
+"""Two hands at one scene, and what was typed wrongly, by mouse and keyboard in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.gate import WATCH
+from hdplan.planner.view.page import ENDED, WATCHING
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.scene import Scene
+from tests.planner.view.in_browser import (
+    Tabs,
+    address,
+    arrow_dragged,
+    by_worker,
+    calm,
+    entry,
+    look,
+    plainly,
+    press,
+    tab_of,
+    until,
+)
+
+pytestmark = pytest.mark.slow
+BALL = Thing("obstacle", "ball")
+EYE, TARGET = (0.4, -2.2, 2.6), (0.4, 0.3, 0.0)
+
+
+@pytest.fixture
+def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    found = plainly(scene, (NAME, trajectory))
+    yield found
+    found.close()
+
+
+def dragging(page: Any, viewer: Viewer) -> None:
+    """Select the ball and drag it a little; the button stays down."""
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    look(viewer, EYE, TARGET)
+    page.wait_for_timeout(2000)
+    place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
+    arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
+    until(lambda: viewer.panel.handles.dragging, "it is not dragged")
+
+
+def says_the_truth(page: Any, viewer: Viewer) -> None:
+    calm(viewer)
+    by_worker(viewer, viewer.measure)
+    assert viewer.motions.active is not None
+    text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
+    page.get_by_text(text).first.wait_for()
+
+
+@pytest.mark.parametrize("by", ["delete", "z", "reset"])
+def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> None:
+    """By another tab, or by the other hand at the keyboard; the first goes on pulling, and lets go late."""
+    page, first = tab(address(viewer)), viewer.edited
+    dragging(page, viewer)
+    if by == "z":
+        page.keyboard.press("z")
+        until(lambda: viewer.edited is first, "it is not undone")
+    elif by == "reset":
+        viewer.panel.editing.ask("reset")
+        until(lambda: viewer.edited is first, "it is not reset")
+    else:
+        other = tab(address(viewer))
+        other.bring_to_front()
+        tab_of(other, "Scene")
+        press(other, "delete")
+        until(lambda: "ball" not in [each.name for each in viewer.scene.obstacles], "it is not deleted")
+        page.bring_to_front()
+    without = viewer.edited
+    for x in (280, 240, 200):
+        page.mouse.move(x, 200)
+        page.wait_for_timeout(200)
+    page.mouse.up()
+    page.wait_for_timeout(1000)
+    calm(viewer)
+    assert viewer.edited is without
+    assert not viewer.panel.handles.dragging
+    assert viewer.panel.handles.selected == (None if by == "delete" else BALL)
+    says_the_truth(page, viewer)
+
+
+def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
+    page, before = tab(viewer.address(watch=True)), viewer.edited
+    assert f"/{WATCH}/" in page.url
+    page.get_by_text(WATCHING).wait_for()
+    page.get_by_text("certified: at least").first.wait_for()
+    press(page, "Plan")
+    press(page, "undo")
+    page.keyboard.press("End")
+    page.keyboard.press("p")
+    page.wait_for_timeout(3000)
+    assert viewer.edited is before
+    assert viewer.panel.player.time == 0.0
+    assert not viewer.panel.planning.running
+    assert [shown.motion.name for shown in viewer.motions.shown] == [NAME]
+    tab_of(page, "Scene")  # which is the page's own affair
+    page.get_by_text("Save scene").wait_for()
+
+
+def test_a_server_that_has_ended_is_said(tab: Tabs, viewer: Viewer) -> None:
+    page = tab(address(viewer))
+    said: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
+    page.wait_for_timeout(4000)
+    assert ENDED not in said()
+    viewer.close()
+    until(lambda: ENDED in said(), "it looks alive")
+    tab.complaints[:] = [text for text in tab.complaints if "WebSocket" not in text and "ERR_CONNECTION" not in text]
+
+
+def test_an_exponent_makes_no_other_number(tab: Tabs, viewer: Viewer) -> None:
+    page = tab(address(viewer))
+    tab_of(page, "Plan")
+    field = entry(page, viewer, "waypoints")
+    field.click()
+    field.press("Control+a")
+    page.keyboard.type("1e9", delay=100)
+    page.get_by_text("without an exponent").wait_for()
+    calm(viewer)
+    assert viewer.scene.planner.waypoints != 19
+
+
+def test_a_refused_value_leaves_its_field(tab: Tabs, viewer: Viewer) -> None:
+    page = tab(address(viewer))
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    tab_of(page, "Scene")
+    field = entry(page, viewer, "clearance [m]")
+    field.fill("a lot")
+    page.get_by_text("must be a number, or empty, found 'a lot'").wait_for()
+    until(lambda: field.input_value() == "", "it stays")
+    page.get_by_text("not done: ").wait_for()

@@ -1,0 +1,169 @@
+"""What the panel says and holds stays true: refused values leave their fields, words of a file go with what it was
+about, new shapes stand on the eye's side, and long names take no room."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view import edits
+from hdplan.planner.view.drawing.motion import shortened
+from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.page import NARROWEST, WIDTH
+from hdplan.planner.view.things import START, Thing, place_of
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Opener = Callable[..., Viewer]
+BALL = Thing("obstacle", "ball")
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    viewer = opened(scene, found=trajectory)
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    return viewer
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(20)
+
+
+def typed(viewer: Viewer, field: str, value: object) -> Any:
+    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
+    handle._impl.value = value
+    for heard in handle._impl.update_cb:
+        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    assert viewer.worker.settle(20)
+    return handle
+
+
+@pytest.mark.parametrize(("field", "value"), [("clearance", "a lot"), ("name", "prism"), ("radius", -1.0)])
+def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, value: object) -> None:
+    """Not at once, as somebody may still be typing."""
+    handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
+    before = handle.value
+    typed(viewer, field, value)
+    assert "not done: " in viewer.panel.editing.said
+    assert handle.value == value
+    deadline = time.monotonic() + 20
+    while handle.value != before:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert "not done: " in viewer.panel.editing.said
+
+
+def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
+    before = viewer.edited
+    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})  # type: ignore[arg-type]
+    assert viewer.worker.settle(20)
+    assert "without an exponent" in viewer.panel.editing.said
+    assert viewer.edited is before
+
+
+def test_words_of_a_file_go_with_what_it_was_about(viewer: Viewer) -> None:
+    saving = viewer.panel.saving
+    by_worker(viewer, saving.motion_file)
+    assert "saved: certified" in saving._said.content
+    by_worker(viewer, viewer.redraw)
+    assert "saved: certified" in saving._said.content
+    place = place_of(viewer.edited, BALL, viewer.stage.tip)
+    by_worker(viewer, lambda: viewer.panel.editing.say("opened: the scene"))
+    by_worker(viewer, lambda: viewer.panel.handles.drag(Pose((place.position[0] + 0.01, *place.position[1:]))))
+    assert saving._said.content == ""
+    assert viewer.panel.editing.said == ""
+    by_worker(viewer, saving.scene_file)
+    assert "saved: the scene" in saving._said.content
+    by_worker(viewer, viewer.undo)
+    assert saving._said.content == ""
+
+
+def test_esc_selects_nothing_also_while_something_is_dragged(viewer: Viewer) -> None:
+    place = place_of(viewer.edited, BALL, viewer.stage.tip)
+    by_worker(viewer, lambda: viewer.panel.handles.drag(place))
+    escape = next(each for each in viewer.panel.keys._keys if each.key == "escape")
+    escape.act(None)
+    assert viewer.worker.settle(20)
+    assert viewer.panel.handles.selected is None
+    assert not viewer.panel.handles.dragging
+    assert viewer.edited.scene.obstacles
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, 2 * np.pi, 7)[:-1])
+def test_new_shapes_stand_on_the_eyes_side_where_there_is_room(angle: float) -> None:
+    empty = Edited.of(Setup.of(load_scene("planar_arm"))).changed(obstacles=())
+    eye = 3.0 * np.array([np.cos(angle), np.sin(angle), 0.3])
+    ends = [place_of(empty, Thing(end), edits.Tip.of(empty.robot)).position for end in ("start", "goal")]
+
+    def placed(*eyes: np.ndarray) -> tuple[float, float]:
+        """How much room there is, and how far it is from the eye."""
+        after, _ = edits.added(empty, Box((0.05, 0.05, 0.05)), "box", *eyes)
+        at = np.array(after.scene.obstacles[-1].pose.position)
+        return min(float(np.linalg.norm(at - end)) for end in ends), float(np.linalg.norm(at - eye))
+
+    (most, farther), (room, near) = placed(), placed(eye)
+    assert near <= farther
+    assert edits.ROOMY * most < room <= most
+
+
+@pytest.mark.parametrize("length", [1, 79, 80, 81, 300])
+def test_long_names_take_no_room(length: int) -> None:
+    name = "".join(chr(97 + i % 26) for i in range(length))
+    found = shortened(name)
+    assert len(found) <= 80
+    assert (found == name) == (length <= 80)
+    assert (found[0], found[-1]) == (name[0], name[-1])
+
+
+@pytest.mark.parametrize(
+    ("window", "width"), [(1400, WIDTH), (700, 280), (600, NARROWEST), (float("nan"), None), ("a", None)]
+)
+def test_the_panel_leaves_room_for_the_scene(viewer: Viewer, window: object, width: float | None) -> None:
+    asked: list[float] = []
+    panel = SimpleNamespace(set_width=asked.append)
+    gui = SimpleNamespace(configure_theme=lambda **_: None, main_panel=panel)
+    client: Any = SimpleNamespace(client_id=7, gui=gui, scene=SimpleNamespace(add_grid=lambda *_, **__: None))
+    for _ in range(2):
+        viewer.panel.page._theme(client, {"do": "theme", "dark": False, "width": window})
+    assert asked == ([] if width in (None, WIDTH) else [width])
+
+
+def test_start_and_goal_have_their_names_also_where_the_robot_stands(viewer: Viewer) -> None:
+    stage = viewer.stage
+    by_worker(viewer, lambda: viewer.panel.handles.select(None))
+    for now, ghosts in ((0.0, (False, True)), (0.5, (True, True)), (1.0, (True, False))):
+        viewer.show(now)
+        assert (stage.start.visible, stage.goal.visible) == ghosts
+        assert [label.visible for label in stage.labels] == [True, True]
+    by_worker(viewer, lambda: viewer.panel.handles.select(START))
+    assert [label.visible for label in stage.labels] == [False, True]
+    viewer.panel.layers.set("start and goal", on=False)
+    assert viewer.worker.settle(20)
+    assert not any(label.visible for label in stage.labels)
+
+
+def test_the_closest_pair_pulses_where_it_is_tight_and_nowhere_else(viewer: Viewer) -> None:
+    closest, tight = viewer.stage.closest, []
+    for now in np.linspace(0.0, 1.0, 21):
+        viewer.show(now)
+        pair = viewer.certifier.closest(viewer.configuration)[0]
+        widths = []
+        for phase in np.linspace(0.0, 1.0, 9):
+            closest.pulse(phase)
+            widths.append(closest.lines[0].thickness)
+        assert widths[0] == widths[-1] == SEGMENT_WIDTH
+        tight.append(pair is not None and pair.distance < TIGHT)
+        assert (max(widths) > SEGMENT_WIDTH) == tight[-1]
+    assert len(set(tight)) == 2

@@ -1,0 +1,84 @@
+"""The colours of paths: none that fails looks healthy, whatever else is shown, and the legend says what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, clearance_colors, hex_of, intensities
+from hdplan.planner.view.drawing.nodes import PATH_WIDTH
+from hdplan.planner.view.motions import FAINT, Shown
+from hdplan.planner.view.things import Thing
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.scene import Scene
+
+Opener = Callable[..., Viewer]
+MM = "mm clear"  # of the scale of clearances
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    """One motion that is certified, and one that runs into the obstacles."""
+    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    return opened(scene, found=trajectory, line=line)
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(20)
+
+
+def drawn(shown: Shown) -> np.ndarray:
+    """The colours of a path, each once (c, 3)."""
+    return np.unique(np.asarray(shown.path._node.colors).reshape(-1, 3), axis=0)
+
+
+def one(color: tuple[int, int, int]) -> list[list[int]]:
+    return intensities(np.array([color], dtype=np.uint8)).tolist()
+
+
+@pytest.mark.parametrize("chosen", ["found", "line", ""])
+def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: str) -> None:
+    """Whichever is chosen, and at first."""
+    if chosen:
+        by_worker(viewer, lambda: viewer.choose(chosen))
+    found, line = viewer.motions.shown
+    assert drawn(line).tolist() == one(CONTACT)
+    assert {tuple(mesh.color) for _, mesh in line.robot.meshes} == {CONTACT}
+    if chosen != "line":
+        scale = clearance_colors(found.motion.clearance)
+        assert drawn(found).tolist() == np.unique(intensities(scale), axis=0).tolist()
+        assert MM in viewer.panel.legend
+    else:
+        assert drawn(found).tolist() == one(found.color)
+        assert found.color in MOTIONS
+        assert MM not in viewer.panel.legend
+        assert hex_of(CONTACT) in viewer.panel.legend
+        assert "in contact" in viewer.panel.legend
+
+
+def test_the_chosen_path_alone_is_wide(viewer: Viewer) -> None:
+    for name in ("found", "line", "found"):
+        if viewer.motions.active is None or viewer.motions.active.motion.name != name:
+            by_worker(viewer, lambda name=name: viewer.choose(name))
+        widths = {shown.motion.name: shown.path._node.thickness for shown in viewer.motions.shown}
+        assert widths[name] == PATH_WIDTH
+        assert all(width < PATH_WIDTH for other, width in widths.items() if other != name)
+
+
+def test_the_legend_means_the_colours_that_are_drawn(viewer: Viewer) -> None:
+    """While something is dragged, after it, and where there is no motion."""
+    by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
+    ball = next(each for each in viewer.scene.obstacles if each.name == "ball")
+    by_worker(viewer, lambda: viewer.panel.handles.drag(ball.pose))
+    assert MM not in viewer.panel.legend
+    assert "not checked in this scene yet" in viewer.panel.legend
+    assert drawn(viewer.motions.shown[0]).tolist() == one(FAINT)
+    by_worker(viewer, viewer.panel.handles.let_go)
+    assert MM in viewer.panel.legend
+    for shown in list(viewer.motions.shown):
+        by_worker(viewer, lambda shown=shown: viewer.remove(shown))
+    assert viewer.panel.legend == ""

@@ -1,0 +1,226 @@
+"""Two people, or two hands, at one scene, without a browser: whatever comes while something is dragged, what is gone is
+not selected, and what is said is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.things import START, Thing, place_of, things
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.scene import Scene
+
+Opener = Callable[..., Viewer]
+BALL, PRISM = Thing("obstacle", "ball"), Thing("obstacle", "prism")
+SAYS_CERTIFIED = "certified: at least"
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    viewer = opened(scene, planned=trajectory)
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    return viewer
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(20)
+
+
+def pulled(viewer: Viewer, handle: Any, way: tuple[float, float, float]) -> None:
+    """Let a browser say that a handle, which may be gone by now, was moved."""
+    x, y, z = np.add(handle.position, way).tolist()
+    target = handle if handle is viewer.panel.handles._handle else SimpleNamespace(wxyz=handle.wxyz)
+    target.position = (x, y, z)
+    viewer.panel.handles._dragged(SimpleNamespace(target=target, phase="update"))
+    assert viewer.worker.settle(20)
+
+
+def assert_true(viewer: Viewer) -> None:
+    """What is selected is there, and what is said of the active motion is true."""
+    selected, active = viewer.panel.handles.selected, viewer.motions.active
+    assert selected is None or selected in things(viewer.edited)
+    assert len(viewer.stage.obstacles) == len(viewer.scene.obstacles)
+    if active is not None and viewer.motions.holds(active):
+        assert active.motion.certificate.text == certify(viewer.scene, active.motion.trajectory, viewer.robot).text
+    elif active is not None:
+        assert SAYS_CERTIFIED not in viewer.panel.verdict
+
+
+def names(viewer: Viewer) -> list[str]:
+    return [obstacle.name for obstacle in viewer.scene.obstacles]
+
+
+def test_what_is_deleted_while_it_is_dragged_is_neither_selected_nor_dragged(viewer: Viewer) -> None:
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (-0.02, 0.0, 0.0))
+    assert viewer.panel.handles.dragging
+    before = names(viewer)
+    viewer.panel.editing.do(viewer.panel.obstacles.delete)
+    assert viewer.worker.settle(20)
+    assert names(viewer) == [name for name in before if name != "ball"]
+    assert viewer.panel.handles.selected is None
+    assert not viewer.panel.handles.dragging
+    assert viewer.panel.handles.choice.value == "nothing"
+    assert_true(viewer)
+    without = viewer.edited
+    pulled(viewer, handle, (-0.05, 0.0, 0.0))
+    by_worker(viewer, viewer.panel.handles.let_go)
+    assert viewer.edited is without
+    assert_true(viewer)
+
+
+def test_the_addition_of_what_is_dragged_is_undone(viewer: Viewer) -> None:
+    first = viewer.scene
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (0.01, 0.0, 0.0))
+    for _ in range(2):  # of the movement, and of the addition
+        viewer.panel.editing.ask("undo")
+        assert viewer.worker.settle(20)
+    assert viewer.scene is first
+    assert viewer.panel.handles.selected is None
+    pulled(viewer, handle, (0.01, 0.0, 0.0))
+    assert viewer.scene is first
+    assert_true(viewer)
+
+
+def test_an_undo_in_the_midst_of_a_drag_loses_nothing(viewer: Viewer) -> None:
+    first = viewer.edited
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (-0.01, 0.0, 0.0))
+    moved = viewer.edited
+    viewer.panel.editing.ask("undo")
+    assert viewer.worker.settle(20)
+    assert viewer.edited is first
+    pulled(viewer, handle, (-0.02, 0.0, 0.0))  # by the hand that has not let go yet
+    assert viewer.edited is first
+    by_worker(viewer, viewer.redo)
+    assert viewer.edited is moved
+    by_worker(viewer, viewer.undo)
+    assert viewer.edited is first
+
+
+def test_an_edit_by_another_hand_leaves_the_thing_in_this_one(viewer: Viewer) -> None:
+    """And each has a step of its own."""
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (-0.01, 0.0, 0.0))
+    moved = viewer.edited
+    viewer.panel.editing.do(lambda: viewer.panel.editing.apply("add", lambda edited: edited.changed(name="other")))
+    assert viewer.worker.settle(20)
+    other = viewer.edited
+    pulled(viewer, handle, (-0.01, 0.0, 0.0))
+    assert viewer.panel.handles.dragging
+    assert viewer.scene.name == "other"
+    assert place_of(viewer.edited, BALL, viewer.stage.tip) != place_of(other, BALL, viewer.stage.tip)
+    by_worker(viewer, viewer.undo)
+    assert viewer.edited is other
+    by_worker(viewer, viewer.undo)
+    assert viewer.edited is moved
+
+
+def test_a_handle_that_another_one_replaced_moves_nothing(viewer: Viewer) -> None:
+    """What somebody selects meanwhile does not jump to where the first thing was dragged."""
+    handle = viewer.panel.handles._handle
+    pulled(viewer, handle, (-0.01, 0.0, 0.0))
+    by_worker(viewer, lambda: viewer.panel.handles.select(PRISM))
+    before = viewer.edited
+    pulled(viewer, handle, (-0.05, 0.0, 0.0))
+    assert viewer.edited is before
+    assert viewer.panel.handles.selected == PRISM
+
+
+def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) -> None:
+    """Though that was selected before the worker came to it."""
+    panel, before = viewer.panel, viewer.scene
+    handle = next(field for field, name, _ in panel.obstacles._fields._fields if name == "clearance")
+
+    def busy() -> None:
+        handle._impl.value = "0.007"
+        for heard in handle._impl.update_cb:
+            heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+        panel.handles.select(PRISM)
+
+    by_worker(viewer, busy)
+    assert viewer.scene is before
+    assert "another thing is selected" in panel.editing.said
+
+
+def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    told: list[str] = []
+    viewer = opened(scene, found=trajectory)
+    viewer._complain = told.append
+    assert SAYS_CERTIFIED in viewer.panel.verdict
+
+    def fails() -> None:
+        raise StopIteration
+
+    by_worker(viewer, fails)
+    assert "hdplan failed here (StopIteration" in viewer.panel.verdict
+    assert SAYS_CERTIFIED not in viewer.panel.verdict
+    assert "hd-good" not in viewer.panel.verdict
+    assert viewer.panel.clearance == ""
+    assert len(told) == 1
+    by_worker(viewer, viewer.measure)
+    assert SAYS_CERTIFIED in viewer.panel.verdict
+
+
+def test_a_change_that_fails_half_way_shows_no_verdict(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    viewer._complain = told.append
+    monkeypatch.setattr(viewer.panel.jogging, "update", lambda: 1 / 0)
+    pulled(viewer, viewer.panel.handles._handle, (-0.01, 0.0, 0.0))
+    assert "hdplan failed here (ZeroDivisionError" in viewer.panel.verdict
+    assert SAYS_CERTIFIED not in viewer.panel.verdict
+    assert told
+
+
+def test_whatever_two_hands_do_is_true(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    """At random: handles old and new are pulled, things selected, added, deleted, renamed, undone, redone and reset."""
+    rng = np.random.default_rng(38)
+    viewer = opened(scene, live=True, planned=trajectory)
+    panel, handles = viewer.panel, viewer.panel.handles
+    held: list[Any] = []
+
+    def some(every: Sequence[Any]) -> Any:
+        return every[rng.integers(len(every))]
+
+    def rename() -> None:
+        panel.editing.edit("name", lambda edited: panel.obstacles._renamed(edited, f"thing {rng.integers(4)}"))
+
+    hands: list[Callable[[], object]] = [
+        lambda: panel.editing.do(panel.obstacles.delete),
+        lambda: panel.editing.do(panel.obstacles.duplicate),
+        lambda: panel.editing.do(lambda: panel.obstacles.add("sphere")),
+        lambda: panel.editing.ask("undo"),
+        lambda: panel.editing.ask("redo"),
+        lambda: panel.editing.ask("reset"),
+        rename,
+        handles.release,
+        lambda: viewer.worker.ask("select", lambda: handles.select(some(things(viewer.edited)))),
+        lambda: viewer.worker.ask("select", lambda: handles.select(START)),
+    ]
+    for _ in range(40):
+        if handles._handle is not None:
+            held = [*held[-2:], handles._handle]
+        if held and rng.random() < 0.5:
+            handle = some(held)
+            x, y, _ = (0.02 * rng.normal(size=3)).tolist()
+            pulled(viewer, handle, (x, y, 0.0))
+        else:
+            some(hands)()
+        if rng.random() < 0.6:
+            assert viewer.worker.settle(20)
+            by_worker(viewer, lambda: assert_true(viewer))
+    assert panel.live.settle(20)
+    assert viewer.worker.settle(20)
+    by_worker(viewer, viewer.measure)
+    by_worker(viewer, lambda: assert_true(viewer))
+    assert viewer.motions.active is not None
+    assert viewer.motions.holds(viewer.motions.active)
