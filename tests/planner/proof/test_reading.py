@@ -44,9 +44,7 @@ def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
             assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
             assert plane.gap <= near.distance + COAL
             assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
-            pairs = read.pairs(
-                near.link, near.other, near.to_obstacle
-            )  # of pieces, one of which the closest points are on
+            pairs = read.pairs(near.link, near.other, near.to_obstacle)  # of pieces, with the points on one of them
             first = read.world.pieces[read.world.pairs[pairs[0], 0]].name
             sides = [1.0 if body == first else -1.0 for body in (near.link, near.other)]
             assert any(
