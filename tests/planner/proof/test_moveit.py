@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import itertools
 import json
 from collections.abc import Callable, Iterator
@@ -176,9 +177,76 @@ def test_a_request_is_asked_for(tmp_path: Path) -> None:
     ):
         with pytest.raises(RejectedError, match=words):
             read_world(scene, motion, None, *given)
-    (tmp_path / "r.xacro").write_text(URDF)
-    with pytest.raises(RejectedError, match=r"r\.xacro: MoveIt's messages need a robot that the checker reads"):
-        read_world(scene, motion, None, request, str(tmp_path / "r.xacro"))
+
+
+XACRO = URDF.replace('name="r">', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">').replace("0.6", "${0.2 * 3}")
+MJCF = """<mujoco model="r"><compiler angle="radian"/><worldbody><body name="base" pos="0 0 0.05">
+<geom type="box" size="0.05 0.05 0.05"/><body name="up"><joint name="a" axis="0 1 0" range="-2 2"/>
+<geom type="box" size="0.025 0.025 0.2" pos="0 0 0.3"/>
+<body name="fore" pos="0 0 0.6"><joint name="b" axis="0 1 0" range="-2 2"/>
+<geom type="box" size="0.025 0.025 0.2" pos="0 0 0.3"/>
+<body name="hand" pos="0 0 0.6"><joint name="c" axis="1 0 0" range="-2 2"/><geom size="0.03" pos="0 0 0.1"/>
+<body name="finger" pos="0 0.1 0.1"><joint name="f" type="slide" axis="0 1 0" range="0 0.1"/><geom size="0.01"/></body>
+</body></body></body></body></worldbody></mujoco>"""
+UNREAD = {"r.xacro": XACRO, "r.xml": MJCF}
+ELSEWHERE: dict[str, tuple[str, str, Any, str]] = {
+    "an obstacle": ("scene", "world.collision_objects.0.primitive_poses.0.position", [-1.5, 0.1, 0.5], "obstacle ball"),
+    "what is held": (
+        "scene",
+        "robot_state.attached_collision_objects.0.object.primitive_poses.0.position",
+        [0, 0, 0.21],
+        r"bodies\[cup",
+    ),
+    "touch_links": ("scene", "robot_state.attached_collision_objects.0.touch_links", [], "touch_links"),
+    "the start": ("request", "start_state.joint_state.position", [0.2, 0.1, 0.15], r"start\[0\]"),
+    "the goal": ("request", "goal_constraints.0.joint_constraints.0.position", 0.41, r"goal\[0\]"),
+    "a padding": ("scene", "link_padding", [], r"clearances\.own"),
+}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_robot_in_xacro_or_mjcf_is_taken_from_the_proof_and_all_else_is_read(name: str, tmp_path: Path) -> None:
+    robot = {"robot": {**ROBOT, "urdf": name}}
+    scene, motion, request, section = given = files(
+        tmp_path, {**MOTION, "times": None, "velocities": None}, robot=robot,
+        request={x: y for x, y in REQUEST.items() if x != "max_velocity_scaling_factor"},
+    )  # fmt: skip
+    (tmp_path / name).write_text(UNREAD[name])
+    with pytest.raises(RejectedError, match="no proof that has it"):
+        read(given)
+    proof = hdplan.prove(scene, motion, request, section)
+    taken = f"the robot ({name}) with its limits and the pairs left out; "
+    assert proof.text.startswith(f"accepted in part; NOT read by the checker, but taken from the proof: {taken}")
+    verdict, _ = check(scene, motion, proof.data, request, section)
+    assert verdict.text == proof.text
+    assert not verdict.whole
+    for which, path, value, words in ELSEWHERE.values():
+        message = {"scene": scene, "request": request}[which]
+        before = message.read_text()
+        message.write_text(json.dumps(put(json.loads(before), path, value)))
+        head, told, rest = unpacked(proof.data)
+        files_ = {x: hash_of(tmp_path / f"{x}.yaml") if x == which else y for x, y in head["files"].items()}
+        with pytest.raises(RejectedError, match=words):
+            check(scene, motion, packed({**head, "files": files_}, told, rest), request, section)
+        message.write_text(before)
+
+
+def hash_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("model", "whose"), [("r", ""), ("", ""), ("other", " of the robot other")])
+def test_pairs_that_moveit_would_compare_are_named(model: str, whose: str, tmp_path: Path) -> None:
+    """MoveIt compares links that its matrix does not let touch, or does not name, whatever robot it is about."""
+    given = files(tmp_path, scene=put(SCENE, "robot_model_name", model))
+    scene, motion, request, robot = given
+    proof = hdplan.prove(scene, motion, request, robot)
+    verdict = check(scene, motion, proof.data, request, robot)[0]
+    pairs = "base-fore, base-hand, fore-hand" if whose else "base-hand, fore-hand"
+    assert f"\n  not compared, although MoveIt's allowed collision matrix{whose} does: {pairs}\n" in verdict.text
+    for message in ({"entry_names": [], "entry_values": []}, {}):  # which says nothing
+        given = files(tmp_path, scene=put(SCENE, MATRIX, message))
+        assert not read_world(scene, motion, None, request, robot).passed
 
 
 def outcome(proof: bytes, given: tuple[Path, Path, Path, str], hashes: dict[str, str] | None = None) -> str:
