@@ -26,6 +26,7 @@ from .semantics import Semantics
 from .targets import Targets
 from .text import Files, listing, mapping, row
 
+ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
 
 
@@ -36,7 +37,7 @@ class Reading:
     world: dict[str, Any]
     hashes: dict[str, str]  # of the files
     taken: tuple[str, ...]  # what the checker does not read, and took from the proof's own world
-    passed: tuple[str, ...]  # what is to be said of pairs that are not compared, although MoveIt compares them
+    passed: tuple[str, ...]  # what the files ask for and no world holds, in words
 
 
 def read_world(
@@ -48,7 +49,7 @@ def read_world(
     with rejecting():
         reader = Reader(scene, motion, told, request, robot)
         world = reader.world_of_other_robot() if isinstance(reader.joints, OtherRobot) else reader.world()
-        return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world["not_compared"]))
+        return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
 
 
 class Reader:
@@ -204,11 +205,17 @@ class Reader:
             **self.wanted(own),
         }
 
-    def passed(self, left_out: list[Any]) -> tuple[str, ...]:
-        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared."""
+    def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
+        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared, and of
+        rows that are farther apart than a scene says."""
         whose, *pairs = self.top.get("matrix", ("", [], []))
-        told = [*pairs[0], *pairs[1]] if pairs else []
+        left_out, told = world["not_compared"], [*pairs[0], *pairs[1]]
         found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
         words = ", ".join("-".join(map(named, pair)) for pair in found)
         of = f" of the robot {named(whose)}" if whose else ""
-        return (f"not compared, although MoveIt's allowed collision matrix{of} does: {words}",) * bool(found)
+        said = [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
+        times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
+        gap = max(np.diff(times), default=0.0) if times else np.inf
+        if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
+            said.append(f"not kept, timing.rate: rows are up to {gap:g} s apart, {rate:g} in a second are asked for")
+        return tuple(said)

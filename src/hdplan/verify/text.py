@@ -124,8 +124,8 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         """Put what is merged before a mapping's own keys, to which it gives way; once, as keys then stand twice."""
         if node not in self.flat:
             self.flat.add(node)
-            own = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
-            need(len(own) == len({*own}), f"a key stands twice among {own[:9]}")
+            keys = [key.value for key, _ in node.value]  # `<<`, too
+            need(len(keys) == len({*keys}), f"a key stands twice among {keys[:9]}")
             super().flatten_mapping(node)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.verify import RejectedError
 from hdplan.verify.effects import statement
@@ -153,6 +154,30 @@ WHOLE = {
 def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
     two = files(tmp_path, WHOLE[kind][0], {**MOTION, **WHOLE[kind][1]})
     assert hdplan.prove(*two).text.startswith("accepted:")
+
+
+def test_rows_farther_apart_than_the_scene_says_are_named(tmp_path: Path) -> None:
+    for rate, rows, said in ((2, 5, ""), (2, 4, "up to 0.666667 s apart, 2 in a second"), (None, 2, "")):
+        timing = {"duration": 2} | ({} if rate is None else {"rate": rate})
+        share = np.linspace(0, 1, rows)[:, None]
+        way = (1 - share) * np.array(MOTION["positions"][:1]) + share * np.array(MOTION["positions"][1:])
+        motion = {**MOTION, "times": (2 * share[:, 0]).tolist(), "positions": way.tolist()}
+        proof = hdplan.prove(*files(tmp_path, {"timing": timing}, motion))
+        assert proof.text.startswith("accepted:")
+        assert ("timing.rate" in proof.text) == bool(said)
+        assert said in proof.text
+
+
+@pytest.mark.parametrize("word", ["<<: {radius: 0.2}, <<: {radius: 0.1}", "<<: {radius: 0.2}, '<<': {radius: 0.1}"])
+def test_two_merges_of_one_mapping_are_refused_by_both(word: str, tmp_path: Path) -> None:
+    """Some readers take the first value, and others the last."""
+    scene, motion = files(tmp_path, {}, MOTION)
+    scene.write_text(scene.read_text().replace('"radius": 0.1', word))
+    assert word in scene.read_text()
+    with pytest.raises(RejectedError, match="stands twice"):
+        read_world(scene, motion)
+    with pytest.raises(HdplanError, match="<<"):
+        hdplan.load_scene(scene)
 
 
 def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
