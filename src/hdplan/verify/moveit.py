@@ -77,6 +77,7 @@ def sections_around(
         "start": {"joints": start},
         "goal": goal_of(asked.get("goal_constraints"), frames),
         "from_request": True,
+        "limits": _limits(asked, None),
         "path": path_of(asked.get("path_constraints"), frames),
     }
 
@@ -92,12 +93,14 @@ def _group(asked: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -
     return name
 
 
-def _limits(asked: dict[str, Any], tree: Tree) -> dict[str, Any]:
+def _limits(asked: dict[str, Any], tree: Tree | None) -> dict[str, Any]:
     """The limits that the scaling factors mean, of which 0 is one that is not set."""
     keys = [f"max_{x}_scaling_factor" for x in ("velocity", "acceleration")]
     slower, softer = (number(asked.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
     if slower == softer == 1:
         return {}
+    if tree is None:  # of a robot whose limits are not read
+        return {"velocity": "urdf", "acceleration": softer * ACCELERATION}
     rules, most = tree.rules(tree.movable), dict[str, float]()
     for name in tree.movable:
         (leader, factor, _), own = rules.get(name, (name, 1.0, 0.0)), tree.joints[name].velocity

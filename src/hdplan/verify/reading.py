@@ -12,7 +12,7 @@ import numpy as np
 from . import scene as scenes
 from .balls import compose, named, need, rejecting
 from .joints import Joints
-from .limits import limits
+from .limits import limits, limits_of_other
 from .loads import loads
 from .messages import message_of
 from .motion import Rows
@@ -200,6 +200,7 @@ class Reader:
             "bodies": [*joints.bodies, *held, *around],
             "motions": motions,
             "motion": self.rows.of(joints.told["joints"], joints.held),
+            "limits": limits_of_other(top, joints),
             "path": scenes.path_of(top),
             **ends,
             **self.wanted(own),

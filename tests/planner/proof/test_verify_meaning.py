@@ -21,7 +21,7 @@ from hdplan.verify.kernel import least_distances
 from hdplan.verify.reading import read_world
 from hdplan.verify.scene import PLANNER
 
-from .worlds import read, words_of
+from .worlds import packed, read, unpacked, words_of
 
 LINK = """<link name="{0}">
 <collision><origin xyz="0 0 0.3"/><geometry><box size="0.05 0.05 0.4"/></geometry></collision></link>"""
@@ -136,6 +136,31 @@ def test_a_robot_that_the_checker_does_not_read_needs_a_proof_that_has_it(name: 
         f"accepted in part; NOT read by the checker, but taken from the proof: the robot ({name})"
     )
     assert words_of(scene, motion, proof.data) == proof.text
+
+
+@pytest.mark.parametrize(
+    ("said", "path", "wrong"),
+    [
+        ({"velocity": 0.9}, ("velocity", 0), 1.0),
+        ({"velocity": {"b": 0.9}}, ("velocity", 1), 1.0),
+        ({"acceleration": [2, 3]}, ("acceleration", 1), 4.0),
+        ({"position": {"b": [0, 0.6]}}, ("position", 1), [-1.0, 1.0]),
+        ({"position": {"b": [0, 0.6]}}, ("position", 1), [None, 0.6]),
+        ({"jerk": 9}, ("jerk", 0), None),
+    ],
+)
+def test_limits_in_numbers_are_not_taken_from_a_proof(said: Any, path: Any, wrong: Any, tmp_path: Path) -> None:
+    robot = {**SCENE["robot"], "urdf": "r.urdf.xacro"}
+    timed = {**MOTION, "times": [0, 9], "velocities": [[0, 0]] * 2, "accelerations": [[0, 0]] * 2}
+    scene, motion = files(
+        tmp_path, {"robot": robot, "limits": said, "timing": {"duration": 9}}, timed, URDF, "r.urdf.xacro"
+    )
+    head, world, rest = unpacked(hdplan.prove(scene, motion).data)
+    assert words_of(scene, motion, packed(head, world, rest)).startswith("accepted in part")
+    rate, joint = path
+    world["limits"][rate][joint] = wrong
+    with pytest.raises(RejectedError, match=rf"limits\.{rate}"):
+        words_of(scene, motion, packed(head, world, rest))
 
 
 TURN = {"joints": [0.5, 0.5 + 4 * np.pi]}
