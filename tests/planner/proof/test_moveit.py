@@ -726,6 +726,18 @@ def test_objects_that_rviz_exports(text: str, tmp_path: Path) -> None:
     assert both > 3
 
 
+def test_other_spaces_than_those_of_ascii_are_in_no_number(tmp_path: Path) -> None:
+    """Python splits words there; a program in C++ reads "0.1", and then nothing, or something else."""
+    scene, motion, request, robot = files(tmp_path)
+    scene = scene.rename(tmp_path / "cell.scene")
+    for space in "\u00a0\u2003\u2028\x1c\x85":
+        scene.write_text(TEXT.replace("1.2 0.1 0\n", f"1.2{space}0.1 0\n"))
+        with pytest.raises(RejectedError):
+            read((scene, motion, request, robot))
+        with pytest.raises(HdplanError, match="but a number of a position is expected"):
+            planned(scene, motion, request, robot)
+
+
 # --- random changes ---
 
 WORDS = [

@@ -163,6 +163,29 @@ def test_limits_in_numbers_are_not_taken_from_a_proof(said: Any, path: Any, wron
         words_of(scene, motion, packed(head, world, rest))
 
 
+@pytest.mark.parametrize("between", ["\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\r", ",\u00a00,0\n", '"\n"', "\x00"])
+def test_rows_of_a_csv_file_end_where_every_reader_ends_them(between: str, tmp_path: Path) -> None:
+    """Python knows more line ends and spaces than others, to whom there is another motion."""
+    scene, _ = files(tmp_path, {}, MOTION)
+    for rows, good in ((f"0,0.1{between}0.5,0.5\n", False), ("0,0.1\n0.5,0.5\n", True), ("0, 0.1\r\n0.5,.5\r\n", True)):
+        (tmp_path / "m.csv").write_text(f"a,b\n{rows}", newline="")
+        if good:
+            assert len(read(scene, tmp_path / "m.csv").rows) == 2
+            continue
+        with pytest.raises(RejectedError):
+            read_world(scene, tmp_path / "m.csv")
+        with pytest.raises(HdplanError):
+            hdplan.Trajectory.load(tmp_path / "m.csv")
+
+
+@pytest.mark.parametrize("space", ["\u00a0", "\u2003", "\u3000", "\u0660", "_"])
+def test_numbers_of_a_urdf_stand_between_spaces_of_ascii(space: str, tmp_path: Path) -> None:
+    assert URDF.count('xyz="0 0 0.3"')
+    scene, motion = files(tmp_path, {}, MOTION, URDF.replace('xyz="0 0 0.3"', f'xyz="0 0{space}0.3"'))
+    with pytest.raises(RejectedError, match=r"numbers are expected|is no number"):
+        read_world(scene, motion)
+
+
 TURN = {"joints": [0.5, 0.5 + 4 * np.pi]}
 WHOLE = {
     "whole turns": ({"goal": TURN}, {}),
