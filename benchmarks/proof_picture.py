@@ -43,7 +43,7 @@ def main() -> None:
         hdplan.plan(hdplan.load_scene(SCENE)).save(motion)
         proof = hdplan.prove(scene, motion)
         read = ReadProof(scene, motion, proof.data)
-    (pair,) = read.pairs(LINK, OBSTACLE_NAME)
+    (pair,) = read.pairs(LINK, OBSTACLE_NAME, to_obstacle=True)
     spans = read.spans(pair)
     with plt.rc_context(RC):
         figure, axes = plt.subplots(1, len(LEAVES), figsize=(10.5, 2.35), layout="constrained")

@@ -301,10 +301,10 @@ class Certifier:
         if None in spots:
             spots = self.sweep.nearest(configuration, time=time)
         to_obstacle, between_links = (
-            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
+            Closest(*self._names(spot.pair), kind, spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
             if spot
             else None
-            for spot in spots
+            for spot, kind in zip(spots, (True, False), strict=True)
         )
         return to_obstacle, between_links
 

@@ -148,6 +148,7 @@ class Closest:
 
     link: str
     other: str  # an obstacle or another link
+    to_obstacle: bool  # whether it is an obstacle, which may have the name of a link
     distance: float  # [m] exact; negative in contact (then minus the depth, 0 if unknown)
     points: Array  # (2, 3) [m] the closest points, on the link and on the other: for pictures, not proven
 

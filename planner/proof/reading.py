@@ -66,12 +66,12 @@ class ReadProof:
             return parameter * (len(curve) - 1)
         return float(np.interp(float(curve.time_of(parameter)), times, np.arange(len(times))))
 
-    def pairs(self, body: str, other: str) -> list[int]:
-        """Return the pairs of pieces of bodies of these names, links, held objects or obstacles; none if they are not
-        compared."""
-        pieces = self.world.pieces
-        wanted = {body, other}
-        return [p for p, (a, b) in enumerate(self.world.pairs.tolist()) if {pieces[a].name, pieces[b].name} == wanted]
+    def pairs(self, link: str, other: str, to_obstacle: bool) -> list[int]:
+        """Return the pairs of pieces of a link or held object and another one, or an obstacle, which may have the name
+        of a link; none if they are not compared."""
+        bodies = [(piece.name, piece.kind == "obstacle") for piece in self.world.pieces]
+        wanted = {(link, False), (other, to_obstacle)}
+        return [p for p, (a, b) in enumerate(self.world.pairs.tolist()) if {bodies[a], bodies[b]} == wanted]
 
     def spans(self, pair: int) -> list[tuple[float, float]]:
         """Return the leaves of a pair of pieces, as intervals of rows."""
@@ -100,10 +100,10 @@ class ReadProof:
             found.append(Plane(0.5 * (near + far), normal, gap, bounds[node], leaf, count, spans[node]))
         return found
 
-    def closest(self, body: str, other: str, row: float) -> Plane | None:
+    def closest(self, link: str, other: str, to_obstacle: bool, row: float) -> Plane | None:
         """Return the plane between two bodies at a row: of several pieces, that between the two that it finds closest.
         None for bodies that are not compared."""
-        pairs = self.pairs(body, other)
+        pairs = self.pairs(link, other, to_obstacle)
         return min(self.planes(pairs, row), key=lambda plane: plane.gap) if pairs else None
 
     def _carried(self, motion: Motion, node: int, bodies: Rows, direction: Array) -> Array:

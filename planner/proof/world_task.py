@@ -15,18 +15,18 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 def plain_path(setup: Setup) -> list[Plain]:
     """Return the path constraints."""
-    return [_constraint(each) for each in setup.scene.path.asked.values()]
+    return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.asked.values()]
 
 
-def _constraint(asked: PathConstraint) -> Plain:
+def _constraint(asked: PathConstraint, from_request: bool) -> Plain:
     match asked:
         case Upright():
-            exact = asked.axis in AXES.values()
+            exact = asked.axis in AXES.values() and not from_request  # which narrows the tolerance of a slanted axis
             return {
                 "kind": "upright",
                 "link": asked.link,
                 "axis": numbers(asked.axis),
-                "off": 0.0 if exact else off(asked.axis),
+                "off": 0.0 if exact else off(asked.axis, asked.tolerance),
                 "tolerance": asked.tolerance,
             }
         case Within():

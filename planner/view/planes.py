@@ -104,7 +104,7 @@ class PlaneLayer:
         if isinstance(self._proof, str):
             return None, self._proof
         row = self._proof.row(active.motion.curve, parameter)
-        plane = self._proof.closest(nearest.link, nearest.other, row)
+        plane = self._proof.closest(nearest.link, nearest.other, nearest.to_obstacle, row)
         if plane is None:
             return None, f"{nearest.link} and {nearest.other} are not compared"
         return plane, f"proven ≥ {millimetres(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"

@@ -4,7 +4,8 @@ Two links that it says to check are checked, also where the robot's SRDF disable
 scene names another robot: its links have other shapes, so that a pair which is free there may touch wherever this
 robot stands. What the matrix allows to touch is still kept apart, beside what the SRDF and `touch_links` allow: that is
 stricter, and noted. Obstacles are checked against each other neither here nor in MoveIt. A pair without an entry goes
-by the defaults of its names, and by the SRDF if they have none.
+by the defaults of its names. If they have none, MoveIt checks it, unless the matrix is empty; here the robot's
+description decides, as robots have links that the writer of a matrix did not know; the checker of proofs names them.
 """
 
 from __future__ import annotations

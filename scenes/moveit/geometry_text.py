@@ -12,6 +12,7 @@ loadGeometryFromStream; shape_operations.cpp of geometric_shapes, saveAsText.
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from hdplan.scenes.yaml_values import MOST_VALUES
 
 ENDING = ".scene"
 SIZES = {"sphere": 1, "box": 3, "cylinder": 2}  # numbers of each kind
+_WORD = re.compile(r"[^ \t\r\f\v]+")  # Python knows more spaces than C++, which would end a number there
 REFUSED = ("cone", "mesh", "plane")
 
 
@@ -117,7 +119,7 @@ class _Words:
             if self.row >= len(self.lines):
                 self.row -= 1
                 raise self._error(f"the file ends where {of} is expected: it was cut off; a whole file ends with '.'")
-            self.words = self.lines[self.row].split()
+            self.words = _WORD.findall(self.lines[self.row])
         return self.words.pop(0)
 
     def _error(self, message: str) -> InputError:

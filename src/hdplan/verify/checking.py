@@ -68,6 +68,7 @@ def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
         lacking = f"NOT read by the checker, but taken from the proof: {', '.join(map(shown, reading.taken))}"
         first = first.removeprefix("accepted in part; ").removeprefix("accepted: ")
         said = f"accepted in part; {lacking}; {first}\n{more}"
+    said += "".join(f"\n  {line}" for line in reading.passed)
     return Verdict(f"{said}{files}\n  if:{assumed}{rest}", whole and not reading.taken)
 
 

@@ -16,7 +16,8 @@ from .text import listing
 
 FREE = 3.14  # [rad] from here on a tolerance leaves an axis free
 CONE = 1.5  # [rad] an angle below pi/2
-ROUNDING = 1e-13  # of an axis that is upright
+SLANT = 1e-2  # [rad] by which an axis that is to be upright may be off
+SERIES = 2e-15  # [rad] by which the series of the arc tangent is off up to there
 LARGEST = 1.0  # [m] tolerance of a goal's position
 USUAL = 0.01  # [rad] tolerance of a goal's orientation
 
@@ -94,6 +95,13 @@ def _turn(value: Any, frames: Frames) -> tuple[Any, float, str]:
     return turn, min(CONE, *(x for x in most.values() if x < FREE)), free or "none"
 
 
+def _slant(way: Any) -> float:
+    """The angle [rad] of a unit vector to the vertical, if it is small: arctan t is between the sums of three and of
+    four terms of its series, and t is off by at most twice what the vector's numbers are."""
+    t = float(np.sqrt(way[0] * way[0] + way[1] * way[1]) / max(abs(way[2]), 0.5))
+    return t - t**3 / 3 + t**5 / 5
+
+
 def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
     """Path constraints, as a world has them."""
     said, found = _given({} if value is None else value, "path_constraints"), list[dict[str, Any]]()
@@ -104,12 +112,12 @@ def path_of(value: Any, frames: Frames) -> tuple[dict[str, Any], ...]:
         turn, angle, free = _turn(entry, frames)
         need(free in ("x", "z"), "path_constraints: an orientation that leaves neither x nor z free")
         way = turn.mid[:, "xyz".index(free)]
-        slant = float(np.abs(way[:2]).max())
-        upright = f"path_constraints: keeps an axis along {way.tolist()}, and only straight up or down is checked"
-        need(slant <= ROUNDING, upright)
+        slant = _slant(way)
+        upright = f"path_constraints: keeps an axis along {way.tolist()}, and only up or down is checked"
+        need(slant <= min(SLANT, angle), upright)
+        link, off = scenes.word(entry.get("link_name"), "path_constraints"), 2 * float(turn.rad.max()) + SERIES
         axis = [float(np.sign(way[2])) * (x == free) for x in "xyz"]
-        link, off = scenes.word(entry.get("link_name"), "path_constraints"), float(turn.rad.max()) + 2 * slant
-        found.append({"kind": "upright", "link": link, "axis": axis, "off": off, "tolerance": angle})
+        found.append({"kind": "upright", "link": link, "axis": axis, "off": off, "tolerance": angle - slant})
     if "position_constraints" in said:
         link, point, shape, place = _region(said["position_constraints"][0], frames)
         need(shape["type"] == "box", "path_constraints: a region that is no box")

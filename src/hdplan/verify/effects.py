@@ -268,7 +268,9 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
             joint, pose = link_of(world, link)
             way = unit_vector(axis, off, what)
             local = dot("ij,j->i", pose[0], way)[None]
-            found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what)), True))
+            found.append(
+                Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what) - float(off)), True)
+            )
         elif kind == "position":
             _, link, point, size, *place = keys_of(each, what, "kind link point size rotation position off")
             (joint, pose), (turn, centre) = link_of(world, link), frame(place, what)

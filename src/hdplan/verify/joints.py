@@ -20,6 +20,7 @@ class Joints:
     def __init__(self, spec: dict[str, Any], start: Any, tree: Tree, semantics: Semantics) -> None:
         """Choose them."""
         self.spec, self.tree, self.semantics = spec, tree, semantics
+        self.movable = tree.movable
         spec = dict(spec)
         named = mapping(start, "start", "joints state").get("joints")
         locked = {x: scenes.one(y, f"robot.locked.{x}") for x, y in (spec.get("locked") or {}).items()}

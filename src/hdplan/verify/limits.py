@@ -9,6 +9,7 @@ import numpy as np
 from . import scene as scenes
 from .balls import need
 from .joints import ROOM, Joints
+from .other_robot import OtherRobot
 from .targets import Targets
 from .text import mapping, values
 
@@ -36,6 +37,33 @@ def limits(top: dict[str, Any], joints: Joints, targets: Targets) -> dict[str, A
         if (asked := said.get(name, "urdf" if name == "velocity" and timed else None)) is not None:
             found[name] = [_limit(name, asked, x, joints, targets.from_request) for x in joints.moving]
     return found
+
+
+def limits_of_other(top: dict[str, Any], robot: OtherRobot) -> dict[str, Any]:
+    """The limits that a proof `told` for a robot whose description is not read, by what the scene says in numbers."""
+    said, told = mapping(top.get("limits", {}), "limits", f"position {' '.join(RATES)}"), robot.told["limits"]
+    ranges, timed = said.pop("position", {}), bool(said) or "timing" in top
+    asked = {x: said.get(x, "urdf" if x == "velocity" and timed else None) for x in RATES}
+    found = {x: told[x] for x in ("position", *RATES) if x == "position" or asked[x] is not None}
+    for i, name in enumerate(robot.moving):
+        if name in ranges:
+            least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
+            low, high = told["position"][i]
+            within = None not in (low, high) and least - ROOM <= low and high <= most + ROOM
+            need(within, f"limits.position.{name}: the proof has another range")
+        for rate in RATES:
+            most = _in_numbers(asked[rate], name, robot)
+            if most is not None:
+                found[rate] = [*found[rate][:i], most, *found[rate][i + 1 :]]
+    return found
+
+
+def _in_numbers(asked: Any, joint: str, robot: OtherRobot) -> float | None:
+    """A limit of one joint, where the scene has its number."""
+    if isinstance(asked, list) and joint in robot.lead:
+        return float(values(asked, len(robot.lead), "limits")[robot.lead.index(joint)])
+    asked = asked.get(joint) if isinstance(asked, dict) else asked
+    return scenes.one(asked, "limits") if type(asked) in (int, float) else None
 
 
 def _limit(name: str, asked: Any, joint: str, joints: Joints, from_request: bool) -> float | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .balls import EPS, HERE, Ball, dot, need, rotation, unit, up
-from .text import row, strict_xml, table
+from .text import row, split, strict_xml, table
 from .world import unique
 
 KINDS = (".stl", ".obj", ".dae")
@@ -87,6 +87,11 @@ def obj(data: bytes) -> Any:
     return places[fans(faces, places)]
 
 
+def wholes(words: Sequence[str]) -> bool:
+    """Whether words are whole numbers in the digits that everybody reads."""
+    return all(x.isascii() and x.isdigit() for x in words)
+
+
 def dots(a: Any, b: Any) -> Any:
     """Products of vectors along the last axis."""
     return (a * b).sum(axis=-1)
@@ -120,18 +125,20 @@ def collada(root: Any, upright: bool) -> Ball:
             (array,), (way,) = source.findall("float_array"), source.findall("technique_common/accessor")
             plain = (way.get("stride"), way.get("offset", "0"), there(way)) == ("3", "0", array)
             plain = plain and [x.get("name") for x in way.findall("param")] in ([], ["X", "Y", "Z"]) and len(array) == 0
-            words = (array.text or "").split()
+            words = split(array.text or "")
             plain = plain and array.get("count") == str(len(words)) and way.get("count") == str(len(words) // 3)
             need(plain, "COLLADA: its points are not three numbers each")
             points, stride = table(words, "COLLADA").reshape(-1, 3), 1
-            stride += max(int(x.get("offset")) for x in part.findall("input"))
-            text = " ".join(x.text or "" for x in part.findall("p")).split()
-            need(all(x.isdigit() for x in text), "COLLADA: a face has a vertex that is not there")
+            offsets = [x.get("offset", "") for x in part.findall("input")]
+            need(wholes(offsets), "COLLADA: an input without offset")
+            stride += max(map(int, offsets))
+            text = split(" ".join(x.text or "" for x in part.findall("p")))
+            need(wholes(text), "COLLADA: a face has a vertex that is not there")
             corners = np.array(text, dtype=np.int64).reshape(-1, stride)[:, int(ways["VERTEX"].get("offset"))]
             count = len(corners) // 3
             if part.tag == "polylist":
-                sizes = (part.findtext("vcount") or "").split()
-                need(all(x.isdigit() for x in sizes), "COLLADA: polygons of other sizes than it says")
+                sizes = split(part.findtext("vcount") or "")
+                need(wholes(sizes), "COLLADA: polygons of other sizes than it says")
                 ends, count = np.cumsum(np.array(sizes, dtype=np.int64)), len(sizes)
                 need(len(corners) == ends.max(initial=0), "COLLADA: polygons of other sizes than it says")
                 need((corners < len(points)).all(), "COLLADA: a face has a vertex that is not there")

@@ -7,12 +7,12 @@ it is rejected, and so is what a scene of hdplan's could not hold, if it is ther
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from .balls import HERE, Pose, compose, need
-from .robot import Tree, placed
 from .scene import one, pose_of, word
 from .text import DECIMAL, listing, mapping, yaml_of
 
@@ -146,9 +146,9 @@ class Frames:
     scene fixes to them. Where an object, one of the `things`, has the name of such a frame, or a frame of its own has,
     MoveIt takes the object's."""
 
-    def __init__(self, tree: Tree, base: Pose, transforms: Any) -> None:
-        at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
-        self.things, self.joints, self.links = set[str](), {*tree.joints}, {*tree.links}
+    def __init__(self, at: dict[str, tuple[int, Pose]], joints: Iterable[str], transforms: Any) -> None:
+        """Take the links, each with the joint that moves it (-1: none) and its frame there, and the joints' names."""
+        self.things, self.joints, self.links = set[str](), {*joints}, {*at}
         self.moving = {link for link, (joint, _) in at.items() if joint >= 0}
         self.poses: dict[str, Pose] = {link: place for link, (joint, place) in at.items() if joint < 0} | {"": HERE}
         if "world" in self.moving or not same(self.poses.setdefault("world", HERE), HERE):

@@ -47,12 +47,11 @@ class Rows:
 
     @staticmethod
     def _csv(path: Path, data: bytes) -> dict[str, Any]:
-        head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
-        cells = [[x.strip() for x in line] for line in lines]
+        text = data.decode("utf-8-sig").replace("\r\n", "\n")
+        lines = [next(csv.reader([line], strict=True)) for line in text.split("\n") if line.strip(" ")]
+        head, *cells = [[x.strip(" ") for x in line] for line in lines]
         need(all(len(x) == len(head) and all(map(DECIMAL.fullmatch, x)) for x in cells), f"{path}: a cell is no number")
-        columns = unique(
-            [(x.strip(), [float(y) for y in each]) for x, each in zip(head, zip(*cells, strict=True), strict=True)]
-        )
+        columns = unique([(x, [*map(float, each)]) for x, each in zip(head, zip(*cells, strict=True), strict=True)])
         ends = ("", ".velocity", ".acceleration")
         names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
         said: dict[str, Any] = {"joint_names": names} | ({"times": columns.pop("time")} if "time" in columns else {})

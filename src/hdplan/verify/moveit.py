@@ -14,7 +14,7 @@ from . import scene as scenes
 from .balls import HERE, Pose, compose, need
 from .constraints import goal_of, path_of
 from .messages import Frames, fields, filled, number, numbers, pose, same, solids, words
-from .robot import Tree
+from .robot import Tree, placed
 from .semantics import Semantics
 from .text import listing
 
@@ -25,15 +25,39 @@ ACCELERATION = 1.0  # [rad/s^2 or m/s^2] of which a request asks for a share
 
 def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> dict[str, Any]:
     """The sections of a scene that the two messages mean, for the robot of a `robot` section."""
+    base = scenes.pose_of(spec.get("base"), "robot.base")
+    at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
+    found = sections_around(scene, request, spec, at, {*tree.joints}, tree.solid)
+    asked = fields(request, "MotionPlanRequest", "request")
+    spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
+    model, told, _ = found["matrix"]
+    if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
+        left = [{*x} for x in listing(spec.get("ignore_pairs"), "robot.ignore_pairs")]
+        more = [x for x in told if {*x} not in left]
+        spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
+        found["matrix"] = "", *found["matrix"][1:]
+    return {**found, "robot": spec, "limits": _limits(asked, tree)}
+
+
+def sections_around(
+    scene: Any,
+    request: Any,
+    spec: dict[str, Any],
+    at: dict[str, tuple[int, Pose]],
+    joints: set[str],
+    solid: set[str],
+) -> dict[str, Any]:
+    """Those of them that need no more of the robot than where its links are, which have collision geometry, and the
+    names of its joints; `matrix` has the robot's name, and the pairs of links that the allowed collision matrix tells
+    to compare, and those of which it says nothing, which MoveIt compares, too."""
     around, asked = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")
     for key in ("pipeline_id", "planner_id"):
         need(not PRESCRIBED.search(str(asked.get(key, ""))), f"request.{key}: prescribes the shape of the motion")
     bounded = filled(asked.get("workspace_parameters")) and spec.get("base_joints") is not None
     need(not bounded, "request.workspace_parameters: bounds the mobile base, as robot.base_joints do")
     base = scenes.pose_of(spec.get("base"), "robot.base")
-    frames = Frames(tree, base, around.get("fixed_frame_transforms"))
-    spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
-    margin = _margin(around, tree)
+    frames = Frames(at, joints, around.get("fixed_frame_transforms"))
+    margin = _margin(around, {*at}, solid)
     states = (around.get("robot_state"), "scene.robot_state"), (asked.get("start_state"), "request.start_state")
     start, held = dict[str, float](), dict[str, Any]()
     for state, what in states:
@@ -46,17 +70,14 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
     need(start, "request.start_state: there is no start")
     model = around.get("robot_model_name", "")
     need(type(model) is str, "scene.robot_model_name: a name is expected")
-    more = _checked(around.get("allowed_collision_matrix"), tree, spec)
-    if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
-        spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
     return {
-        "robot": spec,
+        "matrix": (model, *_compared(around.get("allowed_collision_matrix"), solid)),
         "obstacles": [{**x, "clearance": margin} if margin else x for x in standing],
         "attached": [x for each in held.values() for x in each],
         "start": {"joints": start},
         "goal": goal_of(asked.get("goal_constraints"), frames),
         "from_request": True,
-        "limits": _limits(asked, tree),
+        "limits": _limits(asked, None),
         "path": path_of(asked.get("path_constraints"), frames),
     }
 
@@ -72,12 +93,14 @@ def _group(asked: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -
     return name
 
 
-def _limits(asked: dict[str, Any], tree: Tree) -> dict[str, Any]:
+def _limits(asked: dict[str, Any], tree: Tree | None) -> dict[str, Any]:
     """The limits that the scaling factors mean, of which 0 is one that is not set."""
     keys = [f"max_{x}_scaling_factor" for x in ("velocity", "acceleration")]
     slower, softer = (number(asked.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
     if slower == softer == 1:
         return {}
+    if tree is None:  # of a robot whose limits are not read
+        return {"velocity": "urdf", "acceleration": softer * ACCELERATION}
     rules, most = tree.rules(tree.movable), dict[str, float]()
     for name in tree.movable:
         (leader, factor, _), own = rules.get(name, (name, 1.0, 0.0)), tree.joints[name].velocity
@@ -121,7 +144,7 @@ def _bodies(value: Any, place: Pose, usual: str, what: str) -> list[dict[str, An
     return [{"name": x, "shape": y, "pose": compose(place, z)} for x, (y, z) in zip(names, shapes, strict=True)]
 
 
-def _margin(around: dict[str, Any], tree: Tree) -> float:
+def _margin(around: dict[str, Any], links: set[str], solid: set[str]) -> float:
     """The clearance to every obstacle that paddings of links mean, the same for all with collision geometry."""
     for entry in listing(around.get("link_scale"), "link_scale"):
         said = fields(entry, "LinkScale", "link_scale")
@@ -132,8 +155,8 @@ def _margin(around: dict[str, Any], tree: Tree) -> float:
         link = scenes.word(said.get("link_name"), "link_padding")
         size = number(said.get("padding"), f"link_padding of '{link}'", 0.0, 1.0)
         need(found.setdefault(link, size) == size, f"link_padding: '{link}' has two")
-        need(link in tree.links or not size, f"link_padding: there is no link '{link}'")
-    sizes = {found.get(link, 0.0) for link in tree.solid}
+        need(link in links or not size, f"link_padding: there is no link '{link}'")
+    sizes = {found.get(link, 0.0) for link in solid}
     need(len(sizes) < 2, "link_padding: is not the same for all links with collision geometry")
     return max(sizes, default=0.0)
 
@@ -173,9 +196,9 @@ def _state(state: Any, frames: Frames, base: Pose, what: str) -> dict[str, float
     return found
 
 
-def _checked(value: Any, tree: Tree, spec: dict[str, Any]) -> list[list[str]]:
-    """The pairs of links that an allowed collision matrix says to check: by their entry, or else by their defaults; of
-    two that differ, the one that checks counts."""
+def _compared(value: Any, solid: set[str]) -> tuple[list[list[str]], list[list[str]]]:
+    """The pairs of links that an allowed collision matrix tells to compare, by their entry, or else by their defaults;
+    of two that differ, the one that compares counts. And the pairs of which it says nothing, if it says anything."""
     said = fields({} if value is None else value, "AllowedCollisionMatrix", "allowed_collision_matrix")
     entries, defaults = dict[frozenset[str], bool](), dict[str, bool]()
     names, rows = (listing(said.get(f"entry_{x}"), "allowed_collision_matrix") for x in ("names", "values"))
@@ -188,14 +211,14 @@ def _checked(value: Any, tree: Tree, spec: dict[str, Any]) -> list[list[str]]:
     usual = words(said.get("default_entry_names"), "default_entry_names")
     for name, free in zip(usual, _booleans(said.get("default_entry_values"), len(usual)), strict=True):
         defaults[name] = free and defaults.get(name, True)
-    left = [{*x} for x in listing(spec.get("ignore_pairs"), "robot.ignore_pairs")]
-    found = []
-    for one in sorted(tree.solid):
-        for two in [x for x in sorted(tree.solid) if x > one and {one, x} not in left]:
-            told = [defaults[x] for x in (one, two) if x in defaults]
-            if not entries.get(frozenset((one, two)), all(told) if told else True):
-                found.append([one, two])
-    return found
+    told, untold = list[list[str]](), list[list[str]]()
+    for one in sorted(solid):
+        for two in [x for x in sorted(solid) if x > one]:
+            given = [defaults[x] for x in (one, two) if x in defaults]
+            may = entries.get(frozenset((one, two)), all(given) if given else None)
+            told += [[one, two]] * (may is False)
+            untold += [[one, two]] * (may is None and bool(entries or defaults))
+    return told, untold
 
 
 def _booleans(value: Any, count: int) -> list[bool]:

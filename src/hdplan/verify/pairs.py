@@ -7,6 +7,7 @@ from typing import Any
 from . import scene as scenes
 from .balls import need
 from .joints import Joints
+from .other_robot import OtherRobot
 from .text import listing
 
 
@@ -28,10 +29,18 @@ def not_compared(joints: Joints, bodies: list[Any], touching: set[frozenset[str]
     return found
 
 
-def _named(joints: Joints, key: str) -> set[frozenset[str]]:
+def check_left_out(robot: OtherRobot, touching: set[frozenset[str]], off: bool) -> None:
+    """Reject pairs that the world of a proof leaves out by a word of the scene's that is not there."""
+    there = {"touch_links": touching, "robot.ignore_pairs": _named(robot, "ignore_pairs")}
+    for one, two, reason in robot.told["not_compared"]:
+        said = off if reason == "self_collision: false" else frozenset((one, two)) in there.get(reason, [{one, two}])
+        need(said, f"{one} and {two}: are left out by {reason}, which does not name them")
+
+
+def _named(joints: Joints | OtherRobot, key: str) -> set[frozenset[str]]:
     """The pairs of links that the robot section names."""
     pairs = [[scenes.word(y, key) for y in listing(x, key)] for x in listing(joints.spec.get(key), key)]
-    links = {*joints.tree.links}
+    links = {*joints.at}
     need(all(len({*x}) == 2 == len(x) and {*x} <= links for x in pairs), f"robot.{key}: pairs of links")
     return {frozenset(x) for x in pairs}
 

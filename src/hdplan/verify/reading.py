@@ -12,12 +12,13 @@ import numpy as np
 from . import scene as scenes
 from .balls import compose, named, need, rejecting
 from .joints import Joints
-from .limits import limits
+from .limits import limits, limits_of_other
 from .loads import loads
 from .messages import message_of
 from .motion import Rows
-from .moveit import sections
-from .pairs import not_compared
+from .moveit import sections, sections_around
+from .other_robot import OtherRobot, UntoldError
+from .pairs import check_left_out, not_compared
 from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
 from .rviz import ENDING, exported
@@ -25,6 +26,7 @@ from .semantics import Semantics
 from .targets import Targets
 from .text import Files, listing, mapping, row
 
+ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
 
 
@@ -35,6 +37,7 @@ class Reading:
     world: dict[str, Any]
     hashes: dict[str, str]  # of the files
     taken: tuple[str, ...]  # what the checker does not read, and took from the proof's own world
+    passed: tuple[str, ...]  # what the files ask for and no world holds, in words
 
 
 def read_world(
@@ -45,8 +48,8 @@ def read_world(
     is taken from the world that a proof `told`, and named. Raises RejectedError."""
     with rejecting():
         reader = Reader(scene, motion, told, request, robot)
-        world = reader.world() if reader.joints is not None else reader.world_of_other_robot(told)
-        return Reading(world, reader.files.hashes, tuple(reader.told.taken))
+        world = reader.world_of_other_robot() if isinstance(reader.joints, OtherRobot) else reader.world()
+        return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
 
 
 class Reader:
@@ -66,18 +69,25 @@ class Reader:
         description = self.files.read("urdf", urdf)
         words = self.files.read("srdf", srdf) if srdf else b"<robot/>"
         self.joints: Any = None
+        around: Any = None
+        asked: Any = None
+        if request is not None:
+            around = exported(data) if scene.suffix.lower() == ENDING else message_of(data)
+            asked = message_of(self.files.read("request", request))
         if urdf.suffix.lower() in DESCRIPTIONS[1:]:
-            need(request is None, f"{urdf.name}: MoveIt's messages need a robot that the checker reads, a URDF")
-            self.told.taken[f"the robot ({named(urdf.name)}) with what it holds, its limits, start and goal"] = None
+            self.told.taken[f"the robot ({named(urdf.name)}) with its limits and the pairs left out"] = None
+            self.joints = OtherRobot(told, spec)
+            if request is not None:
+                self.top = sections_around(
+                    around, asked, spec, self.joints.at, {*self.joints.movable}, self.joints.solid
+                )
             return
         need(not spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         base = spec.get("base_joints")
         tree = Tree(urdf, description, None if base is None else mapping(base, "robot.base_joints", "kind x y yaw"))
         semantics = Semantics(words, tree.above, tree.links)
         if request is not None:
-            asked = self.files.read("request", request)
-            around = exported(data) if scene.suffix.lower() == ENDING else message_of(data)
-            self.top = sections(around, message_of(asked), spec, tree, semantics)
+            self.top = sections(around, asked, spec, tree, semantics)
             spec = self.top["robot"]
         self.joints = Joints(spec, self.top["start"], tree, semantics)
 
@@ -112,11 +122,8 @@ class Reader:
         """The whole of it."""
         top, joints = self.top, self.joints
         listed = joints.listed()
-        held, touching = self.held_bodies()
-        around, motions, own = scenes.obstacles(top, self.folder, self.files, self.told)
-        own_bodies, names = [*self.link_bodies(), *held], [x["name"] for x in [*held, *around]]
-        for each in names:
-            need(names.count(each) == 1, f"'{each}': the name is taken")
+        held, touching, around, motions, own = self.others()
+        own_bodies = [*self.link_bodies(), *held]
         targets = Targets(joints, bool(top.get("from_request")))
         found, off = limits(top, joints, targets), top.get("self_collision", True) is False
         return {
@@ -135,6 +142,15 @@ class Reader:
             "goal": targets.goals(top["goal"]),
             **self.wanted(own),
         }
+
+    def others(self) -> tuple[list[Any], set[frozenset[str]], list[Any], dict[str, Any], dict[str, Any]]:
+        """What links hold and the pairs of it that may touch; obstacles, their motions and their own clearances."""
+        held, touching = self.held_bodies()
+        around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
+        names = [x["name"] for x in [*held, *around]]
+        for each in names:
+            need(names.count(each) == 1, f"'{each}': the name is taken")
+        return held, touching, around, motions, own
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """What links hold, and the pairs that may touch."""
@@ -165,17 +181,42 @@ class Reader:
         also = ["planner.objective"] * ("objective" in planner) + ["timing.scale"] * slower
         return {"clearances": least, "duration": duration, "also": also}
 
-    def world_of_other_robot(self, told: Any) -> dict[str, Any]:
-        """The world with a robot that the checker does not read, as the proof has it, with all that is about its joints
-        and links; motion, obstacles and what is wanted of them are the scene's."""
-        need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
-        around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
-        robot = [x for x in told["bodies"] if x["kind"] != "obstacle"]
+    def world_of_other_robot(self) -> dict[str, Any]:
+        """The world with a robot that the checker does not read, which is the proof's; all else is the scene's, but for
+        what needs the robot's own words, such as a named state."""
+        joints, top = self.joints, self.top
+        held, touching, around, motions, own = self.others()
+        check_left_out(joints, touching, top.get("self_collision", True) is False)
+        targets = Targets(joints, bool(top.get("from_request")))
+        ends = dict[str, Any]()
+        for end, read in (("start", lambda x: [targets.target(x, "start")]), ("goal", targets.goals)):
+            try:
+                ends[end] = read(top[end])
+            except UntoldError:
+                ends[end] = joints.told[end]
+                self.told.taken[f"the {end}"] = None
         return {
-            **told,
-            "bodies": [*robot, *around],
+            **joints.told,
+            "bodies": [*joints.bodies, *held, *around],
             "motions": motions,
-            "motion": self.rows.of(told["joints"], told["held"]),
-            "path": scenes.path_of(self.top),
+            "motion": self.rows.of(joints.told["joints"], joints.held),
+            "limits": limits_of_other(top, joints),
+            "path": scenes.path_of(top),
+            **ends,
             **self.wanted(own),
         }
+
+    def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
+        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared, and of
+        rows that are farther apart than a scene says."""
+        whose, *pairs = self.top.get("matrix", ("", [], []))
+        left_out, told = world["not_compared"], [*pairs[0], *pairs[1]]
+        found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
+        words = ", ".join("-".join(map(named, pair)) for pair in found)
+        of = f" of the robot {named(whose)}" if whose else ""
+        said = [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
+        times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
+        gap = max(np.diff(times), default=0.0) if times else np.inf
+        if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
+            said.append(f"not kept, timing.rate: rows are up to {gap:g} s apart, {rate:g} in a second are asked for")
+        return tuple(said)

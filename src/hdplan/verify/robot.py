@@ -128,7 +128,7 @@ class Tree:
         if part["axis"] is not None and each.get("type") != "fixed":
             said = attributes(part["axis"], where, "xyz rpy")
             need(not np.any(row(said.get("rpy", "0 0 0"), 3, where)), f"{where}: an axis with rpy")
-            along = row(said.get("xyz", "1 0 0"), 3, f"{where}: axis")
+            along = row(said.get("xyz"), 3, f"{where}: axis")  # URDF's default is for a joint without this element
         limit, mimic = part["limit"], None
         most = dict.fromkeys(("lower", "upper", "effort", "velocity"), 0.0)
         if limit is not None:

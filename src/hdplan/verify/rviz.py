@@ -12,6 +12,7 @@ from itertools import islice
 from typing import Any
 
 from .balls import need
+from .text import SPACE, split
 
 ENDING = ".scene"
 SIZES = {"box": 3, "sphere": 1, "cylinder": 2}
@@ -19,8 +20,8 @@ SIZES = {"box": 3, "sphere": 1, "cylinder": 2}
 
 def exported(data: bytes) -> dict[str, Any]:
     """The message."""
-    _, *lines = [x.strip() for x in data.decode("utf-8-sig").rstrip().split("\n")]
-    starts = [i for i, x in enumerate(lines) if x.split()[:1] == ["*"]]
+    _, *lines = [x.strip(SPACE) for x in data.decode("utf-8-sig").rstrip(SPACE).split("\n")]
+    starts = [i for i, x in enumerate(lines) if split(x)[:1] == ["*"]]
     need(lines[-1:] == ["."] and not any(lines[: (starts or [-1])[0]]), "text of objects: is not whole")
     posed = bool(starts) and " " in lines[starts[0] + 1]
     ends = [*starts[1:], len(lines) - 1]
@@ -30,7 +31,7 @@ def exported(data: bytes) -> dict[str, Any]:
 
 def _object(lines: list[str], posed: bool) -> dict[str, Any]:
     """One object: the first line has its name."""
-    name, left = lines[0][1:].strip(), iter(" ".join(lines[1:]).split())
+    name, left = lines[0][1:].strip(SPACE), iter(split(" ".join(lines[1:])))
     need(name, "text of objects: one has no name")
     found: dict[str, Any] = {"id": name, "primitives": [], "primitive_poses": []}
     if posed:

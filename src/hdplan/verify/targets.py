@@ -7,13 +7,14 @@ from typing import Any
 from . import scene as scenes
 from .balls import need
 from .joints import Joints
+from .other_robot import OtherRobot, UntoldError
 from .text import listing, mapping, values
 
 
 class Targets:
     """Reads the targets of a robot; those of a request may name joints that the robot does not have."""
 
-    def __init__(self, joints: Joints, from_request: bool) -> None:
+    def __init__(self, joints: Joints | OtherRobot, from_request: bool) -> None:
         self.joints, self.from_request = joints, from_request
 
     def target(self, value: Any, end: str) -> dict[str, Any]:
@@ -23,13 +24,13 @@ class Targets:
         if "state" in said:
             states = joints.semantics.states(joints.group)
             need(said["state"] in states, f"{end}: no state '{said['state']}'")
-            named: Any = {x: y for x, y in states[said["state"]].items() if x in joints.tree.movable}
+            named: Any = {x: y for x, y in states[said["state"]].items() if x in joints.movable}
         else:
             named = said["joints"]
         if isinstance(named, list):
             return {"joints": values(named, len(joints.lead), end).tolist(), "others": {}}
         given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
-        need({*given} <= {*joints.tree.movable} or self.from_request, f"{end}: names a joint that is none")
+        need({*given} <= {*joints.movable} or self.from_request, f"{end}: names a joint that is none")
         need({*joints.lead} <= {*given}, f"{end}: names not every joint that moves")
         told = joints.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
         others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in told}
@@ -69,7 +70,10 @@ class Targets:
     def end_effector(self) -> str:
         """The link that a goal is about where it names none: the one of all that every leading joint moves that carries
         the SRDF's end effector, or else the last one of the group's chain, or of the joints that move."""
-        joints, tree, lead = self.joints, self.joints.tree, {*self.joints.lead}
+        joints, lead = self.joints, {*self.joints.lead}
+        if isinstance(joints, OtherRobot):
+            raise UntoldError
+        tree = joints.tree
         moved = {
             x: {joints.rules[y][0] if y in joints.rules else y for y in tree.way(x) if y in joints.moving}
             for x in joints.moving

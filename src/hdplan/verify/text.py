@@ -18,6 +18,7 @@ import yaml
 from .balls import need
 
 DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Python reads 1_0 as 10, too
+SPACE = " \t\n\r\f\v"
 LARGEST = 1e9  # of numbers
 DEEPEST = 64  # levels of lists and mappings
 
@@ -38,16 +39,21 @@ class Files:
         return data
 
 
+def split(text: str) -> list[str]:
+    """The words between spaces of ASCII; Python knows more spaces, which others do not."""
+    return re.findall(f"[^{SPACE}]+", text)
+
+
 def number(word: Any, what: str) -> float:
     """A number in decimal digits."""
-    text = word.strip() if type(word) is str else ""
+    text = word.strip(SPACE) if type(word) is str else ""
     need(DECIMAL.fullmatch(text) and abs(float(text)) < LARGEST, f"{what}: '{word}' is no number")
     return float(text)
 
 
 def row(text: Any, count: int, what: str) -> Any:
     """As many numbers, between spaces."""
-    words = text.split() if type(text) is str else []
+    words = split(text) if type(text) is str else []
     need(len(words) == count, f"{what}: {count} numbers are expected, found '{text}'")
     return np.array([number(word, what) for word in words])
 
@@ -124,8 +130,8 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         """Put what is merged before a mapping's own keys, to which it gives way; once, as keys then stand twice."""
         if node not in self.flat:
             self.flat.add(node)
-            own = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
-            need(len(own) == len({*own}), f"a key stands twice among {own[:9]}")
+            keys = [key.value for key, _ in node.value]  # `<<`, too
+            need(len(keys) == len({*keys}), f"a key stands twice among {keys[:9]}")
             super().flatten_mapping(node)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:

@@ -358,13 +358,17 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
 
 def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
     _, said, *_ = honest
-    wide = put(said, "path", 0, "off", to=OFF)
-    for way in (("path", 0, "tolerance"), ("motions", "p", "velocity", 0), ("motion", "positions", 1, 0)):
+    wide = put(put(said, "path", 0, "off", to=OFF), "motions", "p", "off", to=OFF)
+    tilt = said["path"][0]["tolerance"]  # a request's may be worked out
+    check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 0.9 * OFF))
+    with pytest.raises(RejectedError, match=r"the worlds differ: path\[0\]\.tolerance"):
+        check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 1.1 * OFF))
+    for way in (("path", 0, "link"), ("motions", "p", "velocity", 0), ("motion", "positions", 1, 0)):
         value: Any = said
         for key in way:
             value = value[key]
         with pytest.raises(RejectedError, match=rf"the worlds differ: {way[0]}.*: {re.escape(repr(value))} is read"):
-            check_equal(wide, put(wide, *way, to=float(np.nextafter(value, 9))))
+            check_equal(wide, put(wide, *way, to="up" if way[-1] == "link" else float(np.nextafter(value, 9))))
 
 
 @pytest.mark.parametrize("reason", REASONS)

@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import itertools
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import HdplanError
 from hdplan.verify import RejectedError, verify
+from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
+from hdplan.verify.constraints import path_of
+from hdplan.verify.effects import check_claim
 from hdplan.verify.reading import read_world
+from hdplan.verify.world import World
 
 from .worlds import packed, unpacked
 
@@ -172,9 +180,76 @@ def test_a_request_is_asked_for(tmp_path: Path) -> None:
     ):
         with pytest.raises(RejectedError, match=words):
             read_world(scene, motion, None, *given)
-    (tmp_path / "r.xacro").write_text(URDF)
-    with pytest.raises(RejectedError, match=r"r\.xacro: MoveIt's messages need a robot that the checker reads"):
-        read_world(scene, motion, None, request, str(tmp_path / "r.xacro"))
+
+
+XACRO = URDF.replace('name="r">', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">').replace("0.6", "${0.2 * 3}")
+MJCF = """<mujoco model="r"><compiler angle="radian"/><worldbody><body name="base" pos="0 0 0.05">
+<geom type="box" size="0.05 0.05 0.05"/><body name="up"><joint name="a" axis="0 1 0" range="-2 2"/>
+<geom type="box" size="0.025 0.025 0.2" pos="0 0 0.3"/>
+<body name="fore" pos="0 0 0.6"><joint name="b" axis="0 1 0" range="-2 2"/>
+<geom type="box" size="0.025 0.025 0.2" pos="0 0 0.3"/>
+<body name="hand" pos="0 0 0.6"><joint name="c" axis="1 0 0" range="-2 2"/><geom size="0.03" pos="0 0 0.1"/>
+<body name="finger" pos="0 0.1 0.1"><joint name="f" type="slide" axis="0 1 0" range="0 0.1"/><geom size="0.01"/></body>
+</body></body></body></body></worldbody></mujoco>"""
+UNREAD = {"r.xacro": XACRO, "r.xml": MJCF}
+ELSEWHERE: dict[str, tuple[str, str, Any, str]] = {
+    "an obstacle": ("scene", "world.collision_objects.0.primitive_poses.0.position", [-1.5, 0.1, 0.5], "obstacle ball"),
+    "what is held": (
+        "scene",
+        "robot_state.attached_collision_objects.0.object.primitive_poses.0.position",
+        [0, 0, 0.21],
+        r"bodies\[cup",
+    ),
+    "touch_links": ("scene", "robot_state.attached_collision_objects.0.touch_links", [], "touch_links"),
+    "the start": ("request", "start_state.joint_state.position", [0.2, 0.1, 0.15], r"start\[0\]"),
+    "the goal": ("request", "goal_constraints.0.joint_constraints.0.position", 0.41, r"goal\[0\]"),
+    "a padding": ("scene", "link_padding", [], r"clearances\.own"),
+}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_robot_in_xacro_or_mjcf_is_taken_from_the_proof_and_all_else_is_read(name: str, tmp_path: Path) -> None:
+    robot = {"robot": {**ROBOT, "urdf": name}}
+    scene, motion, request, section = given = files(
+        tmp_path, {**MOTION, "times": None, "velocities": None}, robot=robot,
+        request={x: y for x, y in REQUEST.items() if x != "max_velocity_scaling_factor"},
+    )  # fmt: skip
+    (tmp_path / name).write_text(UNREAD[name])
+    with pytest.raises(RejectedError, match="no proof that has it"):
+        read(given)
+    proof = hdplan.prove(scene, motion, request, section)
+    taken = f"the robot ({name}) with its limits and the pairs left out; "
+    assert proof.text.startswith(f"accepted in part; NOT read by the checker, but taken from the proof: {taken}")
+    verdict, _ = check(scene, motion, proof.data, request, section)
+    assert verdict.text == proof.text
+    assert not verdict.whole
+    for which, path, value, words in ELSEWHERE.values():
+        message = {"scene": scene, "request": request}[which]
+        before = message.read_text()
+        message.write_text(json.dumps(put(json.loads(before), path, value)))
+        head, told, rest = unpacked(proof.data)
+        files_ = {x: hash_of(tmp_path / f"{x}.yaml") if x == which else y for x, y in head["files"].items()}
+        with pytest.raises(RejectedError, match=words):
+            check(scene, motion, packed({**head, "files": files_}, told, rest), request, section)
+        message.write_text(before)
+
+
+def hash_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("model", "whose"), [("r", ""), ("", ""), ("other", " of the robot other")])
+def test_pairs_that_moveit_would_compare_are_named(model: str, whose: str, tmp_path: Path) -> None:
+    """MoveIt compares links that its matrix does not let touch, or does not name, whatever robot it is about."""
+    given = files(tmp_path, scene=put(SCENE, "robot_model_name", model))
+    scene, motion, request, robot = given
+    proof = hdplan.prove(scene, motion, request, robot)
+    verdict = check(scene, motion, proof.data, request, robot)[0]
+    pairs = "base-fore, base-hand, fore-hand" if whose else "base-hand, fore-hand"
+    assert f"\n  not compared, although MoveIt's allowed collision matrix{whose} does: {pairs}\n" in verdict.text
+    for message in ({"entry_names": [], "entry_values": []}, {}):  # which says nothing
+        given = files(tmp_path, scene=put(SCENE, MATRIX, message))
+        assert not read_world(scene, motion, None, request, robot).passed
 
 
 def outcome(proof: bytes, given: tuple[Path, Path, Path, str], hashes: dict[str, str] | None = None) -> str:
@@ -365,6 +440,14 @@ CONSTRAINTS: dict[str, tuple[str, Said]] = {
         "path",
         {"orientation_constraints": [turned("fore", 4, 0.2, 0.3, turn=[0, 0.7071067811865476, 0, 0.7071067811865476])]},
     ),
+    "upright, a little off": (
+        "path",
+        {"orientation_constraints": [turned("hand", 0.3, 0.2, 4, turn=[0.001, 3e-3, 0, 1])]},
+    ),
+    "upside down, a little off": (
+        "path",
+        {"orientation_constraints": [turned("hand", 0.3, 0.2, 4, turn=[1, 3e-3, 0, 4e-3], **DESK)]},
+    ),
     "a box along the way": (
         "path",
         {"position_constraints": [position("hand", CRATE, **DESK, target_point_offset={"z": 0.1})]},
@@ -390,6 +473,45 @@ def test_constraints_are_read_as_hdplan_reads_them(name: str, tmp_path: Path) ->
     check_equal(world, planned(*given))
     assert bool(world["path"]) == (end == "path")
     assert ("poses" in world["goal"][0]) == (end == "goal")
+
+
+def test_an_axis_a_little_off_the_vertical_is_kept_within_moveits_tolerances() -> None:
+    """However a link is turned whose axis is as far from up or down as a world allows, MoveIt's angles, intrinsic about
+    x, y and z, are within what was asked; and little is given away."""
+    rng, frames = np.random.default_rng(0), SimpleNamespace(of=lambda *_: HERE)
+    for _ in range(300):
+        free, most = str(rng.choice(["x", "z"])), rng.uniform(0.02, 1.4, 3)
+        lean, end = rng.uniform(0, 2 * np.pi), rng.choice([-1.0, 1.0])
+        way = np.array([*(np.sin(rng.uniform(0, 9.9e-3)) * np.array([np.cos(lean), np.sin(lean)])), 0.0])
+        wanted = turning(np.eye(3)["xyz".index(free)], way + [0, 0, end * np.sqrt(1 - way @ way)], rng)
+        most["xyz".index(free)] = 4
+        said = turned("hand", *most.tolist(), turn=wanted.as_quat().tolist())
+        (found,) = path_of({"orientation_constraints": [said]}, frames)  # type: ignore[arg-type]
+        assert found["tolerance"] > min(*most, 1.5) - 0.01
+        tilt, about = found["tolerance"] + found["off"], rng.uniform(0, 2 * np.pi)
+        there = [np.sin(tilt) * np.cos(about), np.sin(tilt) * np.sin(about), np.cos(tilt)]
+        angles = (wanted.inv() * turning(np.array(found["axis"]), np.array(there), rng)).as_euler("XYZ")
+        assert (np.abs(angles) <= most + 1e-9).all()
+
+
+def test_a_motion_is_proven_to_keep_an_axis_a_little_off_the_vertical(tmp_path: Path) -> None:
+    """By its tolerance without the 2 mrad by which the axis is off: the link is tilted by 0.9 rad at the end."""
+    for most, kept in ((0.9021, True), (0.9019, False)):
+        path = {"orientation_constraints": [turned("fore", 1.4, most, 4, turn=[0, 0.001, 0, 1])]}
+        given = files(tmp_path, request={**REQUEST, "path_constraints": path})
+        if kept:
+            assert "path" in hdplan.prove(given[0], given[1], *given[2:]).text.split("also proven: ")[1].split("\n")[0]
+            continue
+        with pytest.raises(NotProvenError, match=r"path\.upright"):
+            hdplan.prove(given[0], given[1], *given[2:])
+        reading = read(given)
+        with pytest.raises(RejectedError, match=r"path\.upright"):
+            check_claim(World(reading.world, {}), "path")
+
+
+def turning(axis: Any, way: Any, rng: np.random.Generator) -> Rotation:
+    """A rotation, one of many, that turns one unit vector into another."""
+    return Rotation.from_rotvec(rng.uniform(-3, 3) * way) * Rotation.align_vectors(way[None], axis[None])[0]
 
 
 REFUSED: dict[str, tuple[str, str, Any, str]] = {
@@ -422,9 +544,13 @@ REFUSED: dict[str, tuple[str, str, Any, str]] = {
     "joints along the way": (
         "request", "path_constraints", {"joint_constraints": [{"joint_name": "a", "position": 0}]}, "of joints",
     ),
-    "an axis a little off": (
+    "an axis that is off": (
         "request", "path_constraints",
-        {"orientation_constraints": [turned("hand", 0.3, 0.2, 4, turn=[0.001, 0, 0, 1])]}, "straight up or down",
+        {"orientation_constraints": [turned("hand", 0.3, 0.2, 4, turn=[0.006, 0, 0, 1])]}, "up or down",
+    ),
+    "an axis as far off as it may be tilted": (
+        "request", "path_constraints",
+        {"orientation_constraints": [turned("hand", 0.001, 0.2, 4, turn=[0.001, 0, 0, 1])]}, "up or down",
     ),
     "the robot's own group": ("robot", "robot.group", "two", "robot's own"),
 }  # fmt: skip
@@ -598,6 +724,18 @@ def test_objects_that_rviz_exports(text: str, tmp_path: Path) -> None:
         both += 1
         check_equal(world, own)
     assert both > 3
+
+
+def test_other_spaces_than_those_of_ascii_are_in_no_number(tmp_path: Path) -> None:
+    """Python splits words there; a program in C++ reads "0.1", and then nothing, or something else."""
+    scene, motion, request, robot = files(tmp_path)
+    scene = scene.rename(tmp_path / "cell.scene")
+    for space in "\u00a0\u2003\u2028\x1c\x85":
+        scene.write_text(TEXT.replace("1.2 0.1 0\n", f"1.2{space}0.1 0\n"))
+        with pytest.raises(RejectedError):
+            read((scene, motion, request, robot))
+        with pytest.raises(HdplanError, match="but a number of a position is expected"):
+            planned(scene, motion, request, robot)
 
 
 # --- random changes ---

@@ -38,13 +38,13 @@ def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
         for near, least in zip(certifier.closest(curve.at_parameter(parameter), time), claimed, strict=True):
             if near is None or least is None:
                 continue
-            plane = read.closest(near.link, near.other, row)
+            plane = read.closest(near.link, near.other, near.to_obstacle, row)
             assert plane is not None
             assert plane.span[0] <= row <= plane.span[1]
             assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
             assert plane.gap <= near.distance + COAL
             assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
-            pairs = read.pairs(near.link, near.other)  # of pieces, one of which the closest points are on
+            pairs = read.pairs(near.link, near.other, near.to_obstacle)  # of pieces, with the points on one of them
             first = read.world.pieces[read.world.pairs[pairs[0], 0]].name
             sides = [1.0 if body == first else -1.0 for body in (near.link, near.other)]
             assert any(
@@ -62,8 +62,28 @@ def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
     motion = tmp_path / "motion.json"
     hdplan.plan(hdplan.load_scene("panda_cage")).save(motion)
     read = ReadProof(find_scene("panda_cage"), motion, hdplan.prove("panda_cage", motion).data)
-    assert read.closest("panda_link1", "panda_link2", 0.0) is None
-    assert read.closest("panda_hand", "nobody", 0.0) is None
-    assert read.closest("panda_hand", "bar3", -1.0) is not None
+    assert read.closest("panda_link1", "panda_link2", False, 0.0) is None
+    assert read.closest("panda_hand", "nobody", True, 0.0) is None
+    assert read.closest("panda_hand", "bar3", False, 0.0) is None
+    assert read.closest("panda_hand", "bar3", True, -1.0) is not None
     with pytest.raises(InputError, match=r"no proof of .*motion.json in .*panda_gate"):
         ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)
+
+
+def test_an_obstacle_with_the_name_of_a_link_has_planes_of_its_own(tmp_path: Path) -> None:
+    """Those of a link's pair with the link of that name are others."""
+    scene, motion = tmp_path / "scene.yaml", tmp_path / "motion.json"
+    text = find_scene("panda_cage").read_text(encoding="utf-8")
+    assert text.count("name: bar3,") == 1
+    scene.write_text(text.replace("name: bar3,", "name: panda_link0,"), encoding="utf-8")
+    hdplan.plan(hdplan.load_scene(scene)).save(motion)
+    read = ReadProof(scene, motion, hdplan.prove(scene, motion).data)
+    pieces = read.world.pieces
+    bar, link = (read.pairs("panda_hand", "panda_link0", to_obstacle=x) for x in (True, False))
+    for pairs, kind in ((bar, "obstacle"), (link, "link")):
+        assert pairs
+        assert {pieces[b].kind for p in pairs for b in read.world.pairs[p]} == {kind, "link"}
+    one, two = (read.closest("panda_hand", "panda_link0", x, 0.0) for x in (True, False))
+    assert one is not None
+    assert two is not None
+    assert abs(one.gap - two.gap) > 0.05

@@ -4,8 +4,10 @@ joints that a shipped scene moves, which are a matter of SRDFs."""
 
 from __future__ import annotations
 
+import copy
 import json
 import xml.etree.ElementTree as ElementTree
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -39,7 +41,7 @@ LIBRARY = Path(str(DATA.locate_file("cmeel.prefix/share/example-robot-data/robot
 FILES = sorted(str(x.relative_to(LIBRARY)) for x in LIBRARY.glob("*/*/*.urdf"))
 QUICK = ("panda_description/urdf/panda.urdf", "tiago_pro_description/robots/tiago_pro.urdf")
 SCENES = [name for name in shipped_scenes() if name != "panda_camera"]  # whose cloud is the proof's
-QUICK_SCENES = ("panda_conveyor", "ur5_payload", "panda_vase")
+QUICK_SCENES = ("panda_conveyor", "ur5_payload", "panda_heavy", "panda_vase")
 # Meshes of several materials: coal 3.0.3 numbers the corners of each from 0, so that all but the first get wrong ones.
 # Here the first has as many triangles.
 MATERIALS = {"icub_simple_collision_head.dae": 189}
@@ -117,14 +119,38 @@ class Third:
         about = whole.inertia + whole.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
         return whole.mass, whole.mass * lever, about
 
-    def room(self, joint: str) -> bool:
-        """Whether a joint can move, as far as its limits and those of what follows it go."""
+    def carry(self, top: dict[str, Any]) -> None:
+        """Put a scene's payload and what its robot holds on the links that carry them."""
+        bodies = []
+        if said := top.get("payload"):
+            six = np.array(said.get("inertia", [0.0] * 6))[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+            inertia = pin.Inertia(said["mass"], np.array(said.get("com", [0.0] * 3)), six)
+            bodies.append((said["link"], inertia, pin.SE3.Identity()))
+        for each in top.get("attached", []):
+            shape, mass = each["shape"], each.get("mass", 0.0)
+            match shape["type"]:
+                case "box":
+                    inertia = pin.Inertia.FromBox(mass, *shape["size"])
+                case "cylinder":
+                    inertia = pin.Inertia.FromCylinder(mass, shape["radius"], shape["length"])
+                case "sphere":
+                    inertia = pin.Inertia.FromSphere(mass, shape["radius"])
+                case kind:
+                    assert not mass, kind
+                    continue
+            bodies.append((each["link"], inertia, pin.SE3(homogeneous(*pose_of(each.get("pose"))))))
+        for link, inertia, place in bodies:
+            frame = self.model.frames[self.links()[link]]
+            self.model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement * place)
+
+    def room(self, joint: str) -> tuple[float, float]:
+        """How far a joint can move, as far as its limits and those of what follows it go."""
         low, high = (x if x is not None else s * np.inf for x, s in zip(self.range_of(joint), (-1, 1), strict=True))
         for name, (leader, factor, offset) in self.rules.items():
             if leader == joint and factor:
                 ends = [(x - offset) / factor for x in self.range_of(name) if x is not None] or [-np.inf, np.inf]
                 low, high = max(low, min(ends)), min(high, max(ends))
-        return low < high
+        return low, high
 
     def links(self) -> dict[str, int]:
         frames = self.model.frames
@@ -351,16 +377,33 @@ def placed_base(rng: Random) -> tuple[dict[str, Any], pin.SE3]:
     return {"position": position.tolist(), "rpy": rpy.tolist()}, pin.SE3(pin.rpy.rpyToMatrix(rpy), position)
 
 
-def robot_compared(file: str, folder: Path, count: int) -> None:
+def no_bodies(urdf: Path) -> list[str]:
+    """The links whose inertia no body has: of its principal moments one is negative, or above the others' sum."""
+    found = []
+    for link in ElementTree.parse(urdf).getroot().findall("link"):
+        if (inertial := link.find("inertial")) is None:
+            continue
+        said = {**inertial.find("inertia").attrib, **inertial.find("mass").attrib}  # type: ignore[union-attr]
+        six = np.array([float(said[x]) for x in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
+        moments = np.linalg.eigvalsh(inertia_of({"inertia": six}))
+        room = 0.02 * np.abs(moments).max() + 2e-9
+        good = moments[0] > -room and moments[2] < moments[0] + moments[1] + room
+        if not good or (float(said["value"]) == 0 and moments[2] > 2e-9):
+            found.append(link.get("name", ""))
+    return found
+
+
+def robot_compared(file: str, folder: Path, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read a robot at random configurations, some joints moving and the others held anywhere."""
     rng = np.random.default_rng(FILES.index(file))
     said, base = placed_base(rng)
     third = Third.of(LIBRARY / file, base)
     leading = [x for x in third.joints if x not in third.rules]
-    ranges = {x: [FREE * s if y is None or abs(y) > 10 else y for y, s in zip(third.range_of(x), (-1, 1), strict=True)]
-              for x in leading}  # fmt: skip
-    drawn = {x: rng.uniform(ranges[x][0], ranges[x][1], count + 1) for x in leading}
-    able = [x for x in leading if third.room(x)] or leading
+    ranges = {x: [FREE * s if abs(y) > 10 else y for y, s in zip(third.room(x), (-1, 1), strict=True)] for x in leading}
+    drawn = {x: rng.uniform(min(y), max(y), count + 1) for x, y in ranges.items()}
+    pin.computeSubtreeMasses(third.model, data := third.model.createData())
+    heavy = {x for x in leading if data.mass[third.model.getJointId(x)] > 0}
+    able = [x for x in leading if third.room(x)[0] < third.room(x)[1] and x in heavy] or leading
     group = sorted(rng.choice(able, min(MOST, -(-4 * len(able) // 5)), replace=False).tolist())
     spec: dict[str, Any] = {"urdf": str(LIBRARY / file), "base": said, "group": group}
     spec["locked"] = {x: float(drawn[x][0]) for x in leading if x not in group}
@@ -377,9 +420,15 @@ def robot_compared(file: str, folder: Path, count: int) -> None:
                 given[key][name] = float(rng.uniform(1, 2))
     rest = {x: 0.0 for x in columns}
     scene = {"hdplan": 1, "robot": spec, "limits": given, "start": {"joints": rest}, "goal": {"joints": rest}}
-    reading = written(folder, scene, {**motion, "times": list(range(count + 1))})
+    timed = {**motion, "times": list(range(count + 1))}
+    with monkeypatch.context() as patched:  # masses that no body has are compared all the same
+        patched.setattr("hdplan.verify.loads.check_body", lambda *_: None)
+        reading = written(folder, scene, timed)
+    wrong = [x for x in no_bodies(LIBRARY / file) if reading.world["links"][x]["joint"] >= 0]
+    with pytest.raises(RejectedError, match="no body has the inertia") if wrong else nullcontext():
+        written(folder, scene, timed)
     assert not reading.taken
-    rows = Rows.of(reading, {**motion, "times": list(range(count + 1))})
+    rows = Rows.of(reading, timed)
     same_robot(reading, third, rows)
     same_limits(reading, third, given)
     if not wheels:
@@ -387,18 +436,20 @@ def robot_compared(file: str, folder: Path, count: int) -> None:
 
 
 @pytest.mark.parametrize("file", QUICK)
-def test_robots_are_those_of_pinocchio(file: str, tmp_path: Path) -> None:
-    robot_compared(file, tmp_path, 5)
+def test_robots_are_those_of_pinocchio(file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot_compared(file, tmp_path, 5, monkeypatch)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", FILES)
-def test_every_robot_of_the_library_is_that_of_pinocchio(file: str, tmp_path: Path) -> None:
+def test_every_robot_of_the_library_is_that_of_pinocchio(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Or is refused, for the reason listed."""
     if file not in REFUSED:
-        return robot_compared(file, tmp_path, 100)
+        return robot_compared(file, tmp_path, 100, monkeypatch)
     with pytest.raises((RejectedError, ValueError), match=REFUSED[file]):
-        robot_compared(file, tmp_path, 2)
+        robot_compared(file, tmp_path, 2, monkeypatch)
     return None
 
 
@@ -445,6 +496,16 @@ def shape_said(said: dict[str, Any], folder: Path) -> tuple[Shape, str]:
     return (said["type"], np.hstack(sizes)), ""
 
 
+def weighed(top: dict[str, Any], home: Path, folder: Path) -> Reading:
+    """Read a scene of the folder `home` with a limit of all torques, and the motion in `folder`."""
+    top = copy.deepcopy(top)
+    top["limits"] = {**top.get("limits", {}), "torque": 1000}
+    for said in (top["robot"], *(x["shape"] for x in top.get("obstacles", []) + top.get("attached", []))):
+        said |= {x: str(home / said[x]) for x in ("urdf", "srdf", "file") if x in said}
+    (folder / "scene.yaml").write_text(yaml.safe_dump(top))
+    return read_world(folder / "scene.yaml", folder / "motion.json")
+
+
 def scene_compared(name: str, folder: Path, count: int) -> None:
     """Read a shipped scene at random configurations, its robot, what that holds, and its obstacles at their times."""
     rng, file = np.random.default_rng(SCENES.index(name)), find_scene(name)
@@ -462,8 +523,8 @@ def scene_compared(name: str, folder: Path, count: int) -> None:
     assert not reading.taken
     rows = Rows.of(reading, motion)
     same_robot(reading, third, rows)
-    if "loads" in reading.world and not {"payload", "attached"} & {*top}:
-        same_dynamics(reading, third, rows, rng)
+    third.carry(top)
+    same_dynamics(weighed(top, file.parent, folder), third, rows, rng)
     held = [x for x in reading.world["bodies"] if x["kind"] == "held"]
     around = [x for x in reading.world["bodies"] if x["kind"] == "obstacle"]
     data, links = third.model.createData(), third.links()

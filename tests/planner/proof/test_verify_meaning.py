@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.verify import RejectedError
 from hdplan.verify.effects import statement
@@ -20,7 +21,7 @@ from hdplan.verify.kernel import least_distances
 from hdplan.verify.reading import read_world
 from hdplan.verify.scene import PLANNER
 
-from .worlds import read, words_of
+from .worlds import packed, read, unpacked, words_of
 
 LINK = """<link name="{0}">
 <collision><origin xyz="0 0 0.3"/><geometry><box size="0.05 0.05 0.4"/></geometry></collision></link>"""
@@ -137,6 +138,54 @@ def test_a_robot_that_the_checker_does_not_read_needs_a_proof_that_has_it(name: 
     assert words_of(scene, motion, proof.data) == proof.text
 
 
+@pytest.mark.parametrize(
+    ("said", "path", "wrong"),
+    [
+        ({"velocity": 0.9}, ("velocity", 0), 1.0),
+        ({"velocity": {"b": 0.9}}, ("velocity", 1), 1.0),
+        ({"acceleration": [2, 3]}, ("acceleration", 1), 4.0),
+        ({"position": {"b": [0, 0.6]}}, ("position", 1), [-1.0, 1.0]),
+        ({"position": {"b": [0, 0.6]}}, ("position", 1), [None, 0.6]),
+        ({"jerk": 9}, ("jerk", 0), None),
+    ],
+)
+def test_limits_in_numbers_are_not_taken_from_a_proof(said: Any, path: Any, wrong: Any, tmp_path: Path) -> None:
+    robot = {**SCENE["robot"], "urdf": "r.urdf.xacro"}
+    timed = {**MOTION, "times": [0, 9], "velocities": [[0, 0]] * 2, "accelerations": [[0, 0]] * 2}
+    scene, motion = files(
+        tmp_path, {"robot": robot, "limits": said, "timing": {"duration": 9}}, timed, URDF, "r.urdf.xacro"
+    )
+    head, world, rest = unpacked(hdplan.prove(scene, motion).data)
+    assert words_of(scene, motion, packed(head, world, rest)).startswith("accepted in part")
+    rate, joint = path
+    world["limits"][rate][joint] = wrong
+    with pytest.raises(RejectedError, match=rf"limits\.{rate}"):
+        words_of(scene, motion, packed(head, world, rest))
+
+
+@pytest.mark.parametrize("between", ["\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\r", ",\u00a00,0\n", '"\n"', "\x00"])
+def test_rows_of_a_csv_file_end_where_every_reader_ends_them(between: str, tmp_path: Path) -> None:
+    """Python knows more line ends and spaces than others, to whom there is another motion."""
+    scene, _ = files(tmp_path, {}, MOTION)
+    for rows, good in ((f"0,0.1{between}0.5,0.5\n", False), ("0,0.1\n0.5,0.5\n", True), ("0, 0.1\r\n0.5,.5\r\n", True)):
+        (tmp_path / "m.csv").write_text(f"a,b\n{rows}", newline="")
+        if good:
+            assert len(read(scene, tmp_path / "m.csv").rows) == 2
+            continue
+        with pytest.raises(RejectedError):
+            read_world(scene, tmp_path / "m.csv")
+        with pytest.raises(HdplanError):
+            hdplan.Trajectory.load(tmp_path / "m.csv")
+
+
+@pytest.mark.parametrize("space", ["\u00a0", "\u2003", "\u3000", "\u0660", "_"])
+def test_numbers_of_a_urdf_stand_between_spaces_of_ascii(space: str, tmp_path: Path) -> None:
+    assert URDF.count('xyz="0 0 0.3"')
+    scene, motion = files(tmp_path, {}, MOTION, URDF.replace('xyz="0 0 0.3"', f'xyz="0 0{space}0.3"'))
+    with pytest.raises(RejectedError, match=r"numbers are expected|is no number"):
+        read_world(scene, motion)
+
+
 TURN = {"joints": [0.5, 0.5 + 4 * np.pi]}
 WHOLE = {
     "whole turns": ({"goal": TURN}, {}),
@@ -153,6 +202,30 @@ WHOLE = {
 def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
     two = files(tmp_path, WHOLE[kind][0], {**MOTION, **WHOLE[kind][1]})
     assert hdplan.prove(*two).text.startswith("accepted:")
+
+
+def test_rows_farther_apart_than_the_scene_says_are_named(tmp_path: Path) -> None:
+    for rate, rows, said in ((2, 5, ""), (2, 4, "up to 0.666667 s apart, 2 in a second"), (None, 2, "")):
+        timing = {"duration": 2} | ({} if rate is None else {"rate": rate})
+        share = np.linspace(0, 1, rows)[:, None]
+        way = (1 - share) * np.array(MOTION["positions"][:1]) + share * np.array(MOTION["positions"][1:])
+        motion = {**MOTION, "times": (2 * share[:, 0]).tolist(), "positions": way.tolist()}
+        proof = hdplan.prove(*files(tmp_path, {"timing": timing}, motion))
+        assert proof.text.startswith("accepted:")
+        assert ("timing.rate" in proof.text) == bool(said)
+        assert said in proof.text
+
+
+@pytest.mark.parametrize("word", ["<<: {radius: 0.2}, <<: {radius: 0.1}", "<<: {radius: 0.2}, '<<': {radius: 0.1}"])
+def test_two_merges_of_one_mapping_are_refused_by_both(word: str, tmp_path: Path) -> None:
+    """Some readers take the first value, and others the last."""
+    scene, motion = files(tmp_path, {}, MOTION)
+    scene.write_text(scene.read_text().replace('"radius": 0.1', word))
+    assert word in scene.read_text()
+    with pytest.raises(RejectedError, match="stands twice"):
+        read_world(scene, motion)
+    with pytest.raises(HdplanError, match="<<"):
+        hdplan.load_scene(scene)
 
 
 def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:

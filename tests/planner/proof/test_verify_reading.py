@@ -333,6 +333,7 @@ def test_a_clearance_between_links_that_is_not_reached_is_said(
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'),
         ('<origin xyz="0 0 1"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 2"/>'),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><limit uper="1"/>'),
+        ('<axis xyz="0 0 1"/>', "<axis/>"),
         ('<link name="a"/>', '<link name="a"><collision_checking><capsule name="x"/></collision_checking></link>'),
         ('<link name="a"/>', '<link name="a"><origin xyz="0 0 1"/></link>'),
     ],
@@ -351,5 +352,5 @@ def test_what_stands_twice_in_a_urdf_or_is_not_known_is_refused(before: str, aft
     (tmp_path / "r.urdf").write_text(text)
     assert len(read(tmp_path / "s.yaml", tmp_path / "m.json").joints) == 1
     (tmp_path / "r.urdf").write_text(text.replace(before, after))
-    with pytest.raises(RejectedError, match=r"twice|origin|not known"):
+    with pytest.raises(RejectedError, match=r"twice|origin|not known|axis: 3"):
         read(tmp_path / "s.yaml", tmp_path / "m.json")

@@ -1,0 +1,45 @@
+"""A robot whose description the checker does not read (xacro, MJCF), as the world of a proof has it.
+
+What a scene says of it in numbers is read all the same: start and goal by joints, poses of links, what it holds, what
+stands around it. Only what needs the description's own words, such as a named state, is the proof's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .balls import Pose, need
+from .world import frame
+
+
+class UntoldError(Exception):
+    """What only the robot's description says."""
+
+
+class Untold:
+    """In the place of the description's words: whoever needs one takes the proof's."""
+
+    def states(self, group: str | None) -> dict[str, dict[str, float]]:
+        """Named states."""
+        raise UntoldError
+
+
+class OtherRobot:
+    """Joints and links of the world that a proof `told`, as `Joints` and `Tree` have those of a description."""
+
+    def __init__(self, told: Any, spec: dict[str, Any]) -> None:
+        """Take them."""
+        need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
+        self.told, self.spec, self.semantics, self.group = told, spec, Untold(), None
+        self.moving = [x["name"] for x in told["joints"]]
+        rules = {x["name"]: x["follows"] for x in told["joints"] if x["follows"] is not None}
+        self.rules = {name: (self.moving[other], factor, add) for name, (other, factor, add) in rules.items()}
+        self.lead = [x for x in self.moving if x not in rules]
+        self.held = dict(told["held"])
+        self.movable = [*self.moving, *self.held]
+        self.at: dict[str, tuple[int, Pose]] = {
+            link: (x["joint"], frame([x["rotation"], x["position"], x["off"]], f"links.{link}"))
+            for link, x in told["links"].items()
+        }
+        self.bodies = [x for x in told["bodies"] if x["kind"] == "link"]
+        self.links, self.solid = [*self.at], {x["name"] for x in self.bodies}
