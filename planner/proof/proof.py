@@ -38,6 +38,7 @@ from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
 SHORT = 1e-4  # [m] by which less is proven than by the certificate
+QUICK = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
 MOST_ROUNDS = 40  # in which meshes are divided
 
 
@@ -194,7 +195,7 @@ class _Writer:
         )
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self.planned)]
         content = "".join(f"{line}\n" for line in lines).encode()
-        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts))
+        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), QUICK)
         read, _, _, trees = unpack(data)
         check_apart(world, read, trees)  # what was written, in the world that was read already
         return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"])
