@@ -60,6 +60,7 @@ class Planes:
         self.joint = np.array([piece.joint for piece in pieces])
         self.turn, self.at = (np.array([piece.pose[i].mid for piece in pieces]) for i in (0, 1))
         boxes = [(x.corners.min(axis=0) - x.sweep, x.corners.max(axis=0) + x.sweep) for x in pieces]
+        self.middles = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces])
         self.boxes = np.array(boxes).transpose(1, 0, 2)  # (2, G, 3) corners of each piece's box
 
     def separate(self, chosen: Rows, floor: Array) -> tuple[Leaves, list[Obstruction]]:
@@ -107,7 +108,7 @@ class Planes:
         travel, astray = np.zeros(len(node)), np.zeros(len(node))  # [m] over the interval, and off its middle
         for body in bodies.T:
             moves = self.joint[body] >= 0
-            reach = motion.reach[node[moves], motion.slot[body[moves]]]
+            reach = motion.reach[node[moves], self.world.slot[body[moves]]]
             travel[moves] += (motion.most[node[moves]] * reach).sum(axis=1)
             astray[moves] += (motion.off[node[moves]] * reach).sum(axis=1)
         rows = np.flatnonzero((bound < floor) & (travel < NEAR))
@@ -128,7 +129,7 @@ class Planes:
     def _outward(self, motion: Motion, node: Rows, a: Rows, b: Rows) -> Array:
         """Return the directions (k, 3) from the boxes of bodies b to the centres of bodies a."""
         (turn_a, at_a), (turn_b, at_b) = self._poses(motion, node, a), self._poses(motion, node, b)
-        gap = (turn_a @ self.world.centers[a, :, None])[:, :, 0] + at_a - at_b
+        gap = (turn_a @ self.middles[a, :, None])[:, :, 0] + at_a - at_b
         local = (gap[:, None] @ turn_b)[:, 0]
         away = local - np.clip(local, *self.boxes[:, b])
         away = np.where(away.any(axis=1, keepdims=True), away, local)

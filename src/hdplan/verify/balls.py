@@ -118,6 +118,11 @@ def stack(parts: Sequence[Ball], axis: int = 0) -> Ball:
     return Ball(np.stack([x.mid for x in parts], axis), np.stack([x.rad for x in parts], axis))
 
 
+def where(mask: Any, a: Ball, b: Ball) -> Ball:
+    """np.where."""
+    return Ball(np.where(mask, a.mid, b.mid), np.where(mask, a.rad, b.rad))
+
+
 def cross(a: Any, b: Ball) -> Ball:
     """a x b along the last axis."""
     i, j = [1, 2, 0], [2, 0, 1]
@@ -197,9 +202,9 @@ def rotation(axis: Ball, angle: Any) -> Ball:
 
 
 def turned(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """Rotations about a unit axis by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,k->ij", CROSS, axis)
-    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
+    """Rotations about unit axes by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k = dot("ijk,...k->...ij", CROSS, axis)
+    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("...ij,...jk->...ik", k, k)
 
 
 def compose(a: Pose, b: Pose) -> Pose:

@@ -45,7 +45,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up
+from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up, where
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
 MAGIC, VERSION = b"hdplan proof\n", 3
@@ -112,44 +112,35 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
-        still = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
-        frames = [still] * (count + 1)  # the last is the world's
+        turn, at = world.frames  # of each joint in the one before, moved by its value
         cos, sin = cos_sin(self.middle)
+        turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
+        slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
+        turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
+        frames = [(Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))] * (count + 1)  # the last: the world's
         for j, joint in enumerate(world.joints):
-            turn, at = frames[joint.parent]
-            turn, at = dot("kij,jl->kil", turn, joint.pose[0]), dot("kij,j->ki", turn, joint.pose[1]) + at
-            if joint.turns:
-                frames[j] = dot("kij,kjl->kil", turn, turned(joint.axis, cos[:, j], sin[:, j])), at
-            else:
-                frames[j] = turn, dot("kij,kj->ki", turn, joint.axis * self.middle[:, j, None]) + at
+            before, origin = frames[joint.parent]
+            frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
         self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
-        self.turning = np.array([x.turns for x in world.joints])
-        self.axis = dot("knij,nj->kni", self.turn[:, :-1], stack([x.axis for x in world.joints]))
-        arm, turns = cross(self.at[:, :-1], self.axis), self.turning[:, None]
-        self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
-        own = [g for g, x in enumerate(world.pieces) if x.joint >= 0]
-        self.slot = np.zeros(len(world.pieces), dtype=int)  # of each piece that moves, among those
-        self.slot[own], ends = np.arange(len(own)), [Ball(np.zeros((k, 3)))] * (not own)
-        for g in own:
-            piece = world.pieces[g]
-            local = dot("ij,j->i", piece.pose[0], world.centers[g]) + piece.pose[1]
-            ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
-        carried = world.carried[[world.pieces[g].joint for g in own] or [-1]]
-        self.reach = self.reaches(stack(ends, 1), world.radii[own] if own else 0.0, carried)
+        self.axis = dot("knij,nj->kni", self.turn[:, :-1], world.axis)
+        self.moment = where(world.turning[:, None], cross(self.at[:, :-1], self.axis), self.axis)
+        joint = world.joint[world.movers]
+        ends = dot("kgij,gj->kgi", self.turn[:, joint], world.centers[world.movers]) + self.at[:, joint]
+        self.reach = self.reaches(ends, world.radii[world.movers], world.carried[joint])
 
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
-        reach, after = np.zeros((*ends.mid.shape[:2], carried.shape[1])), np.zeros(ends.mid.shape[:2])
+        away = norm(cross(ends[:, :, None] - self.at[:, None, :-1], self.axis[:, None]).size)  # from each axis
+        after = np.zeros(ends.mid.shape[:2])
         for j in reversed(range(carried.shape[1])):
-            away = norm(cross(ends - self.at[:, j, None], self.axis[:, j, None]).size)
-            far = up(away + radii + after) if self.turning[j] else np.ones_like(after)
-            reach[:, :, j] = np.where(carried[:, j], far, 0.0)
-            after = up(after + self.most[:, j, None] * reach[:, :, j])
-        return reach
+            far = up(away[:, :, j] + radii + after) if self.world.turning[j] else 1.0
+            away[:, :, j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + self.most[:, j, None] * away[:, :, j])
+        return away
 
     def rest(self, step: Any, reach: Any, off: Any) -> Any:
         """Return R."""
-        angle = np.abs(step) * self.turning
+        angle = np.abs(step) * self.world.turning
         before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
         return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
 
@@ -162,10 +153,10 @@ class Motion:
             step = self.step * moves
             at = dot("kij,mj->kmi", self.turn[:, joint], local)
             at = at if bond.turns else at + self.at[:, joint, None]
-            turned = cross(dot("kn,kni->ki", step * self.turning, self.axis)[:, None], at)
+            turned = cross(dot("kn,kni->ki", step * self.world.turning, self.axis)[:, None], at)
             slide = dot("kn,kni->ki", step, self.moment)[:, None]
             reach = (
-                self.turning[None]
+                self.world.turning[None]
                 if bond.turns
                 else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
             )
@@ -200,10 +191,11 @@ class Motion:
 
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
-        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        moves, count = self.world.carried[self.world.joint], len(node)
         body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
-        directions = np.concatenate([-normal, normal])
-        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
+        most, rest = self.extremes(
+            np.tile(node, 2), body, moves[body] & ~moves[other], np.concatenate([-normal, normal])
+        )
         length = norm(np.abs(normal))
         both = above(most[:, :count], most[:, count:]).max(axis=0)
         least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
@@ -211,29 +203,26 @@ class Motion:
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
         """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
-        world, step = self.world, self.step[node] * moves
-        turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
+        world, joint, step = self.world, self.world.joint[body], self.step[node] * moves
+        spin = cross(d, dot("ln,lni->li", step * world.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
-        rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
-        joint = np.array([x.joint for x in world.pieces])[body]
-        way = stack([turned + d, d - turned])
+        reach = np.where(moves, self.reach[node, world.slot[body]], 0.0) if len(world.movers) else 0.0 * moves
+        way = stack([spin + d, d - spin])  # in the world, then in the joint's frame, then in the piece's
         base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
-        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
-        order = np.argsort(body, kind="stable")
+        way = dot("sli,lij->slj", way, self.turn[node, joint])
+        base = base + dot("sli,li->sl", way, world.at[body])
+        way = dot("sli,lij->slj", way, world.turn[body])
+        return above(self.supports(body, way), above(base.mid, base.rad)), self.rest(step, reach, self.off[node])
+
+    def supports(self, body: Any, d: Ball) -> Any:
+        """Return upper bounds (2, L) of d.x over the points x of pieces, for directions (2, L, 3) in their frames."""
+        world, most, order = self.world, np.empty(d.mid.shape[:2]), np.argsort(body, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
-            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
-        return value, rest
-
-
-def support(piece: Piece, d: Ball) -> Any:
-    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
-    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
-    size = np.abs(piece.corners).max(axis=0)
-    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
-    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
-    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
-    value = above(most, up(error + norm(piece.sweep * local.size)))
-    return above(value, above(shift.mid, shift.rad))
+            corners = world.pieces[body[rows[0]]].corners
+            for part in np.array_split(rows, 1 + 2 * len(rows) * len(corners) // 4_000_000):
+                most[:, part] = (d.mid[:, part] @ corners.T).max(axis=2)
+        off = ((d.rad + 8 * EPS * np.abs(d.mid)) * world.size[body] + d.size * world.off[body, None]).sum(axis=2)
+        return above(most, up(off + norm(world.sweep[body] * d.size)))
 
 
 # --- the proof --------------------------------------------------------------------------------------------------------
@@ -297,11 +286,12 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
         except RejectedError as error:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
-    distinct, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
+    found, node = np.unique(np.array(spans).reshape(-1, 2) @ [1, 1j], return_inverse=True)  # a + b i for from a to b
+    distinct = np.stack([found.real, found.imag], axis=1)
     order = np.argsort(node.ravel(), kind="stable")
     parts = np.append(0, np.cumsum(np.ceil(distinct[:, 1]) - np.floor(distinct[:, 0])))[:-1]  # before each interval
     count = len(world.joints)
-    at_once = max(1, min(AT_ONCE, 10_000_000 // ((len(pieces) + 10) * (count + 12))))
+    at_once = max(1, min(AT_ONCE, 2_000_000 // ((len(world.movers) + 10) * (count + 12))))
     most_parts = min(MOST_PARTS, 500_000 // max(count, 1))
     chunk = parts[node.ravel()[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
     for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
