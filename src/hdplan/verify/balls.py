@@ -209,6 +209,8 @@ def turned(axis: Ball, cos: Ball, sin: Ball) -> Ball:
 
 def compose(a: Pose, b: Pose) -> Pose:
     """The pose b, given in the frame a, where a is."""
+    if a is HERE or b is HERE:
+        return b if a is HERE else a
     return dot("ij,jk->ik", a[0], b[0]), dot("ij,j->i", a[0], b[1]) + a[1]
 
 

@@ -39,18 +39,33 @@ from __future__ import annotations
 
 import sys
 import zlib
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up, where
+from .balls import (
+    EPS,
+    Ball,
+    RejectedError,
+    above,
+    cos_sin,
+    cross,
+    dot,
+    need,
+    norm,
+    rejecting,
+    shown,
+    stack,
+    turned,
+    up,
+    where,
+)
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, VERSION = b"hdplan proof\n", 3
+MAGIC, VERSION = b"hdplan proof\n", 4
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
-DEEPEST = 50  # of a proof's trees
+DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
@@ -72,24 +87,30 @@ Python and NumPy work"""
 # --- leaves -----------------------------------------------------------------------------------------------------------
 
 
-def half(a: float, b: float) -> float:
-    """Where an interval of the motion is cut: between two rows if it has any within, or else in its middle."""
-    return float(np.floor((a + b) / 2)) if b - a > 1 else (a + b) / 2
+def half(a: Any, b: Any) -> Any:
+    """Where intervals of the motion are cut: between two rows if they have any within, or else in their middle."""
+    return np.where(b - a > 1, np.floor((a + b) / 2), (a + b) / 2)
 
 
-def leaves(depths: Sequence[int], rows: int) -> Iterator[tuple[float, float]]:
-    """Yield the intervals of the leaves of a binary tree over [0, rows], whose depths stand in order."""
-    waiting = [(0.0, float(rows), 0)]
-    for wanted in depths:
-        need(waiting, "there are more leaves than the motion needs")
-        a, b, depth = waiting.pop()
-        while depth < wanted <= DEEPEST:
-            middle, depth = half(a, b), depth + 1
-            waiting.append((middle, b, depth))
-            b = middle
-        need(depth == wanted and b - a >= NARROWEST, f"the leaves' depths make no tree at {a:g} of {rows}")
-        yield a, b
-    need(not waiting, f"no leaf covers the motion from {waiting[-1][0] if waiting else 0:g} on, of {rows}")
+def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
+    """The leaves of binary trees over [0, rows], by their number in each tree (P,) and their depths in order (L,):
+    their different intervals (k, 2), which of these each has (L,), and whether those of a tree cover it (P,).
+
+    With 2^DEEPEST for the whole, a leaf of depth k is 2^(DEEPEST - k) long (all together less than 2^63). Leaves that
+    follow one another, each from a multiple of its length on, up to the whole are those of a tree."""
+    need(depths.max(initial=0) <= DEEPEST and len(depths) <= MOST_LEAVES, "the trees are too deep, or too large")
+    length = 1 << (DEEPEST - depths)
+    ends, reached = np.cumsum(counts), np.append(0, np.cumsum(length))
+    begin = reached[:-1] - np.repeat(reached[ends - counts], counts)
+    whole = reached[ends] - reached[ends - counts] == 1 << DEEPEST
+    whole[np.repeat(np.arange(len(counts)), counts)[begin % length != 0]] = False
+    _, first, node = np.unique(2 * begin + length, return_index=True, return_inverse=True)  # twice the middle of each
+    begin, depth, low, high = begin[first], depths[first], np.zeros(len(first)), np.full(len(first), float(rows))
+    for level in range(depth.max(initial=0)):
+        middle, later = half(low, high), begin >> (DEEPEST - 1 - level) & 1 == 1
+        low, high = np.where((level < depth) & later, middle, low), np.where((level < depth) & ~later, middle, high)
+    need((high - low >= NARROWEST).all(), "a leaf is too short")
+    return np.stack([low, high], axis=1), node.ravel(), whole
 
 
 class Motion:
@@ -117,7 +138,9 @@ class Motion:
         turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
         slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
         turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
-        frames = [(Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))] * (count + 1)  # the last: the world's
+        frames = [(Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))] * (
+            count + 1
+        )  # the last: the world's
         for j, joint in enumerate(world.joints):
             before, origin = frames[joint.parent]
             frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
@@ -232,8 +255,8 @@ Trees = tuple[Any, Any, Any, Any, Any]
 of the rays that miss meshes."""
 
 
-def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
-    """Head, world of who wrote it, groups of triangles by mesh, and trees of a proof's file."""
+def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:
+    """Head, world of who wrote it as it stands there, groups of triangles by mesh, and trees of a proof's file."""
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
@@ -257,7 +280,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     need(at == len(rest), "the proof is longer than its head says")
     *groups, counts, depths, normals, rows, ways = arrays
     trees = counts, depths, normals.reshape(-1, 3).astype(np.float64), rows, ways.reshape(-1, 3).astype(np.float64)
-    return head, loads(world), dict(zip(head["cuts"], groups, strict=True)), trees
+    return head, world, dict(zip(head["cuts"], groups, strict=True)), trees
 
 
 def least_distances(world: World, head: dict[str, Any]) -> Any:
@@ -277,28 +300,25 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     counts, depths, normals, rows, ways = trees
     pieces, least = world.pieces, least_distances(world, head)
     need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
-    need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
+    need(counts.sum() == len(depths), "the pairs have other leaves than the proof")
     need(normals.any(axis=1).all(), "a direction is 0")
-    spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
+    spans, node, whole = leaves(counts, depths, len(world.control.mid))
+    for p in np.flatnonzero(~whole)[:1]:
+        raise RejectedError(
+            f"{' and '.join(pieces[i].key for i in world.pairs[p])}: the leaves do not cover the motion"
+        )
+    pair, order = np.repeat(np.arange(len(counts)), counts), np.argsort(node, kind="stable")
     bodies, floor = world.pairs[pair], least[pair]
-    for p, end in enumerate(ends.tolist()):
-        try:
-            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
-        except RejectedError as error:
-            raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
-    found, node = np.unique(np.array(spans).reshape(-1, 2) @ [1, 1j], return_inverse=True)  # a + b i for from a to b
-    distinct = np.stack([found.real, found.imag], axis=1)
-    order = np.argsort(node.ravel(), kind="stable")
-    parts = np.append(0, np.cumsum(np.ceil(distinct[:, 1]) - np.floor(distinct[:, 0])))[:-1]  # before each interval
+    parts = np.append(0, np.cumsum(np.ceil(spans[:, 1]) - np.floor(spans[:, 0])))[:-1]  # before each interval
     count = len(world.joints)
     at_once = max(1, min(AT_ONCE, 2_000_000 // ((len(world.movers) + 10) * (count + 12))))
     most_parts = min(MOST_PARTS, 500_000 // max(count, 1))
-    chunk = parts[node.ravel()[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
+    chunk = parts[node[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
     for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
-        used, local = np.unique(node.ravel()[chosen], return_inverse=True)
-        found = Motion(world, distinct[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
+        used, local = np.unique(node[chosen], return_inverse=True)
+        found = Motion(world, spans[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
         for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:
-            leaf, (low, high) = chosen[i], spans[chosen[i]]
+            leaf, (low, high) = chosen[i], spans[node[chosen[i]]]
             where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.control.mid)} intervals"
             short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")

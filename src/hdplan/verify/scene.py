@@ -61,9 +61,10 @@ def pose_of(value: Any, what: str) -> Pose:
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
         need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
-        q = unit(decimal(given))
-        k = dot("ijk,k->ij", CROSS, q[:3])
-        turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+        if given[:3].any():  # or else it is not turned
+            q = unit(decimal(given))
+            k = dot("ijk,k->ij", CROSS, q[:3])
+            turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
     elif "rpy" in keys:
         need(type(keys["rpy"]) is list, f"{what}.rpy: three numbers are expected")
         turn = rpy(values(keys["rpy"], 3, what))
