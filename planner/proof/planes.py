@@ -1,7 +1,7 @@
 """Separating planes along a motion: for every pair of pieces, a tree of intervals with a direction at each leaf.
 
-Directions are proposed by boxes and by coal, and judged by the certificate's fast bounds (`spans`), by which an interval
-without one is halved, as the kernel halves it. What is found the kernel examines before it is written.
+Directions are proposed by boxes and by coal, and judged by the certificate's fast bounds (`spans`). An interval without
+one is halved, as the kernel halves it. What is found the kernel examines before it is written.
 """
 
 from __future__ import annotations

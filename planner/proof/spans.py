@@ -1,4 +1,4 @@
-"""The kernel's world for the certificate's fast bounds: its pieces and pairs, and where they are on spans of the motion.
+"""The kernel's world for the certificate's fast bounds: its pieces and pairs, and where they are on spans of a motion.
 
 The formulas are those of the kernel (`hdplan.verify.kernel.Motion`), in plain doubles: what they propose is checked by
 the kernel before it is written. A span may reach over many rows, other than the certificate's own intervals.
@@ -30,9 +30,9 @@ class Spans:
         chain = Chain(None, self.axes.copy(), world.turning.copy(), np.roll(world.carried, 1, axis=0))
         bodies = [_body(piece, shape) for piece, shape in zip(world.pieces, shapes, strict=True)]
         self.bodies = Bodies(chain, bodies, lambda q: q)
-        table = np.column_stack([world.pairs, np.zeros(len(world.pairs), dtype=np.int64)])
-        a, b = (world.carried[joints[world.pairs[:, i]]] for i in (0, 1))
-        self.pairs = Pairs(*table.T.copy(), a & ~b, b & ~a)
+        first, second = world.pairs.T.copy()
+        a, b = world.carried[joints[first]], world.carried[joints[second]]
+        self.pairs = Pairs(first, second, np.zeros_like(first), a & ~b, b & ~a)
         self.bounds = Bounds(self.bodies, self.pairs)
         skew = cross(np.eye(3)[None], self.axes[:, None])  # of each axis: x ↦ x × axis, by rows
         self.skew, self.square = skew, skew @ skew
@@ -53,12 +53,15 @@ class Spans:
         still = np.zeros((places, 3))
         stray = Motion(still, still, np.full(places, ASIDE), np.zeros(places))
         standing = (*bodies.standing, np.zeros((len(bodies.bodies), delta.shape[1])))
-        placed = (
+        rotation, origin, center, reach = (
             np.concatenate([one, two.reshape(-1, *one.shape[1:])])
             for one, two in zip(standing, (rotation, origin, center, reach), strict=True)
         )
-        rows = np.zeros(count, dtype=np.int64)
-        return Intervals(bodies, rows, low, high - low, delta, deviation, *placed, axes, points, stray)
+        none = np.zeros(count, dtype=np.int64)  # of the certificate's own intervals
+        width = high - low
+        return Intervals(
+            bodies, none, low, width, delta, deviation, rotation, origin, center, reach, axes, points, stray
+        )
 
     def _joints(self, low: Array, high: Array) -> tuple[Array, Array, Array]:
         """Return the joints' middles, half their motion and by how much they stray from it (k, n), as the kernel."""
