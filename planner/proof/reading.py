@@ -75,8 +75,9 @@ class ReadProof:
 
     def spans(self, pair: int) -> list[tuple[float, float]]:
         """Return the leaves of a pair of pieces, as intervals of rows."""
-        first = int(self._first[pair])
-        return list(leaves(self._depths[first : first + int(self._counts[pair])].tolist(), self.rows))
+        own = slice(int(self._first[pair]), int(self._first[pair] + self._counts[pair]))
+        spans, node, _ = leaves(self._counts[[pair]], self._depths[own], self.rows)
+        return [(low, high) for low, high in spans[node].tolist()]
 
     def planes(self, pairs: list[int], row: float) -> list[Plane]:
         """Return the planes between pairs of pieces at a row of the motion, 0 to `rows`."""

@@ -10,13 +10,27 @@ from __future__ import annotations
 import itertools
 from typing import Any, assert_never
 
+import coal
 import numpy as np
 import pinocchio as pin
 
+from hdplan.planner.geometry.coal_shapes import mesh_of
+from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world_task import plain_goal, plain_path, plain_start
-from hdplan.planner.proof.world_values import Plain, bounds, frame, frame_of, numbers, off, plain_geometry, plain_shape
+from hdplan.planner.proof.world_values import (
+    Plain,
+    bounds,
+    frame,
+    frame_of,
+    numbers,
+    off,
+    ordered,
+    plain_geometry,
+    plain_mesh,
+    plain_shape,
+)
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.joint_limits import limits_of_all
 from hdplan.planner.robot.pin_model import motion_axes
@@ -26,6 +40,7 @@ from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.scene import Scene
@@ -112,8 +127,20 @@ def _links(robot: Robot) -> Plain:
 def _links_bodies(robot: Robot) -> list[Plain]:
     held = {each.name for each in robot.attached}
     links = sorted((link, rows) for link, rows in robot.link_geometry.items() if link not in held)
-    items = [(link, robot.collision.geometryObjects[row]) for link, rows in links for row in rows]
-    return [_body(robot, link, "link", item, plain_geometry(item.geometry)) for link, item in items]
+    meshes, found = _meshes(robot), list[Plain]()
+    for link, row in ((link, row) for link, rows in links for row in rows):
+        item = robot.collision.geometryObjects[row]
+        shape = plain_mesh(meshes[row]) if row in meshes else plain_geometry(item.geometry)
+        found.append(_body(robot, link, "link", item, shape))
+    return found
+
+
+@made_once(8)
+def _meshes(robot: Robot) -> dict[int, TriangleMesh]:
+    """Return the links' meshes as coal has them, by their rows: hierarchies keep the order of their triangles. Once per
+    robot, which is compared with what was loaded before (`check_as_loaded`)."""
+    items = enumerate(robot.collision.geometryObjects)
+    return {row: ordered(mesh_of(x.geometry)) for row, x in items if isinstance(x.geometry, coal.BVHModelBase)}
 
 
 def _held_bodies(robot: Robot) -> list[Plain]:

@@ -12,11 +12,9 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-import coal
 import numpy as np
 
 from hdplan.planner.geometry.clouds import balls_in
-from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.geometry.voxel_grids import boxes_in
@@ -73,31 +71,29 @@ def plain_shape(shape: Shape | Seen) -> Plain:
         return {"type": "boxes", "low": numbers(boxes[:, :3]), "high": numbers(boxes[:, 3:])}
     operations(shape)  # refuses what it does not know
     if isinstance(shape, ReadMesh):
-        return plain_mesh(shape.mesh)
+        return plain_mesh(ordered(shape.mesh))
     sizes = {name: numbers(value) for name, value in own_fields(shape).items()}
     return {"type": type(shape).__name__.lower(), **sizes}
 
 
 def plain_geometry(geometry: Any) -> Plain:
-    """Return the collision geometry of a link, as coal has it: hierarchies keep the order of their triangles."""
-    if isinstance(geometry, coal.BVHModelBase):
-        return plain_mesh(mesh_of(geometry))
+    """Return the collision geometry of a link that is no hierarchy of triangles."""
     shape = shape_of(geometry)
     if shape is None:
         raise TypeError(f"nothing is known of coal's {type(geometry).__name__}")
     return plain_shape(shape)
 
 
-def plain_mesh(mesh: TriangleMesh) -> Plain:
-    """Return a mesh, its points in the order in which its triangles name them."""
+def ordered(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh with its points in the order in which its triangles name them first, without others."""
     used, first, corner = np.unique(mesh.triangles, return_index=True, return_inverse=True)
     order = np.argsort(first)
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    points = mesh.vertices[used[order]]
-    return {
-        "type": "mesh",
-        "points": points.tolist(),
-        "triangles": place[corner.reshape(-1, 3)].tolist(),
-        "off": off(points),
-    }
+    return TriangleMesh(mesh.vertices[used[order]], place[corner.reshape(-1, 3)])
+
+
+def plain_mesh(mesh: TriangleMesh) -> Plain:
+    """Return a mesh whose points are `ordered`."""
+    points = mesh.vertices
+    return {"type": "mesh", "points": points.tolist(), "triangles": mesh.triangles.tolist(), "off": off(points)}

@@ -118,6 +118,11 @@ def stack(parts: Sequence[Ball], axis: int = 0) -> Ball:
     return Ball(np.stack([x.mid for x in parts], axis), np.stack([x.rad for x in parts], axis))
 
 
+def where(mask: Any, a: Ball, b: Ball) -> Ball:
+    """np.where."""
+    return Ball(np.where(mask, a.mid, b.mid), np.where(mask, a.rad, b.rad))
+
+
 def cross(a: Any, b: Ball) -> Ball:
     """a x b along the last axis."""
     i, j = [1, 2, 0], [2, 0, 1]
@@ -197,13 +202,15 @@ def rotation(axis: Ball, angle: Any) -> Ball:
 
 
 def turned(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """Rotations about a unit axis by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,k->ij", CROSS, axis)
-    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
+    """Rotations about unit axes by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k = dot("ijk,...k->...ij", CROSS, axis)
+    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("...ij,...jk->...ik", k, k)
 
 
 def compose(a: Pose, b: Pose) -> Pose:
     """The pose b, given in the frame a, where a is."""
+    if a is HERE or b is HERE:
+        return b if a is HERE else a
     return dot("ij,jk->ik", a[0], b[0]), dot("ij,j->i", a[0], b[1]) + a[1]
 
 

@@ -16,7 +16,7 @@ from .compare import check_equal
 from .effects import check_claims, in_words
 from .kernel import proven_world, unpack
 from .reading import Reading, read_world
-from .world import World
+from .world import World, loads
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
 MOST_TIME, MOST_WAIT = 30, 60  # [s] of a processor, and by the clock
@@ -40,7 +40,8 @@ def check(
     `request` and `robot`. In this process: what files say may take any time. Raises RejectedError, which names leaf,
     pair and reason, or the first difference."""
     with rejecting():
-        head, told, cuts, trees = unpack(proof)
+        head, line, cuts, trees = unpack(proof)
+        told = loads(line)
         reading = read_world(scene, motion, told, request, robot)
         read, hashes = reading.world, reading.hashes
         for key in sorted({*hashes} | {*head["files"]}):

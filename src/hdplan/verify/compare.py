@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
+
+import numpy as np
 
 from .balls import need, up
 from .world import OFF
@@ -14,12 +17,22 @@ WORKED_OUT = ("rotation", "position", "axis", "follows", "mass", "moment", "iner
 def check_equal(read: Any, told: Any) -> None:
     """Reject, with the first difference, unless the world that the checker `read` and the one that the proof's writer
     `told` are equal: numbers that were worked out, in a group with `off`, up to the sum of both, all others to the last
-    bit."""
+    bit. In the place of a mesh the proof may have its `digest`."""
     _same(read, told, "", 0.0)
 
 
+def digest(mesh: dict[str, Any]) -> dict[str, str]:
+    """What stands for a mesh in a proof: the SHA-256 of the number of its points, in decimal digits with a space after
+    them, of the points and of the triangles, as numbers of eight bytes, little-endian; -0 is 0."""
+    points, triangles = np.array(mesh["points"], "<f8") + 0.0, np.array(mesh["triangles"], "<i8")
+    content = f"{len(points)} ".encode() + points.tobytes() + triangles.tobytes()
+    return {"type": "mesh", "sha256": hashlib.sha256(content).hexdigest()}
+
+
 def _same(read: Any, told: Any, where: str, off: float) -> None:
-    if isinstance(read, dict) and isinstance(told, dict):
+    if isinstance(read, dict) and isinstance(told, dict) and "sha256" in told and "triangles" in read:
+        need(told == digest(read), f"the worlds differ: {where}: the numbers that are read have another SHA-256")
+    elif isinstance(read, dict) and isinstance(told, dict):
         need(read.keys() == told.keys(), f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
         slack = _off(read, where) + _off(told, where) if "off" in read else 0.0
         for key in read:

@@ -39,18 +39,33 @@ from __future__ import annotations
 
 import sys
 import zlib
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, RejectedError, above, cos_sin, cross, dot, need, norm, rejecting, shown, stack, turned, up
+from .balls import (
+    EPS,
+    Ball,
+    RejectedError,
+    above,
+    cos_sin,
+    cross,
+    dot,
+    need,
+    norm,
+    rejecting,
+    shown,
+    stack,
+    turned,
+    up,
+    where,
+)
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, VERSION = b"hdplan proof\n", 3
+MAGIC, VERSION = b"hdplan proof\n", 4
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
-DEEPEST = 50  # of a proof's trees
+DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
@@ -72,24 +87,30 @@ Python and NumPy work"""
 # --- leaves -----------------------------------------------------------------------------------------------------------
 
 
-def half(a: float, b: float) -> float:
-    """Where an interval of the motion is cut: between two rows if it has any within, or else in its middle."""
-    return float(np.floor((a + b) / 2)) if b - a > 1 else (a + b) / 2
+def half(a: Any, b: Any) -> Any:
+    """Where intervals of the motion are cut: between two rows if they have any within, or else in their middle."""
+    return np.where(b - a > 1, np.floor((a + b) / 2), (a + b) / 2)
 
 
-def leaves(depths: Sequence[int], rows: int) -> Iterator[tuple[float, float]]:
-    """Yield the intervals of the leaves of a binary tree over [0, rows], whose depths stand in order."""
-    waiting = [(0.0, float(rows), 0)]
-    for wanted in depths:
-        need(waiting, "there are more leaves than the motion needs")
-        a, b, depth = waiting.pop()
-        while depth < wanted <= DEEPEST:
-            middle, depth = half(a, b), depth + 1
-            waiting.append((middle, b, depth))
-            b = middle
-        need(depth == wanted and b - a >= NARROWEST, f"the leaves' depths make no tree at {a:g} of {rows}")
-        yield a, b
-    need(not waiting, f"no leaf covers the motion from {waiting[-1][0] if waiting else 0:g} on, of {rows}")
+def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
+    """The leaves of binary trees over [0, rows], by their number in each tree (P,) and their depths in order (L,):
+    their different intervals (k, 2), which of these each has (L,), and whether those of a tree cover it (P,).
+
+    With 2^DEEPEST for the whole, a leaf of depth k is 2^(DEEPEST - k) long (all together less than 2^63). Leaves that
+    follow one another, each from a multiple of its length on, up to the whole are those of a tree."""
+    need(depths.max(initial=0) <= DEEPEST and len(depths) <= MOST_LEAVES, "the trees are too deep, or too large")
+    length = 1 << (DEEPEST - depths)
+    ends, reached = np.cumsum(counts), np.append(0, np.cumsum(length))
+    begin = reached[:-1] - np.repeat(reached[ends - counts], counts)
+    whole = reached[ends] - reached[ends - counts] == 1 << DEEPEST
+    whole[np.repeat(np.arange(len(counts)), counts)[begin % length != 0]] = False
+    _, first, node = np.unique(begin + 1j * depths, return_index=True, return_inverse=True)
+    begin, depth, low, high = begin[first], depths[first], np.zeros(len(first)), np.full(len(first), float(rows))
+    for level in range(depth.max(initial=0)):
+        middle, later = half(low, high), begin >> (DEEPEST - 1 - level) & 1 == 1
+        low, high = np.where((level < depth) & later, middle, low), np.where((level < depth) & ~later, middle, high)
+    need((high - low >= NARROWEST).all(), "a leaf is too short")
+    return np.stack([low, high], axis=1), node.ravel(), whole
 
 
 class Motion:
@@ -112,44 +133,37 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
-        still = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
-        frames = [still] * (count + 1)  # the last is the world's
+        turn, at = world.frames  # of each joint in the one before, moved by its value
         cos, sin = cos_sin(self.middle)
+        turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
+        slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
+        turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
+        frames = [(Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))] * (
+            count + 1
+        )  # the last: the world's
         for j, joint in enumerate(world.joints):
-            turn, at = frames[joint.parent]
-            turn, at = dot("kij,jl->kil", turn, joint.pose[0]), dot("kij,j->ki", turn, joint.pose[1]) + at
-            if joint.turns:
-                frames[j] = dot("kij,kjl->kil", turn, turned(joint.axis, cos[:, j], sin[:, j])), at
-            else:
-                frames[j] = turn, dot("kij,kj->ki", turn, joint.axis * self.middle[:, j, None]) + at
+            before, origin = frames[joint.parent]
+            frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
         self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
-        self.turning = np.array([x.turns for x in world.joints])
-        self.axis = dot("knij,nj->kni", self.turn[:, :-1], stack([x.axis for x in world.joints]))
-        arm, turns = cross(self.at[:, :-1], self.axis), self.turning[:, None]
-        self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
-        own = [g for g, x in enumerate(world.pieces) if x.joint >= 0]
-        self.slot = np.zeros(len(world.pieces), dtype=int)  # of each piece that moves, among those
-        self.slot[own], ends = np.arange(len(own)), [Ball(np.zeros((k, 3)))] * (not own)
-        for g in own:
-            piece = world.pieces[g]
-            local = dot("ij,j->i", piece.pose[0], world.centers[g]) + piece.pose[1]
-            ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
-        carried = world.carried[[world.pieces[g].joint for g in own] or [-1]]
-        self.reach = self.reaches(stack(ends, 1), world.radii[own] if own else 0.0, carried)
+        self.axis = dot("knij,nj->kni", self.turn[:, :-1], world.axis)
+        self.moment = where(world.turning[:, None], cross(self.at[:, :-1], self.axis), self.axis)
+        joint = world.joint[world.movers]
+        ends = dot("kgij,gj->kgi", self.turn[:, joint], world.centers[world.movers]) + self.at[:, joint]
+        self.reach = self.reaches(ends, world.radii[world.movers], world.carried[joint])
 
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
-        reach, after = np.zeros((*ends.mid.shape[:2], carried.shape[1])), np.zeros(ends.mid.shape[:2])
+        away = norm(cross(ends[:, :, None] - self.at[:, None, :-1], self.axis[:, None]).size)  # from each axis
+        after = np.zeros(ends.mid.shape[:2])
         for j in reversed(range(carried.shape[1])):
-            away = norm(cross(ends - self.at[:, j, None], self.axis[:, j, None]).size)
-            far = up(away + radii + after) if self.turning[j] else np.ones_like(after)
-            reach[:, :, j] = np.where(carried[:, j], far, 0.0)
-            after = up(after + self.most[:, j, None] * reach[:, :, j])
-        return reach
+            far = up(away[:, :, j] + radii + after) if self.world.turning[j] else 1.0
+            away[:, :, j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + self.most[:, j, None] * away[:, :, j])
+        return away
 
     def rest(self, step: Any, reach: Any, off: Any) -> Any:
         """Return R."""
-        angle = np.abs(step) * self.turning
+        angle = np.abs(step) * self.world.turning
         before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
         return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
 
@@ -162,10 +176,10 @@ class Motion:
             step = self.step * moves
             at = dot("kij,mj->kmi", self.turn[:, joint], local)
             at = at if bond.turns else at + self.at[:, joint, None]
-            turned = cross(dot("kn,kni->ki", step * self.turning, self.axis)[:, None], at)
+            turned = cross(dot("kn,kni->ki", step * self.world.turning, self.axis)[:, None], at)
             slide = dot("kn,kni->ki", step, self.moment)[:, None]
             reach = (
-                self.turning[None]
+                self.world.turning[None]
                 if bond.turns
                 else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
             )
@@ -200,10 +214,11 @@ class Motion:
 
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
-        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        moves, count = self.world.carried[self.world.joint], len(node)
         body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
-        directions = np.concatenate([-normal, normal])
-        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
+        most, rest = self.extremes(
+            np.tile(node, 2), body, moves[body] & ~moves[other], np.concatenate([-normal, normal])
+        )
         length = norm(np.abs(normal))
         both = above(most[:, :count], most[:, count:]).max(axis=0)
         least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
@@ -211,29 +226,26 @@ class Motion:
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
         """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
-        world, step = self.world, self.step[node] * moves
-        turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
+        world, joint, step = self.world, self.world.joint[body], self.step[node] * moves
+        spin = cross(d, dot("ln,lni->li", step * world.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
-        rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
-        joint = np.array([x.joint for x in world.pieces])[body]
-        way = stack([turned + d, d - turned])
+        reach = np.where(moves, self.reach[node, world.slot[body]], 0.0) if len(world.movers) else 0.0 * moves
+        way = stack([spin + d, d - spin])  # in the world, then in the joint's frame, then in the piece's
         base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
-        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
-        order = np.argsort(body, kind="stable")
+        way = dot("sli,lij->slj", way, self.turn[node, joint])
+        base = base + dot("sli,li->sl", way, world.at[body])
+        way = dot("sli,lij->slj", way, world.turn[body])
+        return above(self.supports(body, way), above(base.mid, base.rad)), self.rest(step, reach, self.off[node])
+
+    def supports(self, body: Any, d: Ball) -> Any:
+        """Return upper bounds (2, L) of d.x over the points x of pieces, for directions (2, L, 3) in their frames."""
+        world, most, order = self.world, np.empty(d.mid.shape[:2]), np.argsort(body, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
-            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
-        return value, rest
-
-
-def support(piece: Piece, d: Ball) -> Any:
-    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
-    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
-    size = np.abs(piece.corners).max(axis=0)
-    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
-    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
-    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
-    value = above(most, up(error + norm(piece.sweep * local.size)))
-    return above(value, above(shift.mid, shift.rad))
+            corners = world.pieces[body[rows[0]]].corners
+            for part in np.array_split(rows, 1 + 2 * len(rows) * len(corners) // 4_000_000):
+                most[:, part] = (d.mid[:, part] @ corners.T).max(axis=2)
+        off = ((d.rad + 8 * EPS * np.abs(d.mid)) * world.size[body] + d.size * world.off[body, None]).sum(axis=2)
+        return above(most, up(off + norm(world.sweep[body] * d.size)))
 
 
 # --- the proof --------------------------------------------------------------------------------------------------------
@@ -243,8 +255,8 @@ Trees = tuple[Any, Any, Any, Any, Any]
 of the rays that miss meshes."""
 
 
-def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
-    """Head, world of who wrote it, groups of triangles by mesh, and trees of a proof's file."""
+def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:
+    """Head, world of who wrote it as it stands there, groups of triangles by mesh, and trees of a proof's file."""
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
@@ -268,7 +280,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Any, dict[str, Any], Trees]:
     need(at == len(rest), "the proof is longer than its head says")
     *groups, counts, depths, normals, rows, ways = arrays
     trees = counts, depths, normals.reshape(-1, 3).astype(np.float64), rows, ways.reshape(-1, 3).astype(np.float64)
-    return head, loads(world), dict(zip(head["cuts"], groups, strict=True)), trees
+    return head, world, dict(zip(head["cuts"], groups, strict=True)), trees
 
 
 def least_distances(world: World, head: dict[str, Any]) -> Any:
@@ -288,27 +300,25 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     counts, depths, normals, rows, ways = trees
     pieces, least = world.pieces, least_distances(world, head)
     need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
-    need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
+    need(counts.sum() == len(depths), "the pairs have other leaves than the proof")
     need(normals.any(axis=1).all(), "a direction is 0")
-    spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
+    spans, node, whole = leaves(counts, depths, len(world.control.mid))
+    for p in np.flatnonzero(~whole)[:1]:
+        raise RejectedError(
+            f"{' and '.join(pieces[i].key for i in world.pairs[p])}: the leaves do not cover the motion"
+        )
+    pair, order = np.repeat(np.arange(len(counts)), counts), np.argsort(node, kind="stable")
     bodies, floor = world.pairs[pair], least[pair]
-    for p, end in enumerate(ends.tolist()):
-        try:
-            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
-        except RejectedError as error:
-            raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
-    distinct, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
-    order = np.argsort(node.ravel(), kind="stable")
-    parts = np.append(0, np.cumsum(np.ceil(distinct[:, 1]) - np.floor(distinct[:, 0])))[:-1]  # before each interval
+    parts = np.append(0, np.cumsum(np.ceil(spans[:, 1]) - np.floor(spans[:, 0])))[:-1]  # before each interval
     count = len(world.joints)
-    at_once = max(1, min(AT_ONCE, 10_000_000 // ((len(pieces) + 10) * (count + 12))))
+    at_once = max(1, min(AT_ONCE, 2_000_000 // ((len(world.movers) + 10) * (count + 12))))
     most_parts = min(MOST_PARTS, 500_000 // max(count, 1))
-    chunk = parts[node.ravel()[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
+    chunk = parts[node[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
     for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
-        used, local = np.unique(node.ravel()[chosen], return_inverse=True)
-        found = Motion(world, distinct[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
+        used, local = np.unique(node[chosen], return_inverse=True)
+        found = Motion(world, spans[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
         for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:
-            leaf, (low, high) = chosen[i], spans[chosen[i]]
+            leaf, (low, high) = chosen[i], spans[node[chosen[i]]]
             where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.control.mid)} intervals"
             short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")

@@ -3,6 +3,8 @@ hdplan's."""
 
 from __future__ import annotations
 
+import functools
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,18 @@ def read_world(
         return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
 
 
+@functools.lru_cache(maxsize=8)  # these two by the content of files, which are read each time
+def tree_of(path: Path, data: bytes, base: str | None) -> Tree:
+    """The links and joints of a URDF's content, on a planar base (JSON) if the scene has one."""
+    return Tree(path, data, None if base is None else json.loads(base))
+
+
+@functools.lru_cache(maxsize=8)
+def semantics_of(data: bytes, tree: Tree) -> Semantics:
+    """What an SRDF's content says of a tree of links."""
+    return Semantics(data, tree.above, tree.links)
+
+
 class Reader:
     """One scene and one motion."""
 
@@ -84,8 +98,9 @@ class Reader:
             return
         need(not spec.get("xacro_args"), "robot.xacro_args: the file is no xacro")
         base = spec.get("base_joints")
-        tree = Tree(urdf, description, None if base is None else mapping(base, "robot.base_joints", "kind x y yaw"))
-        semantics = Semantics(words, tree.above, tree.links)
+        base = None if base is None else json.dumps(mapping(base, "robot.base_joints", "kind x y yaw"))
+        tree = tree_of(urdf, description, base)
+        semantics = semantics_of(words, tree)
         if request is not None:
             self.top = sections(around, asked, spec, tree, semantics)
             spec = self.top["robot"]

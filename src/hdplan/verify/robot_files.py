@@ -83,8 +83,8 @@ def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
     two such files in a folder it is the larger one. Its SRDF is that of its name, or of the longest beginning of it.
     Any file goes by FOLDER/FILE, without SRDF."""
     stems, found = dict[str, set[Path]](), list[Path]()
-    files = [(x, x.parents[1], x.stem.removesuffix("_robot")) for x in library.glob("*/*/*.urdf")]
-    files = [x for x in files if x[0].parent.name in ("urdf", "robots")]
+    listed = [x for folder in ("urdf", "robots") for x in library.glob(f"*/{folder}/*.urdf")]
+    files = [(x, x.parents[1], x.stem.removesuffix("_robot")) for x in listed]
     for _, folder, stem in files:
         stems.setdefault(stem, set()).add(folder)
     for file, folder, stem in files:

@@ -5,6 +5,7 @@ Every key is known here, or the scene is rejected.
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +61,10 @@ def pose_of(value: Any, what: str) -> Pose:
     if "quaternion_xyzw" in keys:
         given = values(keys["quaternion_xyzw"], 4, what)
         need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
-        q = unit(decimal(given))
-        k = dot("ijk,k->ij", CROSS, q[:3])
-        turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+        if given[:3].any():  # or else it is not turned
+            q = unit(decimal(given))
+            k = dot("ijk,k->ij", CROSS, q[:3])
+            turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
     elif "rpy" in keys:
         need(type(keys["rpy"]) is list, f"{what}.rpy: three numbers are expected")
         turn = rpy(values(keys["rpy"], 3, what))
@@ -129,20 +131,27 @@ def mesh_of(
 def mesh(path: Path, data: bytes, scale: Any, upright: bool) -> dict[str, Any]:
     """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
     equal corners left out; named backwards where the scale mirrors."""
-    found = triangles(path, data, upright)
-    corners = found.mid * scale
-    off = float((found.rad * np.abs(scale) + (found.rad > 0) * EPS * np.abs(corners)).max())
+    points, faces, off = _merged(path, data, tuple(scale.tolist()), upright)
+    return {"type": "mesh", "points": points.tolist(), "triangles": faces.tolist(), "off": off}
+
+
+@functools.lru_cache(maxsize=256)  # by the content of files, which are read each time
+def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) -> tuple[Any, Any, float]:
+    """Points (m, 3), triangles (F, 3) by the numbers of their points, and the bound on the points' errors."""
+    found, factor = triangles(path, data, upright), np.array(scale)
+    corners = found.mid * factor
+    off = float((found.rad * np.abs(factor) + (found.rad > 0) * EPS * np.abs(corners)).max())
     flat = corners.reshape(-1, 3)
     distinct, index = np.unique(flat, axis=0, return_inverse=True)
     faces = index.reshape(-1, 3)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    faces = faces[:, ::-1] if np.prod(np.sign(scale)) < 0 else faces
+    faces = faces[:, ::-1] if np.prod(np.sign(factor)) < 0 else faces
     need(len(faces), f"{path}: has no triangles")
     used, first = np.unique(faces.ravel(), return_index=True)
     order = used[np.argsort(first)]
     where = np.zeros(index.max() + 1, dtype=np.int64)
     where[order] = np.arange(len(order))
-    return {"type": "mesh", "points": distinct[order].tolist(), "triangles": where[faces].tolist(), "off": off}
+    return distinct[order], where[faces], off
 
 
 def obstacles(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -38,13 +39,16 @@ FRAME = "joint rotation position off"
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
-        found = np.array(value, dtype=object)
-        good = found.ndim == len(shape) and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
-        good = good and all(type(x) in (int, float) and abs(x) < 1e9 for x in found.ravel().tolist())
-    except ValueError:  # rows of several lengths
+        flat = value if shape else [value]
+        for _ in shape[1:]:
+            flat = list(chain.from_iterable(flat))
+        found, kinds = np.array(value, dtype=np.float64), {*map(type, flat)}
+        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < 1e9).all())
+        good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
+    except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
     need(good, f"{what}: {shape or 'one'} finite numbers are expected")
-    return found.astype(np.float64)
+    return found
 
 
 def number(value: Any, what: str) -> float:
@@ -98,34 +102,36 @@ def frame(place: list[Any], what: str) -> Pose:
     return Ball(r, e), Ball(at, e)
 
 
-def shape_of(value: Any, what: str) -> tuple[Any, float, Any]:
-    """Corners (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, corners of each part
-    (F, c, 3), of triangles and boxes, or centres of balls, with an ellipsoid for each."""
+def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
+    """Points (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, which points each part
+    has (F, c): the corners of triangles and boxes, or the centres of balls, with an ellipsoid for each."""
     kind: Any = value.get("type") if type(value) is dict else None
     need(kind in SHAPES, f"{what}: a shape of a kind that is not known")
     _, first, *rest = keys_of(value, what, f"type {SHAPES[kind]}")
     none = np.zeros(3)
     if kind in ("points", "balls", "boxes", "mesh"):
         points = numbers(first, (-1, 3), what)
+        every = np.arange(len(points))[:, None]
         need(len(points), f"{what}: has no points")
         if kind == "points":
-            return points, 0.0, none
+            return points, None, 0.0, none
         if kind == "balls":
             radii = numbers(rest[0], (len(points),), what)
             need(radii.min() >= 0, f"{what}: a radius is negative")
-            return points[:, None], 0.0, np.repeat(radii[:, None], 3, axis=1)
+            return points, every, 0.0, np.repeat(radii[:, None], 3, axis=1)
         if kind == "boxes":
-            return np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None]), 0.0, none
+            corners = np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None])
+            return corners.reshape(-1, 3), 8 * every + np.arange(8), 0.0, none
         faces = numbers(rest[0], (-1, 3), what)
         good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
         need(good, f"{what}: has no triangles, or one with a point that is not there")
-        return points[faces.astype(int)], off_of(rest[1], what), none
+        return points, faces.astype(int), off_of(rest[1], what), none
     three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
     length = number(rest[0], what) if rest else 0.0
     need(three.min() >= 0 <= length, f"{what}: a size is negative")
     if kind == "box":
-        return CUBE * three, 0.0, none
-    return CUBE[:2] * [0, 0, length], 0.0, three * [1, 1, kind != "cylinder"]
+        return CUBE * three, None, 0.0, none
+    return CUBE[:2] * [0, 0, length], None, 0.0, three * [1, 1, kind != "cylinder"]
 
 
 @dataclass(eq=False)
@@ -168,6 +174,11 @@ class Bond:
     most: float
     turns: bool = False
     along: Ball | None = None
+
+
+def box_centre(piece: Piece) -> Any:
+    """The middle (3,) of the box around a piece's corners, nearly."""
+    return (piece.corners.min(axis=0) + piece.corners.max(axis=0)) / 2
 
 
 def track(times: list[float], values: list[Ball], now: float) -> Ball:
@@ -222,6 +233,7 @@ class World:
             self.add_body(i, each)
         self.lay_tracks()
         self.pair_up(apart)
+        self.stack_up()
         usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
         self.usual, self.among = (number(x, "clearances") for x in (usual, among))
         self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
@@ -270,20 +282,19 @@ class World:
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
         own, key = (name, kind, number, called, joint, pose), str(number)
-        corners, off, sweep = shape_of(shape, what)
-        if corners.ndim == 2:
-            self.pieces.append(Piece(*own, corners, off, sweep))
+        points, parts, off, sweep = shape_of(shape, what)
+        if parts is None:
+            self.pieces.append(Piece(*own, points, off, sweep))
             return
-        self.parts[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
-        need(groups.shape == corners.shape[:1], f"{what}: has {len(corners)} parts, not {len(groups)}")
+        self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
+        need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
         labels, inverse = np.unique(groups, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
-            self.pieces.append(Piece(*own, np.unique(corners[rows].reshape(-1, 3), axis=0), off, size))
+            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
         if shape["type"] == "mesh" and len(labels) > 1:
-            points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-            self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], faces.reshape(-1, 3)
+            self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
@@ -407,9 +418,28 @@ class World:
         ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
-        self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
-        away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]
-        self.radii = up(np.array(away) + [x.sweep.max() for x in pieces])  # of balls around the pieces
+
+    def stack_up(self) -> None:
+        """Collect joints (n, ...) and pieces (g, ...) in arrays, with the centres of balls around the pieces, in the
+        frames of their joints, and the balls' radii."""
+
+        def of(each: Any, *shape: int) -> Any:
+            return np.array([each(x) for x in self.pieces]).reshape(-1, *shape)
+
+        def pose(i: int, *shape: int) -> Ball:
+            return Ball(of(lambda x: x.pose[i].mid, *shape), of(lambda x: x.pose[i].rad, *shape))
+
+        self.turning = np.array([x.turns for x in self.joints])
+        self.axis = stack([x.axis for x in self.joints])
+        self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
+        self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
+        self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
+        self.size, middle = of(lambda x: np.abs(x.corners).max(axis=0), 3), of(box_centre, 3)
+        self.centers = dot("gij,gj->gi", self.turn, middle) + self.at
+        away = of(lambda x: norm(up(np.abs(x.corners - box_centre(x)) + x.off)).max())
+        self.radii = up(away + self.sweep.max(axis=1))
+        self.movers = np.flatnonzero(self.joint >= 0)  # the pieces that move
+        self.slot = np.cumsum(self.joint >= 0) - 1  # of each of these among them
 
     def connected(self, body: int) -> list[list[Piece]]:
         """The pieces of a body, those together that hang together, as they share corners."""

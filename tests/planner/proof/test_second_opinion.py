@@ -52,12 +52,13 @@ def test_planes_separate_in_interval_arithmetic(scene: str, tmp_path: Path) -> N
     curve = curve_of(setup.robot, hdplan.Trajectory.load(tmp_path / "m.json"))
     head, _, _, (counts, depths, normals, _, _) = unpack(proof.data)
     clearance, world = head["clearance"], read_and_planned(setup, find_scene(scene), tmp_path / "m.json")
+    spans, node, whole = leaves(counts, depths, len(curve) - 1)
+    assert whole.all()
     ends, rng, seen, closest = np.cumsum(counts), np.random.default_rng(0), 0, np.inf
     for leaf in rng.permutation(len(depths)).tolist():
         pair = int(np.searchsorted(ends, leaf, side="right"))
         a, b = (world.pieces[i] for i in world.pairs[pair])
-        spans = list(leaves(depths[ends[pair] - counts[pair] : ends[pair]].tolist(), len(curve) - 1))
-        low, high = spans[leaf - ends[pair] + counts[pair]]
+        low, high = spans[node[leaf]]
         if world.within[pair]:
             continue
         seen += 1

@@ -1,0 +1,100 @@
+"""Laws of what a proof has in the place of a mesh, and of what is parsed once: both are of the files' content alone."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import hdplan
+from hdplan.verify import RejectedError
+from hdplan.verify.compare import check_equal, digest
+from hdplan.verify.reading import read_world
+from tests.planner.proof.worlds import packed, unpacked, words_of
+
+ROBOT = """<robot name="r"><link name="a"/><link name="b"><collision><geometry><mesh filename="b.stl"/></geometry>
+</collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="9" velocity="2"/></joint></robot>"""
+ENDS = {"start": {"joints": [0.0]}, "goal": {"joints": [1.0]}}
+BOX = {"name": "o", "shape": {"type": "box", "size": [0.1, 0.1, 0.1]}, "pose": {"position": [0.0, 0.0, 2.0]}}
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    """A robot of one mesh under a box, and a motion."""
+    trimesh.creation.box([0.4, 0.1, 0.1]).export(tmp_path / "b.stl")
+    (tmp_path / "r.urdf").write_text(ROBOT)
+    scene = {"hdplan": 1, "robot": {"urdf": "r.urdf"}, "obstacles": [BOX], **ENDS}
+    (tmp_path / "s.yaml").write_text(json.dumps(scene))
+    motion = {"hdplan_trajectory": 1, "joint_names": ["j"], "positions": [[0.0], [1.0]]}
+    (tmp_path / "m.json").write_text(json.dumps(motion))
+    return tmp_path / "s.yaml", tmp_path / "m.json"
+
+
+def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
+    """The mesh is not in the proof, which is accepted with it, too, and with no other one or another digest."""
+    proof = hdplan.prove(*files).data
+    head, told, rest = unpacked(proof)
+    read = read_world(*files).world
+    assert told["bodies"][0]["shape"] == digest(read["bodies"][0]["shape"])
+    assert words_of(*files, proof) == words_of(*files, packed(head, read, rest))
+    for change in ("points", "triangles"):
+        shape = copy.deepcopy(read["bodies"][0]["shape"])
+        shape[change][3][1] += 1
+        for other in (shape, digest(shape)):
+            with pytest.raises(RejectedError, match="the worlds differ: bodies"):
+                words_of(*files, packed(head, _with(told, other), rest))
+    whole = told["bodies"][0]["shape"]["sha256"]
+    for wrong in (whole.upper(), whole[:-1], None, [whole], ""):
+        with pytest.raises(RejectedError):
+            words_of(*files, packed(head, _with(told, {"type": "mesh", "sha256": wrong}), rest))
+    for more in ({"off": 1.0}, {"points": []}, {"type": "box"}):
+        with pytest.raises(RejectedError):
+            words_of(*files, packed(head, _with(told, {"type": "mesh", "sha256": whole, **more}), rest))
+
+
+def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
+    """What the proof alone could say has no digest: neither a cloud nor a box is one."""
+    read = read_world(*files).world
+    for place in (1, 0):
+        told = copy.deepcopy(read)
+        told["bodies"][place]["shape"] = {"type": "mesh", "sha256": "0" * 64}
+        with pytest.raises(RejectedError, match="the worlds differ: bodies"):
+            check_equal(read, told)
+
+
+def test_digests_tell_meshes_apart() -> None:
+    """A point that becomes a triangle, or the other way round, makes another digest; a zero's sign does not."""
+    rng = np.random.default_rng(0)
+    points, triangles = rng.normal(size=(4, 3)), rng.integers(4, size=(3, 3))
+    bits = triangles.astype("<i8").view("<f8")
+    one = digest({"points": points.tolist(), "triangles": triangles.tolist()})
+    moved = {"points": [*points.tolist(), *bits[:1].tolist()], "triangles": triangles[1:].tolist()}
+    assert digest(moved) != one
+    zero = digest({"points": [[0.0, 1.0, -0.0]], "triangles": [[0, 0, 0]]})
+    assert zero == digest({"points": [[-0.0, 1.0, 0.0]], "triangles": [[0, 0, 0]]})
+
+
+def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:
+    """In one process: what is kept of a file is kept of its content, not of its name, and nobody can change it."""
+    first = read_world(*files).world
+    kept = copy.deepcopy(first)
+    first["bodies"][0]["shape"]["points"][0][0] += 1.0
+    assert read_world(*files).world == kept
+    folder = files[0].parent
+    trimesh.creation.box([0.6, 0.1, 0.1]).export(folder / "b.stl")
+    found = read_world(*files).world["bodies"][0]["shape"]["points"]
+    assert np.abs(np.array(found)).max() == np.float32(0.3)
+    (folder / "r.urdf").write_text(ROBOT.replace('upper="3"', 'upper="2"'))
+    assert read_world(*files).world["limits"]["position"] == [[-3.0, 2.0]]
+
+
+def _with(told: dict[str, Any], shape: Any) -> dict[str, Any]:
+    other = copy.deepcopy(told)
+    other["bodies"][0]["shape"] = shape
+    return other
