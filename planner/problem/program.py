@@ -52,6 +52,7 @@ class Program:
     x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
     p: ca.MX  # weight of the penalty [1/m²]; in symbols then the poses of obstacles, as `values` gives them
     f: ca.MX
+    added: ca.MX  # to f by `with_cost`
     rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
     lower: tuple[Array, ...]  # bounds of `rows`
     upper: tuple[Array, ...]
@@ -134,7 +135,7 @@ class Program:
         if not isinstance(cost, ca.MX) or not cost.is_scalar():
             raise InputError(f"cost: a scalar casadi.MX is expected, found {_words(cost)}")
         self._refuse_strangers("cost", cost)
-        return replace(self, f=self.f + cost)
+        return replace(self, f=self.f + cost, added=self.added + cost)
 
     def with_constraint(
         self, each: Callable[[ca.MX, ca.MX], ca.MX], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
@@ -170,7 +171,10 @@ class Program:
             return ca.nlpsol("solver", plugin, self.nlp, given)
         from hdplan.planner.problem.compiled_solver import compiled_solver
 
-        return compiled_solver(plugin, self.nlp, given)
+        nlp = self.nlp
+        if isinstance(self.penalty, SymbolicPenalty):  # while it solves, obstacles stand: no derivatives by their poses
+            nlp["f"] = _cost(self.problem, self.penalty.standing, self.x, self.p) + self.added
+        return compiled_solver(plugin, nlp, {"calc_lam_p": False, **given})
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
@@ -209,11 +213,27 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     exact = hessian == "exact"
     if exact and form == "external":
         problem.bend(problem.polyline())  # an error in it is raised here; a solver would see a failed evaluation
-    settings, n = problem.smoothness, len(problem.start)
-    h = 1 / (problem.waypoints - 1)
+    n = len(problem.start)
     x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
     penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
     p = ca.MX.sym("p", 1 + penalty.size)
+    q, step, change = _columns(problem, x)
+    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
+    lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
+    for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
+        bound[places(n, problem.waypoints)] = limit
+        bound[:n] = problem.start
+    result = Program(problem, x, p, _cost(problem, penalty, x, p), ca.MX(0), rows, equal, equal, lbx, ubx, penalty)
+    for term in hard_constraints(problem.terms.own):
+        result = result.with_constraint(term.asked.each, *term.bounds)
+    return result
+
+
+def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX, p: ca.MX) -> ca.MX:
+    """What is minimized."""
+    settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
     weight, poses = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
     cost = (
@@ -223,18 +243,7 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     )
     if problem.pace:
         cost += problem.pace.expression(step)
-    cost += sum(term.written(q, step) for term in problem.terms.costs)
-    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
-    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
-    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
-    lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
-    for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
-        bound[places(n, problem.waypoints)] = limit
-        bound[:n] = problem.start
-    result = Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
-    for term in hard_constraints(problem.terms.own):
-        result = result.with_constraint(term.asked.each, *term.bounds)
-    return result
+    return sum((term.written(q, step) for term in problem.terms.costs), cost)
 
 
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

@@ -8,6 +8,7 @@ term writes itself (`Term.written_at_sample`, `written_over_motion`); one that d
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -65,12 +66,12 @@ def _moved(home: Array) -> ca.Function:
 class SymbolicPenalty:
     """The penalty of a problem in symbols."""
 
-    def __init__(self, problem: Problem, exact: bool) -> None:
-        """Take a problem, and whether second derivatives are exact or Gauss-Newton's. Raises InputError for a term that
-        is not written in symbols."""
+    def __init__(self, problem: Problem, exact: bool, movable: bool = True) -> None:
+        """Take a problem, whether second derivatives are exact or Gauss-Newton's, and whether there are derivatives by
+        the obstacles' poses. Raises InputError for a term that is not written in symbols."""
         for term in problem.terms:
             refuse_unwritten(term)
-        self.problem, self.exact = on_frames(problem), exact
+        self.problem, self.exact, self.movable = on_frames(problem), exact, movable
         scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
         if moving is not None:
             times = moving.law.time_at(problem.samples.parameter)
@@ -79,6 +80,13 @@ class SymbolicPenalty:
         for each in scene.standing:
             found.append(ObstaclePoses(each.name, each.pose.matrix[None], each.pose.matrix))
         self.obstacles = tuple(found)
+
+    @property
+    def standing(self) -> SymbolicPenalty:
+        """The same without derivatives by the obstacles' poses, as a solver needs it: several times as fast."""
+        found = copy.copy(self)
+        found.movable = False
+        return found
 
     @property
     def size(self) -> int:
@@ -116,11 +124,12 @@ class SymbolicPenalty:
         looks = first[:, interval] + step[:, interval] @ ca.diag(ca.DM(samples.fraction))
 
         q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", 12, len(frames))
-        place = SymbolicPlace(kinematics, q, carried, self.exact)
+        place = SymbolicPlace(kinematics, q, carried, self.exact, self.movable)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
         result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
         if at_sample:
-            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], {"never_inline": True}).map(count)
+            options = {"never_inline": True, "is_diff_in": [True, self.movable]}
+            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], options).map(count)
             by_sample = [ca.reshape(frame, 12, count) for frame in frames]
             side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
             result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
@@ -128,7 +137,7 @@ class SymbolicPenalty:
             frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(12)
             for frame, each in zip(frames, self.obstacles, strict=True)
         ]
-        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact)
+        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact, self.movable)
         over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
 

@@ -39,6 +39,7 @@ class SymbolicPlace:
     q: ca.MX  # (n,)
     frames: ca.MX  # (12, F) world from frame: the rotation row by row, then the origin [m]
     exact: bool  # whether the penalties' second derivatives are, or are those of their residuals' squares alone
+    movable: bool = True  # whether there are derivatives by the frames
 
     @cached_property
     def _state(self) -> list[ca.MX]:
@@ -131,6 +132,7 @@ class SymbolicMotion:
     step: ca.MX  # (n, K) to its end
     frames: ca.MX  # (12, F) of obstacles that stand; those of others are not meant to be looked at
     exact: bool
+    movable: bool
 
 
 @functools.cache
