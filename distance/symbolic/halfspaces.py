@@ -25,8 +25,7 @@ import functools
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.symbolic.all_axes import Axes, combined
-from hdplan.distance.symbolic.axis_wrenches import fixed_in_a
+from hdplan.distance.symbolic.all_planes import distance_by_planes
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
@@ -66,8 +65,8 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
     world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
-    axes = plane_axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
-    distance, separation, gradient, *second = combined([axes], gamma, order, ca.MX(shaping_length))
+    given = points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes
+    distance, separation, gradient, *second = distance_by_planes(*given, gamma, order, shaping_length)
     mark = rigid_or_nan(rotation_a, rotation_b)
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
@@ -103,8 +102,8 @@ def swept_halfspace_distance(
     ]
     weights = body[3 * vertices : 4 * vertices]
     points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
-    axes = plane_axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
-    distance, separation, gradient, *bend = combined([axes], gamma, order, ca.MX(shaping_length))
+    given = points, ca.vertcat(weights, weights), body[4 * vertices], body_planes
+    distance, separation, gradient, *bend = distance_by_planes(*given, gamma, order, shaping_length, placements=2)
     wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
     mark = rigid_or_nan(*turns)
     return ca.Function(
@@ -118,25 +117,6 @@ def swept_halfspace_distance(
         ],
         ["first", "second", "placement_b", "body", "body_planes"],
         ["distance", "first_wrench", "second_wrench", "separation", "hessian"][: order + 3],
-    )
-
-
-def plane_axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
-    """The planes' normals as axes, for A's points (3, m) in B's frame, which is fixed."""
-    planes = body_planes.numel() // 4
-    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
-    return Axes(
-        fixed_in_a,  # seen from B
-        [normals],
-        levels=body_planes[3 * planes :].T,
-        level_counts=ca.MX.ones(1, planes),
-        along=points.T @ normals,
-        along_counts=ca.repmat(weights, 1, planes),
-        drop=ca.repmat(radius, 1, planes),
-        counts=np.ones(planes),
-        points_b=ca.repmat(points, 1, planes),
-        signs=(-1,),  # x = n·a - h - r_A
-        placements=placements,
     )
 
 

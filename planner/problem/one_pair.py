@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.graph_distance import bracket
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.symbolic.rigid_motions import bracket
 
 UNBRANCHED = {"never_inline": True}  # a Function that stays one, so that it can be a branch
 

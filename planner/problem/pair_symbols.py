@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 
 from hdplan.distance.symbolic.closed import CLOSED, closed_function
-from hdplan.distance.symbolic.graph_distance import bracket
+from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, near, pair, pair_bend, total, where
-from hdplan.planner.problem.symbolic_place import SymbolicPlace, by_entries
+from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 
@@ -203,7 +203,6 @@ def _to_entries(n: int) -> ca.Function:
     placement, mixed, own, push = (
         ca.MX.sym(name, size) for name, size in (("placement", 12), ("mixed", 6 * n), ("own", 36), ("push", 6))
     )
-    _, up, turned = by_entries(2)(placement, push)
+    within, up = twice_by_entries()(placement, push, ca.reshape(own, 6, 6))
     across = ca.reshape(mixed, n, 6) @ up.T
-    within = up @ (ca.reshape(own, 6, 6) - bracket(push)) @ up.T + turned
     return ca.Function("to_entries", [placement, mixed, own, push], [across, within])
