@@ -16,12 +16,13 @@ Of a body swept from one placement to another w and H are by both, and so are th
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.symbolic.all_planes import inside, normals_of, projections
+from hdplan.distance.symbolic.halfspaces import as_wrenches, in_the_world, points_seen
 from hdplan.distance.symbolic.rigid_motions import bracket
 
 UNBRANCHED = {"never_inline": True}  # a Function that stays one, so that it can be a branch
@@ -63,45 +64,60 @@ def near(bodies: int, widest: float) -> ca.Function:
 
 @functools.cache
 def pair(kind: PairKind) -> ca.Function:
-    """One pair's ½ min(D, 0)², given whether it is near, and its derivative by A's motions, as wrenches (6 e)."""
-    kernel = _kernel(kind, 1)
-    given = kernel.mx_in()
-    value, *wrenches = kernel(*given)[: kind.ends + 1]
-    depth = ca.fmin(value, 0)
-    return _where_near("pair", given, [depth * depth / 2, depth * ca.vertcat(*wrenches)], kind)
+    """One pair's ½ min(D, 0)², given whether it is near, the placements of A and that of B, and both bodies; and its
+    derivative by A's motions, as wrenches (6 e)."""
+    return _where_near("pair", kind, [], lambda value, wrench, _: [value * value / 2, value * wrench], 1)
 
 
 @functools.cache
 def pair_bend(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function:
     """One pair's second derivatives by the joints (n² of them, those at both ends for two); with B's frame `movable`
     also by the joints and its motion (6 n), by the latter (36), and the derivative by it (6)."""
-    kernel = _kernel(kind, 2)
-    given = kernel.mx_in()
-    screws = [ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)]
-    moves = ca.MX.sym("moves", n)
-    value, *wrenches = (found := kernel(*given))[: kind.ends + 1]
+    more = [*(ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)), ca.MX.sym("moves", n)]
     chained = _chained(kind.ends, n, exact, movable)
-    results = chained.call([value, ca.vertcat(*wrenches), found[-1], ca.vertcat(*screws), moves])
-    return _where_near("pair_bend", [*given, *screws, moves], results, kind)
+
+    def results(value: ca.MX, wrench: ca.MX, hessian: ca.MX) -> list[ca.MX]:
+        return list(chained.call([value, wrench, hessian, ca.vertcat(*more[:-1]), more[-1]]))
+
+    return _where_near("pair_bend", kind, more, results, 2)
 
 
-def _kernel(kind: PairKind, order: int) -> ca.Function:
-    build = halfspace_distance if kind.ends == 1 else swept_halfspace_distance
-    return build(kind.vertices, kind.planes, kind.gamma, kind.shaping_length, order)
+def _where_near(
+    name: str, kind: PairKind, more: list[ca.MX], results: Callable[[ca.MX, ca.MX, ca.MX], list[ca.MX]], order: int
+) -> ca.Function:
+    """The Function (near, placements, body, planes, more …) -> results of D, its wrench and its Hessian; 0 where the
+    bodies are not near or a plane separates them at all of A's placements."""
+    placements = [ca.MX.sym(f"placement_{k}", 12) for k in range(kind.ends + 1)]
+    body, planes = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("planes", 4 * kind.planes)
+    points, weights, radius = points_seen(placements, body)
+    x, least = projections(points, radius, planes)
+
+    shape = points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends
+    inner = inside(*shape)
+    seen, frame = inner.mx_in(), ca.MX.sym("frame", 12)
+    value, gradient, *second = inner.call(seen)
+    hessian = in_the_world(frame, second[0]) if second else ca.MX()
+    found = results(ca.fmin(value, 0), as_wrenches(frame, gradient), hessian)
+    deep = ca.Function(name, [*seen, frame, *more], found, UNBRANCHED)
+    chosen = ca.Function.conditional("unless_separated", [deep], nothing(deep))
+    separated = ca.mmax(least) > 0
+    given = [*placements, body, planes, *more]
+    unless = chosen.call([separated, x, least, points, weights, normals_of(planes), placements[-1], *more])
+    return where(ca.Function(f"{name}_near", given, unless, UNBRANCHED))
 
 
 @functools.cache
 def _chained(ends: int, n: int, exact: bool, movable: bool) -> ca.Function:
-    """From D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
+    """From min(D, 0) and D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
     sizes = {"value": (1, 1), "wrench": (6 * ends, 1), "hessian": (6 * ends, 6 * ends)}
     given = [ca.MX.sym(name, *size) for name, size in {**sizes, "screws": (6 * ends, n), "moves": (n, 1)}.items()]
     value, wrench, hessian, screws, moves = given
-    depth, inside = ca.fmin(value, 0), value < 0
+    contact = value < 0
     moved = [part * ca.repmat(moves.T, 6, 1) for part in ca.vertsplit(screws, 6)]
     parts = ca.vertsplit(wrench, 6)
     slope = ca.vertcat(*(part.T @ by for part, by in zip(moved, parts, strict=True)))
     push = -total(parts)
-    results = [(inside * slope) @ slope.T, (inside * slope) @ push.T, (inside * push) @ push.T, depth * push]
+    results = [(contact * slope) @ slope.T, (contact * slope) @ push.T, (contact * push) @ push.T, value * push]
     if exact:
         turns = [-bracket(part) for part in parts]
         blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(hessian, 6)]
@@ -114,22 +130,13 @@ def _chained(ends: int, n: int, exact: bool, movable: bool) -> ca.Function:
         for i, (part, turn, whole) in enumerate(zip(moved, turns, ca.vertsplit(screws, 6), strict=True)):
             upper = ca.triu(part.T @ (turn @ (whole * sizes_of_moves)), False)  # joints are in the tree's order
             curved[i][i] += ca.densify(upper + upper.T)
-        results[0] += depth * ca.blockcat(curved)
-        results[1] += depth * ca.vertcat(
+        results[0] += value * ca.blockcat(curved)
+        results[1] += value * ca.vertcat(
             *(part.T @ (turn - row) for part, turn, row in zip(moved, turns, rows, strict=True))
         )
-        results[2] += depth * total(rows)
+        results[2] += value * total(rows)
     flat = [ca.vec(ca.densify(part)) for part in results[: 4 if movable else 1]]
     return ca.Function("chained", given, flat)
-
-
-def _where_near(name: str, given: list[ca.MX], results: list[ca.MX], kind: PairKind) -> ca.Function:
-    """The Function (near, given …) -> results, 0 where the bodies are not near or a plane separates them."""
-    deep = ca.Function(name, given, results, UNBRANCHED)
-    chosen = ca.Function.conditional("unless_separated", [deep], nothing(deep))
-    separated = _separated(kind.vertices, kind.planes, kind.ends)(*given[: kind.ends + 3])
-    close = ca.Function(f"{name}_near", given, chosen.call([separated, *given]), UNBRANCHED)
-    return where(close)
 
 
 def where(function: ca.Function) -> ca.Function:
@@ -142,20 +149,6 @@ def nothing(function: ca.Function) -> ca.Function:
     given = function.mx_in()
     zeros = [ca.MX.zeros(*function.size_out(k)) for k in range(function.n_out())]
     return ca.Function("apart", given, zeros, UNBRANCHED)
-
-
-@functools.cache
-def _separated(vertices: int, planes: int, ends: int) -> ca.Function:
-    """Whether one of B's planes separates it from A at all of its placements: then D > 0."""
-    placed = [ca.MX.sym(f"placement_{k}", 12) for k in range(ends + 1)]
-    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    corners, origin = ca.reshape(body[: 3 * vertices], 3, vertices), placed[-1][9:]
-    world = [_rotation(each) @ corners + ca.repmat(each[9:] - origin, 1, vertices) for each in placed[:-1]]
-    points = _rotation(placed[-1]).T @ ca.horzcat(*world)
-    along = points.T @ ca.reshape(body_planes[: 3 * planes], 3, planes)  # (points, planes)
-    least = functools.reduce(ca.fmin, ca.vertsplit(along))
-    gap = ca.mmax(least - body_planes[3 * planes :].T) - body[-1]
-    return ca.Function("separated", [*placed, body, body_planes], [gap > 0])
 
 
 def total(parts: Sequence[ca.MX]) -> ca.MX:

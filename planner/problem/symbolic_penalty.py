@@ -9,6 +9,7 @@ term writes itself (`Term.written_at_sample`, `written_over_motion`); one that d
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -47,7 +48,8 @@ class ObstaclePoses:
     def frames(self, values: ca.MX, samples: int) -> ca.MX:
         """Of poses as such numbers the placements (12, B) of the frame that carries the bodies."""
         poses = ca.reshape(values, 12, len(self.poses))
-        frames = _moved(self.home).map(len(self.poses))(poses)
+        home = ca.DM(np.concatenate([self.home[:3, :3].ravel(), self.home[:3, 3]]))
+        frames = _moved().map(len(self.poses))(poses, ca.repmat(home, 1, len(self.poses)))
         return frames if len(self.poses) == samples else ca.repmat(frames, 1, samples)
 
     def mark(self, values: ca.MX) -> ca.MX:
@@ -56,11 +58,13 @@ class ObstaclePoses:
         return sum((rigid_or_nan(turn.T) for turn in ca.horzsplit(turns, 3)), ca.MX(0))
 
 
-def _moved(home: Array) -> ca.Function:
-    """From a pose to pose · home⁻¹, as rows of 12."""
-    pose = ca.SX.sym("pose", 12)
-    turn = ca.reshape(pose[:9], 3, 3).T @ home[:3, :3].T
-    return ca.Function("moved", [pose], [ca.densify(ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[:3, 3]))])
+@functools.cache
+def _moved() -> ca.Function:
+    """From a pose and the home of bodies to pose · home⁻¹, as rows of 12."""
+    pose, home = ca.SX.sym("pose", 12), ca.SX.sym("home", 12)
+    turn = ca.reshape(pose[:9], 3, 3).T @ ca.reshape(home[:9], 3, 3)
+    moved = ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[9:])
+    return ca.Function("moved", [pose, home], [ca.densify(moved)], {"is_diff_in": [True, False]})
 
 
 class SymbolicPenalty:
