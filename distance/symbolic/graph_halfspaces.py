@@ -31,9 +31,10 @@ def halfspace_function(vertices: int, planes: int, gamma: int, shaping_length: f
     slopes = [by_entries(1)(placed, push).T for placed, push in zip(placements, (wrench, -wrench), strict=True)]
     _, wrench, _, hessian = kernels[1].call(given)
     (own_a, up_a), (own_b, up_b) = (
-        twice_by_entries()(placed, push, hessian)
-        for placed, push in zip(placements, (wrench, -wrench), strict=True)
+        twice_by_entries()(placed, push, hessian) for placed, push in zip(placements, (wrench, -wrench), strict=True)
     )
     across = up_a @ (-hessian - bracket(wrench)) @ up_b.T
     found = closed_function("halfspaces", placements, value, slopes, [[own_a, across], [across.T, own_b]], fixed)
-    return ca.Function("halfspaces", given, [found(*given)], kernels[0].name_in(), ["distance"], {"always_inline": True})
+    return ca.Function(
+        "halfspaces", given, [found(*given)], kernels[0].name_in(), ["distance"], {"always_inline": True}
+    )

@@ -8,7 +8,7 @@ all link bodies (`one_pair`): so what is far away costs next to nothing in gener
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -20,7 +20,7 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, near, pair, pair_bend, total, where
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Rows
 
 
 def clearance_function(
@@ -65,7 +65,9 @@ def clearance_function(
     curvatures = [ca.horzsplit(row, n) for row in ca.vertsplit(hessian, n)]
     if not movable:
         return _handed_over(values, [carried], [value, *slopes], curvatures)
-    return _handed_over([*values, carried], [], [value, *slopes, _slope(carried, pushed)], _with_frames(curvatures, carried, bent))
+    return _handed_over(
+        [*values, carried], [], [value, *slopes, _slope(carried, pushed)], _with_frames(curvatures, carried, bent)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,9 @@ class _Pieces:
         """Which link bodies are near which piece (1, A B)."""
         count, pieces = self.sizes
         balls = ball(len(placed)).map(count)(*placed, *self.balls)
-        return near(count, self.widest).map(pieces)(*(ca.repmat(each, 1, pieces) for each in balls), own, *self.boxes, self.listed)
+        return near(count, self.widest).map(pieces)(
+            *(ca.repmat(each, 1, pieces) for each in balls), own, *self.boxes, self.listed
+        )
 
 
 def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
@@ -150,7 +154,11 @@ def _bends(kind: PairKind, met: _Pieces, n: int, exact: bool, movable: bool) -> 
     """The second derivatives of one piece's penalty, as `pair_bend` has them."""
     given, pairs, screws, moves = _given(kind, met, n)
     count = met.sizes[0]
-    found = pair_bend(kind, n, exact, movable).map(count).call([*pairs, *(ca.repmat(each, 1, count) for each in screws), moves])
+    found = (
+        pair_bend(kind, n, exact, movable)
+        .map(count)
+        .call([*pairs, *(ca.repmat(each, 1, count) for each in screws), moves])
+    )
     return _any_near("bends", given, [ca.sum2(each) for each in found])
 
 
@@ -176,7 +184,9 @@ def _with_frames(curvatures: list[list[ca.MX]], carried: ca.MX, bent: Sequence[c
     return [*found, [*(row[-1].T for row in found), ca.diagcat(*ca.horzsplit(within, 12))]]
 
 
-def _handed_over(given: list[ca.MX], fixed: list[ca.MX], known: list[ca.MX], curvatures: list[list[ca.MX]]) -> ca.Function:
+def _handed_over(
+    given: list[ca.MX], fixed: list[ca.MX], known: list[ca.MX], curvatures: list[list[ca.MX]]
+) -> ca.Function:
     """The Function of a value and its slopes that are known together: one evaluation serves both, as they are handed
     over by a Function that has no derivative itself. CasADi looks for what they depend on in their expressions, so that
     these have to name it."""
