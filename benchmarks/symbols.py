@@ -83,49 +83,51 @@ def seconds() -> float:
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
-def per_call(call: Callable[[], object], count: int = 15) -> float:
-    """The median of some calls [ms]."""
-    call()
-    found = []
+def in_turn(calls: list[Callable[[], object]], count: int) -> list[float]:
+    """The median of each of some calls [ms], made in turn."""
+    found: list[list[float]] = [[] for _ in calls]
     for _ in range(count):
-        began = time.process_time()
-        call()
-        found.append(1e3 * (time.process_time() - began))
-    return float(np.median(found))
+        for call, spent in zip(calls, found, strict=True):
+            began = time.process_time()
+            call()
+            spent.append(1e3 * (time.process_time() - began))
+    return [float(np.median(spent[1:])) for spent in found]
 
 
 def measured(problem: Problem) -> dict[str, dict[str, float]]:
-    """Of each form: seconds to build and to compile, milliseconds for cost and gradient, and for the Hessian."""
-    found, positions = {}, problem.polyline()
+    """Of each form: seconds to build and to compile, and milliseconds for cost and gradient, and for the Hessian, as
+    multiples of what the loops take."""
+    positions = problem.polyline()
     began = seconds()
     program = problem.casadi(form="symbolic")
-    hessian, gradient = ca.hessian(program.f, program.x)
+    cost = program.standing["f"]
+    hessian, gradient = ca.hessian(cost, program.x)
     given = [program.x, program.p]
-    functions = [ca.Function("first", given, [program.f, gradient]), ca.Function("second", given, [hessian])]
-    built = seconds() - began
-    x, p = program.guess(positions), program.values(FIRST_WEIGHT)
-    calls = [per_call(lambda each=each: each(x, p), 3) for each in functions]
-    found["graph, interpreted"] = {"build": built, "compile": 0.0, "first": calls[0], "second": calls[1]}
+    functions = [ca.Function("first", given, [cost, gradient]), ca.Function("second", given, [hessian])]
+    built = [seconds() - began]
     began = seconds()
     compiled = [RowFunction(each) for each in functions]
     spent = seconds() - began
-    calls = [per_call(lambda each=each: each.once(x, p)) for each in compiled]
-    found["graph, generated C"] = {"build": built, "compile": spent, "first": calls[0], "second": calls[1]}
     began = seconds()
     problem.casadi()
-    built = seconds() - began
-    first = per_call(lambda: problem.evaluate(positions, FIRST_WEIGHT))
-    found["loops"] = {
-        "build": built,
-        "compile": 0.0,
-        "first": first,
-        "second": per_call(lambda: problem.bend(positions)),
+    built = [*built * 2, seconds() - began]
+    x, p = program.guess(positions), program.values(FIRST_WEIGHT)
+    loops = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
+    found: dict[str, dict[str, float]] = {}
+    for name, which, count in (("graph, generated C", compiled, 16), ("graph, interpreted", functions, 4)):
+        run = [getattr(each, "once", each) for each in which]
+        calls = [*(lambda each=each: each(x, p) for each in run), *loops]  # type: ignore[misc]
+        first, second, *of_loops = in_turn(calls, count)
+        found[name] = {"first": first / of_loops[0], "second": second / of_loops[1]}
+    found["loops"] = {"first": 1.0, "second": 1.0}
+    return {
+        name: each | {"build": took, "compile": spent * ("C" in name)}
+        for (name, each), took in zip(found.items(), built, strict=True)
     }
-    return found
 
 
 def tried(problem: Problem, plugin: str) -> dict[str, Any]:
-    """One solver: at which of the planner's guesses, the straight line first, it found a certified motion, if at any."""
+    """One solver: at which of the guesses it found a certified motion, if at any."""
     hessian, options = SOLVERS[plugin]
     began = seconds()
     program = problem.casadi(hessian, form="symbolic")
@@ -180,8 +182,8 @@ def form_row(name: str, found: list[dict[str, float]]) -> dict[str, Cell]:
         "form": name,
         "build [s]": quantiles([each["build"] for each in found], 2),
         "compile [s]": quantiles([each["compile"] for each in found], 1),
-        "cost and gradient [ms]": quantiles([each["first"] for each in found], 2),
-        "Hessian [ms]": quantiles([each["second"] for each in found], 1),
+        "cost and gradient, of the loops'": quantiles([each["first"] for each in found], 1),
+        "Hessian, of the loops'": quantiles([each["second"] for each in found], 1),
     }
 
 

@@ -28,8 +28,8 @@ def by_entries(order: int) -> ca.Function:
 
 @functools.cache
 def twice_by_entries() -> ca.Function:
-    """Return the function that turns a wrench (6) and second derivatives (6, 6) by a motion into those by a
-    placement's entries (12, 12), besides the derivatives of the entries by the wrench (12, 6), which turn mixed ones."""
+    """Return the function that turns a wrench (6) and second derivatives (6, 6) by a motion into those by the entries
+    of a placement (12, 12); also the derivatives of the entries by the wrench (12, 6), which turn mixed ones."""
     placement, wrench, hessian = ca.MX.sym("placement", 12), ca.MX.sym("wrench", 6), ca.MX.sym("hessian", 6, 6)
     _, up, turned = by_entries(2)(placement, wrench)
     within = up @ (hessian - bracket(wrench)) @ up.T + turned

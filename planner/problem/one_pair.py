@@ -156,5 +156,5 @@ def total(parts: Sequence[ca.MX]) -> ca.MX:
     return functools.reduce(lambda one, other: one + other, parts)
 
 
-def _rotation(placement: ca.SX | ca.MX) -> ca.SX | ca.MX:
+def _rotation(placement: ca.SX) -> ca.SX:
     return ca.reshape(placement[:9], 3, 3).T

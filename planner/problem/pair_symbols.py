@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -51,7 +52,7 @@ def clearance_function(
         met, kind = _Pieces.of(pairs, slots), PairKind(pairs.vertex_slots, slots, gamma, shaping_length, ends)
         placed = [place.placements[:, met.joint_a.tolist()] for place in places]
         own = places[0].placements[:, met.joint_b.tolist()]  # of the pieces
-        looked_at = [met.reached(placed, own), *(_repeated(each, met) for each in placed), own, met.planes]
+        looked_at: list[Any] = [met.reached(placed, own), *(_repeated(each, met) for each in placed), own, met.planes]
         looked_at += [*(_repeated(each, met) for each in screws), met.moves]
         depth, push, back = met.mapped(_pushes(kind, met, n)).call(looked_at)
         value, slope = value + ca.sum2(depth), slope + ca.sum2(push)

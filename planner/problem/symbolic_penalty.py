@@ -12,7 +12,7 @@ import copy
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -132,8 +132,8 @@ class SymbolicPenalty:
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
         result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
         if at_sample:
-            options = {"never_inline": True, "is_diff_in": [True, self.movable]}
-            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], options).map(count)
+            options: Any = {"never_inline": True, "is_diff_in": [True, self.movable]}
+            mapped = ca.Function("sample", [q, carried], [sum(at_sample, ca.MX(0))], options).map(count)
             by_sample = [ca.reshape(frame, 12, count) for frame in frames]
             side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
             result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
