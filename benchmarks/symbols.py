@@ -4,18 +4,19 @@
 
 The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
 figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
-Then solvers on the graph as C: from the straight line, five weights of the penalty one after another, each to a
-tolerance of 1e-4 or for 60 steps; where the motion is not certified, the same from the motion of the default plan.
+Then solvers on the graph as C, from the guesses that the planner has: the straight line, then ways through its roadmap;
+at one weight of the penalty after another, each to a tolerance of 1e-4 or for 60 steps, until a motion is certified.
 Times are of the processor, that of the compiler included.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ import hdplan
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.program import Program
+from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, LAST_WEIGHT, RAISE
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
@@ -44,7 +47,7 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {  # the Hessian and options of
     "fatrop": ("exact", {"fatrop": NEWTON}),
     "sqpmethod": ("gauss_newton", SQP),
 }
-WEIGHTS = tuple(6e3 * 6.0 ** np.arange(5))  # of the penalty [1/m²]
+GUESSES = 8  # for each problem
 
 
 def main() -> None:
@@ -64,9 +67,8 @@ def main() -> None:
         problem = problem.resampled(problem.polyline())
         for name, figures in measured(problem).items():
             forms.setdefault(name, []).append(figures)
-        planned = hdplan.plan(scene)
         for plugin in SOLVERS:
-            solved.setdefault(plugin, []).append(tried(problem, plugin, planned))
+            solved.setdefault(plugin, []).append(tried(problem, plugin))
         print(
             scene.name, *(f"{key}: {found[-1]}" for key, found in (forms | solved).items()), sep="\n  ", file=sys.stderr
         )
@@ -81,71 +83,82 @@ def seconds() -> float:
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
-def per_call(call: Callable[[], object], count: int = 15) -> float:
-    """The median of some calls [ms]."""
-    call()
-    found = []
+def in_turn(calls: list[Callable[[], object]], count: int) -> list[float]:
+    """The median of each of some calls [ms], made in turn."""
+    found: list[list[float]] = [[] for _ in calls]
     for _ in range(count):
-        began = time.process_time()
-        call()
-        found.append(1e3 * (time.process_time() - began))
-    return float(np.median(found))
+        for call, spent in zip(calls, found, strict=True):
+            began = time.process_time()
+            call()
+            spent.append(1e3 * (time.process_time() - began))
+    return [float(np.median(spent[1:])) for spent in found]
 
 
 def measured(problem: Problem) -> dict[str, dict[str, float]]:
-    """Of each form: seconds to build and to compile, milliseconds for cost and gradient, and for the Hessian."""
-    found, positions = {}, problem.polyline()
+    """Of each form: seconds to build and to compile, and milliseconds for cost and gradient, and for the Hessian, as
+    multiples of what the loops take."""
+    positions = problem.polyline()
     began = seconds()
     program = problem.casadi(form="symbolic")
-    hessian, gradient = ca.hessian(program.f, program.x)
+    cost = program.standing["f"]
+    hessian, gradient = ca.hessian(cost, program.x)
     given = [program.x, program.p]
-    functions = [ca.Function("first", given, [program.f, gradient]), ca.Function("second", given, [hessian])]
-    built = seconds() - began
-    x, p = program.guess(positions), program.values(WEIGHTS[0])
-    calls = [per_call(lambda each=each: each(x, p), 3) for each in functions]
-    found["graph, interpreted"] = {"build": built, "compile": 0.0, "first": calls[0], "second": calls[1]}
+    functions = [ca.Function("first", given, [cost, gradient]), ca.Function("second", given, [hessian])]
+    built = [seconds() - began]
     began = seconds()
     compiled = [RowFunction(each) for each in functions]
     spent = seconds() - began
-    calls = [per_call(lambda each=each: each.once(x, p)) for each in compiled]
-    found["graph, generated C"] = {"build": built, "compile": spent, "first": calls[0], "second": calls[1]}
     began = seconds()
     problem.casadi()
-    built = seconds() - began
-    first = per_call(lambda: problem.evaluate(positions, WEIGHTS[0]))
-    found["loops"] = {
-        "build": built,
-        "compile": 0.0,
-        "first": first,
-        "second": per_call(lambda: problem.bend(positions)),
+    built = [*built * 2, seconds() - began]
+    x, p = program.guess(positions), program.values(FIRST_WEIGHT)
+    loops = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
+    found: dict[str, dict[str, float]] = {}
+    for name, which, count in (("graph, generated C", compiled, 16), ("graph, interpreted", functions, 4)):
+        run = [getattr(each, "once", each) for each in which]
+        calls = [*(lambda each=each: each(x, p) for each in run), *loops]  # type: ignore[misc]
+        first, second, *of_loops = in_turn(calls, count)
+        found[name] = {"first": first / of_loops[0], "second": second / of_loops[1]}
+    found["loops"] = {"first": 1.0, "second": 1.0}
+    return {
+        name: each | {"build": took, "compile": spent * ("C" in name)}
+        for (name, each), took in zip(found.items(), built, strict=True)
     }
-    return found
 
 
-def tried(problem: Problem, plugin: str, planned: hdplan.PlanResult) -> dict[str, Any]:
-    """One solver: whether its motion is certified from the straight line, or from the default plan's."""
+def tried(problem: Problem, plugin: str) -> dict[str, Any]:
+    """One solver: at which of the guesses it found a certified motion, if at any."""
     hessian, options = SOLVERS[plugin]
     began = seconds()
     program = problem.casadi(hessian, form="symbolic")
     solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
     built, began = seconds() - began, seconds()
-    straight = certified(problem, minimum(program, solver, problem.polyline(), WEIGHTS))
-    spent = seconds() - began
-    again = straight
-    if not straight and planned.trajectory.times is None:
-        path = planned.trajectory.positions
-        finer = problem.resampled(path).casadi(hessian, form="symbolic")
-        solver = finer.solver(plugin, {**options, **QUIET}, compiled=True)
-        again = certified(problem, minimum(finer, solver, path, WEIGHTS[-1:]))
-    return {"build": built, "solve": spent, "straight": straight, "either": again}
+    found = {"build": built, "guess": -1}
+    for number, (guess, weight) in enumerate(guesses(problem)):
+        if reached(program, solver, guess, weight):
+            found["guess"] = number
+            break
+    return found | {"solve": seconds() - began}
 
 
-def minimum(program: Program, solver: ca.Function, first: Array, weights: tuple[float, ...]) -> Array:
-    """The waypoints that a solver ends with, at one weight after another."""
-    x = program.guess(first)
-    for weight in weights:
+def guesses(problem: Problem) -> Iterator[tuple[Array, float]]:
+    """The planner's own: waypoints and the first weight of the penalty."""
+    for number, found in enumerate(itertools.islice(seeds(problem, 0), GUESSES)):
+        yield found, DETOUR_WEIGHT if number else FIRST_WEIGHT
+
+
+def reached(program: Program, solver: ca.Function, guess: Array, weight: float) -> bool:
+    """Whether a certified motion is found from a guess, at one weight after another."""
+    x = program.guess(guess)
+    while weight <= LAST_WEIGHT:
         x = solver(x0=x, p=program.values(weight), **program.bounds)["x"]
-    return program.positions(x)
+        path = program.positions(x)
+        if not np.isfinite(path).all():
+            return False
+        if certified(program.problem, path):
+            return True
+        weight *= RAISE
+    return False
 
 
 def certified(problem: Problem, path: Array) -> bool:
@@ -169,8 +182,8 @@ def form_row(name: str, found: list[dict[str, float]]) -> dict[str, Cell]:
         "form": name,
         "build [s]": quantiles([each["build"] for each in found], 2),
         "compile [s]": quantiles([each["compile"] for each in found], 1),
-        "cost and gradient [ms]": quantiles([each["first"] for each in found], 2),
-        "Hessian [ms]": quantiles([each["second"] for each in found], 1),
+        "cost and gradient, of the loops'": quantiles([each["first"] for each in found], 1),
+        "Hessian, of the loops'": quantiles([each["second"] for each in found], 1),
     }
 
 
@@ -179,8 +192,8 @@ def solver_row(plugin: str, found: list[dict[str, Any]]) -> dict[str, Cell]:
     return {
         "solver": plugin,
         "Hessian": SOLVERS[plugin][0],
-        "certified from the straight line": f"{sum(each['straight'] for each in found)} of {len(found)}",
-        "or from the default plan": f"{sum(each['either'] for each in found)} of {len(found)}",
+        "certified from the first guess": f"{sum(each['guess'] == 0 for each in found)} of {len(found)}",
+        "from any guess": f"{sum(each['guess'] >= 0 for each in found)} of {len(found)}",
         "build and compile [s]": quantiles([each["build"] for each in found], 1),
         "solve [s]": quantiles([each["solve"] for each in found], 2),
     }

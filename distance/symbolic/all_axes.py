@@ -99,13 +99,15 @@ def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[
         case = ca.if_else(apart, SKIPPED + (APART - SKIPPED) * separates, CONTACT)
         evaluated.append(group.evaluated(gamma, order, case, length))
     counts = ca.DM(np.concatenate([np.repeat(group.counts, len(group.signs)) for group in groups])).T
-    maximum = _maximum(ca.horzcat(*(outputs[0] for outputs in evaluated)), counts, gamma, length)
-    results = [maximum.value, separation]
-    return results + _derivatives(groups, evaluated, maximum, gamma, order) if order else results
+    found = maximum(ca.horzcat(*(outputs[0] for outputs in evaluated)), counts, gamma, length)
+    results = [found.value, separation]
+    return results + _derivatives(groups, evaluated, found, gamma, order) if order else results
 
 
 @dataclass(frozen=True)
-class _Maximum:
+class Maximum:
+    """D = Phi(U) of the maximum U of the axes' values g, and what its derivatives have."""
+
     value: ca.MX  # D = Phi(U)
     slope: ca.MX  # dD/dU
     share: ca.MX  # (1, N) dU/dg
@@ -113,7 +115,7 @@ class _Maximum:
     spread: ca.MX  # (1, N)
 
 
-def _maximum(g: ca.MX, counts: ca.DM, gamma: int, length: ca.MX) -> _Maximum:
+def maximum(g: ca.MX, counts: ca.DM | ca.MX, gamma: int, length: ca.MX) -> Maximum:
     """Return D = Phi(⊞ g) with its derivatives: the mirror image of the minimum of -g."""
     p = gamma + 1
     top = ca.mmax(g)
@@ -126,11 +128,11 @@ def _maximum(g: ca.MX, counts: ca.DM, gamma: int, length: ca.MX) -> _Maximum:
     mirrored = shaped(-top, total, length, gamma, negative)
     share = counts * low * r * extra * mirrored.scale_pull
     spread = -counts * low * extra * extra * mirrored.scale_sharp
-    return _Maximum(-mirrored.value, mirrored.slope, share, -mirrored.outer, spread)
+    return Maximum(-mirrored.value, mirrored.slope, share, -mirrored.outer, spread)
 
 
 def _derivatives(
-    groups: list[Axes], evaluated: list[list[ca.MX]], maximum: _Maximum, gamma: int, order: int
+    groups: list[Axes], evaluated: list[list[ca.MX]], found: Maximum, gamma: int, order: int
 ) -> list[ca.MX]:
     """Return the gradient (6), and the Hessian (6, 6) for order 2, of D by the twist of B in A's frame."""
     twists = 6 * groups[0].placements
@@ -139,7 +141,7 @@ def _derivatives(
         count = group.levels.shape[1]
         columns = slice(start, start + len(group.signs) * count)
         start += len(group.signs) * count
-        share, spread = maximum.share[columns], maximum.spread[columns]
+        share, spread = found.share[columns], found.spread[columns]
         slope, pull = outputs[1], outputs[2]
         sizes = tuple(parameter.shape[0] for parameter in group.parameters)
         function = wrench_function(group.motion, sizes, group.shape(gamma, order)).map(count)
@@ -148,14 +150,14 @@ def _derivatives(
             wrench += ca.sum2(function(*group.parameters, pull, push))
             continue
         outer, sharp = outputs[3], outputs[4]
-        weight = maximum.slope * share
+        weight = found.slope * share
         first, second = function(
             *group.parameters, pull, push, sharp, weight * slope, weight * outer + spread * slope * slope, weight
         )
         wrench += ca.sum2(first)
         hessian += ca.reshape(ca.sum2(ca.reshape(second, twists * twists, count)), twists, twists)
-    gradient = maximum.slope * wrench
-    return [gradient] if order == 1 else [gradient, hessian + maximum.outer * wrench @ wrench.T]
+    gradient = found.slope * wrench
+    return [gradient] if order == 1 else [gradient, hessian + found.outer * wrench @ wrench.T]
 
 
 def _spans(columns: ca.MX) -> tuple[ca.MX, ca.MX]:

@@ -8,6 +8,7 @@ from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.symbolic.closed import closed_function
 from hdplan.distance.symbolic.compiled_pair import twist_function
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.distance.symbolic.rigid_motions import bracket
 from hdplan.distance.unions import Body
 
 
@@ -68,10 +69,3 @@ def _lift() -> ca.Function:
     flat = ca.densify(ca.vec(entries))
     by_gradient, by_pose = (ca.densify(ca.jacobian(flat, part)) for part in (gradient, ca.vec(pose)))
     return ca.Function("lift", [pose, gradient], [flat, by_gradient, by_pose])
-
-
-def bracket(gradient: ca.MX) -> ca.MX:
-    """Return what the gradient by a body's own twist changes by along a twist besides the Hessian, as twists do not
-    commute: ½ g·[η, ·]. For motions in the world it is the opposite."""
-    force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
-    return ca.blockcat([[ca.MX(3, 3), force], [force, torque]]) / 2

@@ -1,4 +1,4 @@
-"""The planner's distance as a CasADi Function for graphs: ``halfspaces``' D by the relative pose, closed to second
+"""The planner's distance as a CasADi Function for graphs: ``halfspaces``' D by both placements, closed to second
 order.
 
 As in ``graph_distance``, each order is a Function that supplies the next one as its Jacobian, because CasADi's own
@@ -11,51 +11,30 @@ import functools
 
 import casadi as ca
 
-from hdplan.distance.symbolic.all_axes import combined
 from hdplan.distance.symbolic.closed import closed_function
-from hdplan.distance.symbolic.graph_distance import bracket
-from hdplan.distance.symbolic.graph_poses import rigid_or_nan
-from hdplan.distance.symbolic.halfspaces import plane_axes
+from hdplan.distance.symbolic.halfspaces import halfspace_distance
+from hdplan.distance.symbolic.rigid_motions import bracket, by_entries, twice_by_entries
 
 
 @functools.cache
 def halfspace_function(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
-    """Return D of ``halfspaces.halfspace_distance`` as a Function of A's pose in B's frame.
+    """Return D of ``halfspaces.halfspace_distance`` as a Function that may be differentiated twice by its placements.
 
-    Inputs: relative (3, 4) = [R | p]; body (4·vertices + 1) and body_planes (4·planes) as there, numbers: D has no
-    derivatives by them. Output: distance [m], NaN where R is no rotation. Derivatives are meaningful only along rigid
-    motions; a third one is refused.
+    Inputs and output as there; body and body_planes are numbers: D has no derivatives by them. D is NaN at placements
+    that are not rigid. Derivatives are meaningful only along rigid motions; a third one is refused. With w and H by the
+    motions ξ of A, and η those of B: ∂D/∂η = −w, ∂²D/∂η² = H, ∂²D/∂ξ∂η = −H − ½ w·[·, ·].
     """
-    relative = ca.MX.sym("relative", 3, 4)
-    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    inputs = [relative, body, body_planes]
-    points = relative[:, :3] @ ca.reshape(body[: 3 * vertices], 3, vertices)
-    points += ca.repmat(relative[:, 3], 1, vertices)
-    axes = plane_axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
-
-    def closed(order: int) -> list[ca.MX]:
-        return combined([axes], gamma, order, ca.MX(shaping_length))
-
-    *_, gradient, hessian = closed(2)
-    _, by_gradient, by_pose = _lift()(relative, gradient)
-    curved = by_gradient @ (hessian - bracket(gradient)) @ by_gradient.T + by_pose  # as twists do not commute
-    slope = _lift()(relative, closed(1)[2])[0].T
-    value = closed(0)[0] + rigid_or_nan(relative[:, :3])
-    found = closed_function("halfspaces", [relative], value, [slope], [[curved]], [body, body_planes])
-    names = ["relative", "body", "body_planes"]
-    return ca.Function("halfspaces", inputs, [found(*inputs)], names, ["distance"], {"always_inline": True})
-
-
-@functools.cache
-def _lift() -> ca.Function:
-    """Return the function that turns a gradient (6) by the twist (v, ω) of A in B's frame into one by the pose's
-    entries, columnwise.
-
-    With dR = [ω]R, dp = v + ω×p: f·v + t·ω is the product of (dR, dp) with ([t − p×f]R/2, f). Outputs: those entries
-    (12, 1), their derivatives by the gradient (12, 6) and by the pose (12, 12).
-    """
-    pose, gradient = ca.SX.sym("pose", 3, 4), ca.SX.sym("gradient", 6)
-    force, turn = gradient[:3], gradient[3:] - ca.cross(pose[:, 3], gradient[:3])
-    flat = ca.densify(ca.vec(ca.horzcat(ca.skew(turn) @ pose[:, :3] / 2, force)))
-    by_gradient, by_pose = (ca.densify(ca.jacobian(flat, part)) for part in (gradient, ca.vec(pose)))
-    return ca.Function("lift", [pose, gradient], [flat, by_gradient, by_pose])
+    kernels = [halfspace_distance(vertices, planes, gamma, shaping_length, order) for order in (1, 2)]
+    given = kernels[0].mx_in()
+    placements, fixed = given[:2], given[2:]
+    value, wrench, *_ = kernels[0].call(given)
+    slopes = [by_entries(1)(placed, push).T for placed, push in zip(placements, (wrench, -wrench), strict=True)]
+    _, wrench, _, hessian = kernels[1].call(given)
+    (own_a, up_a), (own_b, up_b) = (
+        twice_by_entries()(placed, push, hessian) for placed, push in zip(placements, (wrench, -wrench), strict=True)
+    )
+    across = up_a @ (-hessian - bracket(wrench)) @ up_b.T
+    found = closed_function("halfspaces", placements, value, slopes, [[own_a, across], [across.T, own_b]], fixed)
+    return ca.Function(
+        "halfspaces", given, [found(*given)], kernels[0].name_in(), ["distance"], {"always_inline": True}
+    )

@@ -21,12 +21,12 @@ hull, which contains A at the two placements and on the straight line between th
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.symbolic.all_axes import Axes, combined
-from hdplan.distance.symbolic.axis_wrenches import fixed_in_a
+from hdplan.distance.symbolic.all_planes import distance_by_planes
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
@@ -61,22 +61,18 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     Wrench and Hessian are closed forms, correct at every pose. CasADi's own derivatives of D and of the wrench are
     wrong where separated bodies have several least projections along a normal, as aligned boxes do.
     """
-    placement_a, placement_b = ca.MX.sym("placement_a", 12), ca.MX.sym("placement_b", 12)
-    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
-    world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
-    points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
-    axes = plane_axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
-    distance, separation, gradient, *second = combined([axes], gamma, order, ca.MX(shaping_length))
-    mark = rigid_or_nan(rotation_a, rotation_b)
+    placements, body, body_planes = _arguments(("placement_a", "placement_b"), vertices, planes)
+    given = *points_seen(placements, body), body_planes
+    distance, separation, gradient, *second = distance_by_planes(*given, gamma, order, shaping_length)
+    mark = rigid_or_nan(*map(rotation_of, placements))
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
-        [placement_a, placement_b, body, body_planes],
+        [*placements, body, body_planes],
         [
             distance + mark,
-            _wrench(rotation_b, placement_b[9:], gradient),
+            as_wrenches(placements[-1], gradient),
             separation + mark,
-            *(_turned(rotation_b, placement_b[9:], hessian) for hessian in second),
+            *(in_the_world(placements[-1], hessian) for hessian in second),
         ],
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation", "hessian"][: order + 2],
@@ -93,61 +89,56 @@ def swept_halfspace_distance(
     Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
     alone; separation [m]. With order 2 also hessian (12, 12) by both motions.
     """
-    first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
-    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    turns = [ca.reshape(placement[:9], 3, 3).T for placement in (first, second, placement_b)]
-    corners, rotation_b = ca.reshape(body[: 3 * vertices], 3, vertices), turns[2]
-    placed = [
-        turn @ corners + ca.repmat(placement[9:] - placement_b[9:], 1, vertices)
-        for turn, placement in zip(turns, (first, second), strict=False)
-    ]
-    weights = body[3 * vertices : 4 * vertices]
-    points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
-    axes = plane_axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
-    distance, separation, gradient, *bend = combined([axes], gamma, order, ca.MX(shaping_length))
-    wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
-    mark = rigid_or_nan(*turns)
+    placements, body, body_planes = _arguments(("first", "second", "placement_b"), vertices, planes)
+    given = *points_seen(placements, body), body_planes
+    distance, separation, gradient, *bend = distance_by_planes(*given, gamma, order, shaping_length, placements=2)
+    mark = rigid_or_nan(*map(rotation_of, placements))
     return ca.Function(
         f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
-        [first, second, placement_b, body, body_planes],
+        [*placements, body, body_planes],
         [
             distance + mark,
-            *wrenches,
+            *ca.vertsplit(as_wrenches(placements[-1], gradient), 6),
             separation + mark,
-            *(_turned(rotation_b, placement_b[9:], hessian) for hessian in bend),
+            *(in_the_world(placements[-1], hessian) for hessian in bend),
         ],
         ["first", "second", "placement_b", "body", "body_planes"],
         ["distance", "first_wrench", "second_wrench", "separation", "hessian"][: order + 3],
     )
 
 
-def plane_axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
-    """The planes' normals as axes, for A's points (3, m) in B's frame, which is fixed."""
-    planes = body_planes.numel() // 4
-    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
-    return Axes(
-        fixed_in_a,  # seen from B
-        [normals],
-        levels=body_planes[3 * planes :].T,
-        level_counts=ca.MX.ones(1, planes),
-        along=points.T @ normals,
-        along_counts=ca.repmat(weights, 1, planes),
-        drop=ca.repmat(radius, 1, planes),
-        counts=np.ones(planes),
-        points_b=ca.repmat(points, 1, planes),
-        signs=(-1,),  # x = n·a - h - r_A
-        placements=placements,
-    )
+def _arguments(names: Sequence[str], vertices: int, planes: int) -> tuple[list[ca.MX], ca.MX, ca.MX]:
+    """Return the symbols of placements, of A and of its planes."""
+    placements = [ca.MX.sym(name, 12) for name in names]
+    return placements, ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
 
 
-def _wrench(rotation_b: ca.MX, origin_b: ca.MX, gradient: ca.MX) -> ca.MX:
-    """The derivative by a motion (6) as B sees it, as a wrench about the world's origin."""
-    force = rotation_b @ gradient[:3]
-    return ca.vertcat(force, rotation_b @ gradient[3:] + ca.cross(origin_b, force))
+def rotation_of(placement: ca.MX) -> ca.MX:
+    """Return the rotation (3, 3) of a placement (12)."""
+    return ca.reshape(placement[:9], 3, 3).T
 
 
-def _turned(rotation_b: ca.MX, origin_b: ca.MX, hessian: ca.MX) -> ca.MX:
-    """The Hessian by a motion (6, 6) as B sees it, or by several, by the same motions about the world's origin."""
-    one = ca.blockcat([[rotation_b.T, -rotation_b.T @ ca.skew(origin_b)], [ca.MX.zeros(3, 3), rotation_b.T]])
+def points_seen(placements: Sequence[ca.MX], body: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Return the vertices of A at its placements, all but the last, in the frame of B, which is the last: (3, m e),
+    their weights, and A's radius."""
+    vertices, (*own, last) = (body.numel() - 1) // 4, placements
+    corners, weights = ca.reshape(body[: 3 * vertices], 3, vertices), body[3 * vertices : 4 * vertices]
+    world = [rotation_of(each) @ corners + ca.repmat(each[9:] - last[9:], 1, vertices) for each in own]
+    return rotation_of(last).T @ ca.horzcat(*world), ca.vertcat(*[weights] * len(own)), body[4 * vertices]
+
+
+def as_wrenches(placement_b: ca.MX, gradient: ca.MX) -> ca.MX:
+    """Return the derivative by motions (6 e) as B sees them, as wrenches about the world's origin."""
+    turn, found = rotation_of(placement_b), []
+    for part in ca.vertsplit(gradient, 6):
+        force = turn @ part[:3]
+        found += [force, turn @ part[3:] + ca.cross(placement_b[9:], force)]
+    return ca.vertcat(*found)
+
+
+def in_the_world(placement_b: ca.MX, hessian: ca.MX) -> ca.MX:
+    """Return the Hessian by motions (6 e, 6 e) as B sees them, by the same motions about the world's origin."""
+    turn = rotation_of(placement_b).T
+    one = ca.blockcat([[turn, -turn @ ca.skew(placement_b[9:])], [ca.MX.zeros(3, 3), turn]])
     adjoint = ca.diagcat(*[one] * (hessian.shape[0] // 6))
     return ca.densify(adjoint.T @ hessian @ adjoint)

@@ -210,9 +210,16 @@ def _sums(shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expressi
 
 
 def _root(x: Expression, p: int) -> Expression:
-    """Return x^(1/p), by square roots where that will do: pow is a slow call."""
+    """Return x^(1/p), x ≥ 1, without pow where square roots or Halley's method will do: it is a slow call."""
     if p % 2 == 0:
         return ca.sqrt(_root(x, p // 2))
+    if p == 3:  # from q (1 + 2 q) / (2 + q), q = x^(1/4): three steps reach rounding
+        q = ca.sqrt(ca.sqrt(x))
+        y = q * (1 + 2 * q) / (2 + q)
+        for _ in range(3):
+            cube = y * y * y
+            y = y * ((cube + 2 * x) / (2 * cube + x))
+        return y
     return x if p == 1 else x ** (1.0 / p)
 
 

@@ -89,7 +89,8 @@ class PairTerm(Term):
         if not isinstance(self.distance, HdsdfPairs):
             raise InputError(f"form: {self.distance.how} is not written in symbols; allowed: external")
         settings = self.distance.gamma, self.distance.shaping_length
-        return clearance_function(place.kinematics, self.pairs, *settings, place.frames.shape[1], place.exact, ends)
+        frames = place.frames.shape[1]
+        return clearance_function(place.kinematics, self.pairs, *settings, frames, place.exact, ends, place.movable)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""

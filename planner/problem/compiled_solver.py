@@ -15,9 +15,9 @@ from hdplan.distance.compiled.c_library import BRIEF, loaded
 from hdplan.scenes.errors import InputError
 
 
-def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.Function:
-    """Return the solver of a program, interpreted where there is no C compiler. Raises InputError for a program that
-    calls functions which cannot be written to C."""
+def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.Function | None:
+    """Return the solver of a program; None where there is no C compiler. Raises InputError for a program that calls
+    functions which cannot be written to C."""
     for name in ("f", "g"):
         if called := callbacks(nlp[name]):
             raise InputError(f"compiled: {name} calls '{called[0]}', which is no graph; allowed is form symbolic")
@@ -26,8 +26,7 @@ def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str,
     generator.add(interpreted.oracle())
     for name in interpreted.get_function():
         generator.add(interpreted.get_function(name))
-    found = loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), BRIEF)
-    return interpreted if found is None else found
+    return loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), BRIEF)
 
 
 def callbacks(expression: ca.MX) -> list[str]:

@@ -19,6 +19,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_lo
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.scene_pairs import all_pairs, pairs_of_links, pairs_within_reach, with_frames
 from hdplan.planner.problem.clearance import Clearance, PairTerm
 from hdplan.planner.problem.pace import FASTEST, Pace
 from hdplan.planner.problem.problem import Problem, Terms
@@ -79,10 +80,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
     terms = Terms()
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
-    boxes = np.array([body.box for body in halfspace_bodies]).reshape(-1, 4, 4)
-    half_sizes = np.array([body.half_size for body in halfspace_bodies]).reshape(-1, 3) + margins[:, None]
-    met = [(a, np.flatnonzero(model.reach[a].meets(boxes, half_sizes))) for a, body in enumerate(bodies) if body.joint]
-    pairs = np.concatenate([np.empty((0, 2), np.int64), *(np.column_stack([np.full(len(b), a), b]) for a, b in met)])
+    pairs = pairs_within_reach(model, halfspace_bodies, margins)
     if len(pairs):
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings)
@@ -103,8 +101,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
         terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
-    kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
-    if own := tuple(pair for pair, proven in kept if not proven):
+    own, apart = pairs_of_links(model, margin)
+    if own:
         laid_out = _between_links(model, own, margin)
         distance = _distance(laid_out, bodies, model.planes, settings)
         terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
@@ -128,7 +126,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
         terms=terms,
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=model.unresolved,
-        apart=tuple(pair for pair, proven in kept if proven),
+        apart=apart,
         notes=tuple(notes),
         closely=closely,
     )
@@ -162,13 +160,12 @@ def on_frames(problem: Problem) -> Problem:
     first = problem.kinematics.nj + len(scene.moving)
     frame = {obstacle.name: first + i for i, obstacle in enumerate(scene.standing)}
     pieces = tuple(replace(body, joint=frame[body.name]) for body in problem.halfspace_bodies if body.joint == 0)
-    pairs = [(a, b) for a, body in enumerate(bodies) if body.joint for b in range(len(pieces))]
-    if not pairs:
+    pairs = all_pairs(bodies, range(len(pieces)))
+    if not len(pairs):
         return problem
     margins = np.array([scene.clearances[piece.name] + settings.activation for piece in pieces])
-    supports = problem.kinematics.supports
-    unmoved = np.zeros((len(scene.obstacles), supports.shape[1]), dtype=np.bool_)
-    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]))
+    supports = with_frames(problem.kinematics.supports, len(scene.obstacles))
+    laid_out = body_pairs(bodies, pieces, pairs, margins, supports)
     obstacles = _clearance(laid_out, _distance(laid_out, bodies, pieces, settings), settings)
     return replace(problem, terms=replace(problem.terms, obstacles=obstacles))
 

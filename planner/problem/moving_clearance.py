@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.scene_pairs import all_pairs, carried_pieces, with_frames
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.samples import Samples
@@ -25,8 +25,6 @@ from hdplan.planner.problem.terms import Penalty
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -87,12 +85,15 @@ def moving_clearance(
     closely: as `lay_out`'s.
     """
     obstacles = scene.moving
-    enclosed = [_carried(obstacle, len(supports) + i, scene, deadline, closely) for i, obstacle in enumerate(obstacles)]
+    planes, first = scene.planner.normals, len(supports)
+    enclosed = [
+        carried_pieces(obstacle, first + i, planes, deadline - time.perf_counter(), closely)
+        for i, obstacle in enumerate(obstacles)
+    ]
     pieces = tuple(piece for found, _ in enclosed for piece in found)
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
-    pairs = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(pieces))]
-    unmoved = np.zeros((len(obstacles), supports.shape[1]), dtype=np.bool_)
-    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]))
+    pairs = all_pairs(bodies, range(len(pieces)))
+    laid_out = body_pairs(bodies, pieces, pairs, margins, with_frames(supports, len(obstacles)))
     term = MovingClearance(
         laid_out,
         distance(laid_out, bodies, pieces),
@@ -100,12 +101,3 @@ def moving_clearance(
         MinimumJerk(scene.end_time),
     )
     return term, pieces, tuple(word for _, words in enclosed for word in words)
-
-
-def _carried(
-    obstacle: Obstacle, joint: int, scene: Scene, deadline: float, closely: bool
-) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Enclose an obstacle in its own frame, which `joint` carries."""
-    standing = replace(obstacle, pose=Pose(), motion=None)
-    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter(), closely)
-    return tuple(replace(piece, joint=joint) for piece in pieces), words

@@ -4,10 +4,10 @@ Each is a Function of three steps that are real branches in generated code. A ba
 reach the enlarged box of the other; a plane of the enlarged body that separates them; the distance. The first two prove
 D > 0, as they do in the broad phase of the loops (`broad_phase`).
 
-With S_j the joints' screws in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), c_j the
-number of the two bodies that it carries, w and H the derivatives of D by a motion of A, η the motion of B's frame:
+With S_j the joints' screws in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), w and H
+the derivatives of D by a motion of A, η the motion of B's frame:
 
-    ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j c_k w·[S_j, S_k],   j nearer the base than k
+    ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j |m_k| w·[S_j, S_k],   j nearer the base than k
     ∂²D/∂q_j∂η = m_j S_j·(−H η + ½ [w·[·, η]])        ∂²D/∂η² = H
 
 Of a body swept from one placement to another w and H are by both, and so are the joints: those at either end.
@@ -16,122 +16,143 @@ Of a body swept from one placement to another w and H are by both, and so are th
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.graph_distance import bracket
-from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.symbolic.all_planes import inside, normals_of, projections
+from hdplan.distance.symbolic.halfspaces import as_wrenches, in_the_world, points_seen
+from hdplan.distance.symbolic.rigid_motions import bracket
 
 UNBRANCHED = {"never_inline": True}  # a Function that stays one, so that it can be a branch
 
 
-@functools.cache
-def near(widest: float, ends: int) -> ca.Function:
-    """Whether the ball around A, at all of its placements, reaches B's box: 1, or 0 where D is sure to be positive."""
-    placed = [ca.SX.sym(f"placement_{k}", 12) for k in range(ends + 1)]
-    ball_and_box = (("centre", 3), ("radius", 1), ("box", 12), ("half", 3))
-    centre, radius, box, half = (ca.SX.sym(name, size) for name, size in ball_and_box)
-    places = [_rotation(each) @ centre + each[9:] for each in placed[:-1]]
-    middle = (places[0] + places[-1]) / 2
-    reach = widest * (radius + ca.norm_2(places[-1] - places[0]) / 2 * (ends == 2))
-    local = _rotation(placed[-1]).T @ (middle - placed[-1][9:])
-    outside = ca.fmax(ca.fabs(_rotation(box).T @ (local - box[9:])) - half, 0)
-    return ca.Function("near", [*placed, centre, radius, box, half], [ca.sumsqr(outside) < reach**2])
+class PairKind(NamedTuple):
+    """What the Functions of a pair are built for."""
 
-
-def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float, ends: int, order: int) -> ca.Function:
-    build = halfspace_distance if ends == 1 else swept_halfspace_distance
-    return build(vertices, planes, gamma, shaping_length, order)
+    vertices: int
+    planes: int
+    gamma: int
+    shaping_length: float
+    ends: int  # placements of A: one, or two of a swept body
 
 
 @functools.cache
-def pair(vertices: int, planes: int, gamma: int, shaping_length: float, ends: int) -> ca.Function:
-    """One pair's ½ min(D, 0)², given whether it is near, and its derivative by A's motions, as wrenches (6 e)."""
-    kernel = _kernel(vertices, planes, gamma, shaping_length, ends, 1)
-    given = kernel.mx_in()
-    value, *wrenches = kernel(*given)[: ends + 1]
-    depth = ca.fmin(value, 0)
-    return _where_near("pair", given, [depth * depth / 2, depth * ca.vertcat(*wrenches)], vertices, planes, ends)
+def ball(ends: int) -> ca.Function:
+    """The ball (3, and its radius) around a body at all of its placements, of its own."""
+    placed = [ca.SX.sym(f"placement_{k}", 12) for k in range(ends)]
+    centre, radius = ca.SX.sym("centre", 3), ca.SX.sym("radius")
+    places = [_rotation(each) @ centre + each[9:] for each in placed]
+    reach = radius + ca.norm_2(places[-1] - places[0]) / 2 * (ends == 2)
+    return ca.Function("ball", [*placed, centre, radius], [(places[0] + places[-1]) / 2, reach])
 
 
 @functools.cache
-def pair_bend(
-    vertices: int, planes: int, gamma: int, shaping_length: float, ends: int, n: int, exact: bool
+def near(bodies: int, widest: float) -> ca.Function:
+    """Which balls (1, A) of bodies, of those that are listed, reach the box of a piece: 0 where D is sure to be
+    positive."""
+    sizes = {"centres": (3, bodies), "radii": (1, bodies), "frame": (12, 1), "box": (12, 1), "half": (3, 1)}
+    given = [ca.SX.sym(name, *size) for name, size in {**sizes, "listed": (1, bodies)}.items()]
+    centres, radii, frame, box, half, listed = given
+    turn = _rotation(frame) @ _rotation(box)
+    origin = _rotation(frame) @ box[9:] + frame[9:]
+    gaps = turn.T @ (centres - ca.repmat(origin, 1, bodies))
+    outside = ca.fmax(ca.fabs(gaps) - ca.repmat(half, 1, bodies), 0)
+    return ca.Function("near", given, [listed * (ca.sum1(outside**2) < (widest * radii) ** 2)])
+
+
+@functools.cache
+def pair(kind: PairKind) -> ca.Function:
+    """One pair's ½ min(D, 0)², given whether it is near, the placements of A and that of B, and both bodies; and its
+    derivative by A's motions, as wrenches (6 e)."""
+    return _where_near("pair", kind, [], lambda value, wrench, _: [value * value / 2, value * wrench], 1)
+
+
+@functools.cache
+def pair_bend(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function:
+    """One pair's second derivatives by the joints (n² of them, those at both ends for two); with B's frame `movable`
+    also by the joints and its motion (6 n), by the latter (36), and the derivative by it (6)."""
+    more = [*(ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)), ca.MX.sym("moves", n)]
+    chained = _chained(kind.ends, n, exact, movable)
+
+    def results(value: ca.MX, wrench: ca.MX, hessian: ca.MX) -> list[ca.MX]:
+        return list(chained.call([value, wrench, hessian, ca.vertcat(*more[:-1]), more[-1]]))
+
+    return _where_near("pair_bend", kind, more, results, 2)
+
+
+def _where_near(
+    name: str, kind: PairKind, more: list[ca.MX], results: Callable[[ca.MX, ca.MX, ca.MX], list[ca.MX]], order: int
 ) -> ca.Function:
-    """One pair's second derivatives: by the joints (n² of them, those at both ends for two), by the joints and the
-    motion of B's frame (6 n), by the latter (36), and the derivative by it (6)."""
-    kernel = _kernel(vertices, planes, gamma, shaping_length, ends, 2)
-    given = kernel.mx_in()
-    screws = [ca.MX.sym(f"screws{k}", 6, n) for k in range(ends)]
-    moves, carried = ca.MX.sym("moves", n), ca.MX.sym("carried", n)
-    value, *wrenches = (found := kernel(*given))[: ends + 1]
-    results = _chained(ends, n, exact)(value, ca.vertcat(*wrenches), found[-1], ca.vertcat(*screws), moves, carried)
-    return _where_near("pair_bend", [*given, *screws, moves, carried], list(results), vertices, planes, ends)
+    """The Function (near, placements, body, planes, more …) -> results of D, its wrench and its Hessian; 0 where the
+    bodies are not near or a plane separates them at all of A's placements."""
+    placements = [ca.MX.sym(f"placement_{k}", 12) for k in range(kind.ends + 1)]
+    body, planes = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("planes", 4 * kind.planes)
+    points, weights, radius = points_seen(placements, body)
+    x, least = projections(points, radius, planes)
+
+    shape = points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends
+    inner = inside(*shape)
+    seen, frame = inner.mx_in(), ca.MX.sym("frame", 12)
+    value, gradient, *second = inner.call(seen)
+    hessian = in_the_world(frame, second[0]) if second else ca.MX()
+    found = results(ca.fmin(value, 0), as_wrenches(frame, gradient), hessian)
+    deep = ca.Function(name, [*seen, frame, *more], found, UNBRANCHED)
+    chosen = ca.Function.conditional("unless_separated", [deep], nothing(deep))
+    separated = ca.mmax(least) > 0
+    given = [*placements, body, planes, *more]
+    unless = chosen.call([separated, x, least, points, weights, normals_of(planes), placements[-1], *more])
+    return where(ca.Function(f"{name}_near", given, unless, UNBRANCHED))
 
 
 @functools.cache
-def _chained(ends: int, n: int, exact: bool) -> ca.Function:
-    """From D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
-    value, wrench, hessian = (
-        ca.MX.sym(*size) for size in (("value", 1), ("wrench", 6 * ends), ("hessian", 6 * ends, 6 * ends))
-    )
-    screws, moves, carried = ca.MX.sym("screws", 6 * ends, n), ca.MX.sym("moves", n), ca.MX.sym("carried", n)
-    depth, inside = ca.fmin(value, 0), value < 0
+def _chained(ends: int, n: int, exact: bool, movable: bool) -> ca.Function:
+    """From min(D, 0) and D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
+    sizes = {"value": (1, 1), "wrench": (6 * ends, 1), "hessian": (6 * ends, 6 * ends)}
+    given = [ca.MX.sym(name, *size) for name, size in {**sizes, "screws": (6 * ends, n), "moves": (n, 1)}.items()]
+    value, wrench, hessian, screws, moves = given
+    contact = value < 0
     moved = [part * ca.repmat(moves.T, 6, 1) for part in ca.vertsplit(screws, 6)]
     parts = ca.vertsplit(wrench, 6)
     slope = ca.vertcat(*(part.T @ by for part, by in zip(moved, parts, strict=True)))
-    push = -_sum(parts)
-    results = [(inside * slope) @ slope.T, (inside * slope) @ push.T, (inside * push) @ push.T, depth * push]
+    push = -total(parts)
+    results = [(contact * slope) @ slope.T, (contact * slope) @ push.T, (contact * push) @ push.T, value * push]
     if exact:
         turns = [-bracket(part) for part in parts]
         blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(hessian, 6)]
-        rows = [_sum(row) for row in blocks]  # by B's motion, but for its sign
+        rows = [total(row) for row in blocks]  # by B's motion, but for its sign
         curved = [
             [one.T @ block @ other for block, other in zip(row, moved, strict=True)]
             for row, one in zip(blocks, moved, strict=True)
         ]
+        sizes_of_moves = ca.repmat(ca.fabs(moves).T, 6, 1)
         for i, (part, turn, whole) in enumerate(zip(moved, turns, ca.vertsplit(screws, 6), strict=True)):
-            upper = ca.triu(
-                part.T @ (turn @ (whole * ca.repmat(carried.T, 6, 1))), False
-            )  # joints are in the tree's order
+            upper = ca.triu(part.T @ (turn @ (whole * sizes_of_moves)), False)  # joints are in the tree's order
             curved[i][i] += ca.densify(upper + upper.T)
-        results[0] += depth * ca.blockcat(curved)
-        results[1] += depth * ca.vertcat(
+        results[0] += value * ca.blockcat(curved)
+        results[1] += value * ca.vertcat(
             *(part.T @ (turn - row) for part, turn, row in zip(moved, turns, rows, strict=True))
         )
-        results[2] += depth * _sum(rows)
-    flat = [ca.vec(ca.densify(part)) for part in results]
-    return ca.Function("chained", [value, wrench, hessian, screws, moves, carried], flat)
+        results[2] += value * total(rows)
+    flat = [ca.vec(ca.densify(part)) for part in results[: 4 if movable else 1]]
+    return ca.Function("chained", given, flat)
 
 
-def _where_near(
-    name: str, given: list[ca.MX], results: list[ca.MX], vertices: int, planes: int, ends: int
-) -> ca.Function:
-    """The Function (near, given …) -> results, 0 where the bodies are not near or a plane separates them."""
-    nothing = ca.Function("apart", given, [ca.MX.zeros(*part.shape) for part in results], UNBRANCHED)
-    deep = ca.Function(name, given, results, UNBRANCHED)
-    chosen = ca.Function.conditional("unless_separated", [deep], nothing)
-    separated = _separated(vertices, planes, ends)(*given[: ends + 3])
-    close = ca.Function(f"{name}_near", given, chosen.call([separated, *given]), UNBRANCHED)
-    return ca.Function.conditional("where_near", [nothing], close)
+def where(function: ca.Function) -> ca.Function:
+    """The Function (whether, given …) -> results, 0 where not."""
+    return ca.Function.conditional("where", [nothing(function)], function)
 
 
-@functools.cache
-def _separated(vertices: int, planes: int, ends: int) -> ca.Function:
-    """Whether one of B's planes separates it from A at all of its placements: then D > 0."""
-    placed = [ca.SX.sym(f"placement_{k}", 12) for k in range(ends + 1)]
-    body, body_planes = ca.SX.sym("body", 4 * vertices + 1), ca.SX.sym("body_planes", 4 * planes)
-    corners, origin = ca.reshape(body[: 3 * vertices], 3, vertices), placed[-1][9:]
-    world = [_rotation(each) @ corners + ca.repmat(each[9:] - origin, 1, vertices) for each in placed[:-1]]
-    points = _rotation(placed[-1]).T @ ca.horzcat(*world)
-    along = ca.reshape(body_planes[: 3 * planes], 3, planes).T @ points  # (planes, points)
-    least = ca.vertcat(*(ca.mmin(row) for row in ca.vertsplit(along)))
-    gap = ca.mmax(least - body_planes[3 * planes :]) - body[-1]
-    return ca.Function("separated", [*placed, body, body_planes], [gap > 0])
+def nothing(function: ca.Function) -> ca.Function:
+    """A Function of the same inputs whose results are 0."""
+    given = function.mx_in()
+    zeros = [ca.MX.zeros(*function.size_out(k)) for k in range(function.n_out())]
+    return ca.Function("apart", given, zeros, UNBRANCHED)
 
 
-def _sum(parts: Sequence[ca.MX]) -> ca.MX:
+def total(parts: Sequence[ca.MX]) -> ca.MX:
+    """Their sum."""
     return functools.reduce(lambda one, other: one + other, parts)
 
 

@@ -1,25 +1,27 @@
 """Clearance of body pairs in symbols: Σ_pairs ½ min(D, 0)² at one configuration, or at the two ends of an interval.
 
 In: the pairs. Out: one Function of joint values and of the frames that carry obstacles, with first and second
-derivatives in closed form. Every pair is in it (`one_pair`); wrenches are summed on what they push, then turned into
-derivatives by the joints, once for all pairs.
+derivatives in closed form. It goes through the convex pieces one by one, and where a link body is near a piece through
+all link bodies (`one_pair`): so what is far away costs next to nothing in generated code.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hdplan.distance.symbolic.closed import CLOSED, closed_function
-from hdplan.distance.symbolic.graph_distance import bracket
+from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.problem.one_pair import near, pair, pair_bend
-from hdplan.planner.problem.symbolic_place import SymbolicPlace, by_entries
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, near, pair, pair_bend, total, where
+from hdplan.planner.problem.symbolic_place import SymbolicPlace
+from hdplan.scenes.array_types import Rows
 
 
 def clearance_function(
@@ -30,102 +32,179 @@ def clearance_function(
     frames: int,
     exact: bool,
     ends: int = 1,
+    movable: bool = True,
 ) -> ca.Function:
     """Return the Function (q (n,) at each of `ends` configurations, frames (12, F)) -> penalty.
 
     Joints of the pairs beyond the robot's are frames. Without `exact` the second derivative is that of the residuals'
-    squares alone, Σ ∇D ∇Dᵀ where D < 0. With two ends D is that of the first body swept between them.
+    squares alone, Σ ∇D ∇Dᵀ where D < 0. With two ends D is that of the first body swept between them. Without `movable`
+    it has no derivatives by the frames.
     """
     carried = ca.MX.sym("frames", 12, frames)
     values = [ca.MX.sym(f"q{k}", kinematics.n) for k in range(ends)]
-    places = [SymbolicPlace(kinematics, q, carried, exact) for q in values]
-    n, joints, carriers = kinematics.n * ends, kinematics.nj, kinematics.nj + frames
-    value, hessian = ca.MX(0), ca.MX.zeros(n, n)
-    pushed = [ca.MX.zeros(6, carriers) for _ in values]  # wrenches on what each joint or frame carries
-    bent = [ca.MX.zeros(rows, frames) for rows in (6 * n, 36, 6)]  # as `pair_bend` has them, by frame
+    places = [SymbolicPlace(kinematics, q, carried, exact, movable) for q in values]
+    n, joints = kinematics.n, kinematics.nj
+    value, slope, pushed = ca.MX(0), ca.MX.zeros(n * ends), ca.MX.zeros(6, frames)
+    hessian = ca.MX.zeros(n * ends, n * ends)
+    bent = [ca.MX.zeros(rows, frames) for rows in (6 * n * ends, 36, 6)]  # as `pair_bend` has them, by frame
+    screws = [place.columns for place in places]
     for slots in sorted(set(pairs.plane_slots.tolist())):
+        met, kind = _Pieces.of(pairs, slots), PairKind(pairs.vertex_slots, slots, gamma, shaping_length, ends)
+        placed = [place.placements[:, met.joint_a.tolist()] for place in places]
+        own = places[0].placements[:, met.joint_b.tolist()]  # of the pieces
+        looked_at: list[Any] = [met.reached(placed, own), *(_repeated(each, met) for each in placed), own, met.planes]
+        looked_at += [*(_repeated(each, met) for each in screws), met.moves]
+        depth, push, back = met.mapped(_pushes(kind, met, n)).call(looked_at)
+        value, slope = value + ca.sum2(depth), slope + ca.sum2(push)
+        found = met.mapped(_bends(kind, met, n, exact, movable)).call(looked_at)
+        hessian += ca.reshape(ca.sum2(found[0]), n * ends, n * ends)
+        if movable and frames:
+            on_frame = _selection(met.joint_b - joints, frames)
+            pushed = ca.mac(back, on_frame, pushed)
+            bent = [ca.mac(each, on_frame, so_far) for so_far, each in zip(bent, found[1:], strict=True)]
+    slopes = [each.T for each in ca.vertsplit(slope, n)]
+    curvatures = [ca.horzsplit(row, n) for row in ca.vertsplit(hessian, n)]
+    if not movable:
+        return _handed_over(values, [carried], [value, *slopes], curvatures)
+    return _handed_over(
+        [*values, carried], [], [value, *slopes, _slope(carried, pushed)], _with_frames(curvatures, carried, bent)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """B convex pieces of equally many planes, and the A link bodies that meet them."""
+
+    joint_a: Rows  # (A,)
+    joint_b: Rows  # (B,)
+    bodies: ca.DM  # (·, A) as in `BodyPairs`
+    planes: ca.DM  # (·, B)
+    moves: ca.DM  # (n, A B)
+    listed: ca.DM  # (1, A B) whether that pair is one of the pairs
+    balls: tuple[ca.DM, ca.DM]  # centres (3, A) and radii (1, A)
+    boxes: tuple[ca.DM, ca.DM]  # (12, B) and half sizes (3, B)
+    widest: float
+
+    @classmethod
+    def of(cls, pairs: BodyPairs, slots: int) -> _Pieces:
+        """Those of the pairs with so many planes."""
         rows = np.flatnonzero(pairs.plane_slots == slots)
-        count, joint_a, joint_b = len(rows), pairs.joint_a[rows], pairs.joint_b[rows]
-        placed = [place.placements[:, joint_a.tolist()] for place in places]
-        placed.append(places[0].placements[:, joint_b.tolist()])
-        reaches = near(pairs.widest, ends).map(count)(*placed, *_balls_and_boxes(pairs, rows))
-        bodies = [pairs.body_table[pairs.body[rows]].T, pairs.plane_tables[slots][pairs.plane_row[rows]].T]
-        looked_at = [reaches, *placed, *(ca.MX(ca.DM(each)) for each in bodies)]
-        settings = pairs.vertex_slots, slots, gamma, shaping_length, ends
+        body, first, a = np.unique(pairs.body[rows], return_index=True, return_inverse=True)
+        piece, once, b = np.unique(pairs.halfspace_body[rows], return_index=True, return_inverse=True)
+        first, once = rows[first], rows[once]
+        listed, moves = np.zeros((len(piece), len(body))), np.zeros((len(piece), len(body), pairs.moves.shape[1]))
+        listed[b, a], moves[b, a] = 1.0, pairs.moves[rows]
+        boxes = pairs.boxes[piece]
+        flat = np.hstack([boxes[:, :3, :3].reshape(-1, 9), boxes[:, :3, 3]])
+        return cls(
+            pairs.joint_a[first],
+            pairs.joint_b[once],
+            ca.DM(pairs.body_table[body].T),
+            ca.DM(pairs.plane_tables[slots][pairs.plane_row[once]].T),
+            ca.DM(moves.reshape(-1, moves.shape[2]).T),
+            ca.DM(listed.reshape(1, -1)),
+            (ca.DM(pairs.centres[body].T), ca.DM(pairs.radii[body][None])),
+            (ca.DM(flat.T), ca.DM(pairs.half_sizes[piece].T)),
+            pairs.widest,
+        )
 
-        depths, pushes = pair(*settings).map(count).call(looked_at)
-        value += ca.sum2(depths)
-        apart = _selection(joint_a, carriers) - _selection(joint_b, carriers)
-        pushed = [ca.mac(each, apart, so_far) for so_far, each in zip(pushed, ca.vertsplit(pushes, 6), strict=True)]
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """A and B."""
+        return len(self.joint_a), len(self.joint_b)
 
-        one, other = _carried(kinematics, joint_a), _carried(kinematics, joint_b)
-        moves = [ca.MX(ca.DM(each.T)) for each in (one - other, one + other)]
-        screws = [ca.repmat(place.columns, 1, count) for place in places]
-        found = pair_bend(*settings, kinematics.n, exact).map(count).call([*looked_at, *screws, *moves])
-        hessian += ca.reshape(ca.sum2(found[0]), n, n)
-        on_frame = _selection(joint_b - joints, frames)
-        bent = [ca.mac(each, on_frame, so_far) for so_far, each in zip(bent, found[1:], strict=True)]
-    slopes = _slopes(places, pushed)
-    return _handed_over([*values, carried], [value, *slopes], _curvatures(carried, hessian, bent, ends))
+    def mapped(self, function: ca.Function) -> ca.Function:
+        """Over the pieces."""
+        return function.map(self.sizes[1])
+
+    def reached(self, placed: Sequence[ca.MX], own: ca.MX) -> ca.MX:
+        """Which link bodies are near which piece (1, A B)."""
+        count, pieces = self.sizes
+        balls = ball(len(placed)).map(count)(*placed, *self.balls)
+        return near(count, self.widest).map(pieces)(
+            *(ca.repmat(each, 1, pieces) for each in balls), own, *self.boxes, self.listed
+        )
 
 
-def _slopes(places: Sequence[SymbolicPlace], pushed: Sequence[ca.MX]) -> list[ca.MX]:
-    """The derivatives by the joints of each place (1, n), and by the frames (1, 12 F), of wrenches (6, nj + F)."""
-    kinematics, carried = places[0].kinematics, places[0].frames
-    parts = [ca.horzsplit(each, [0, kinematics.nj, each.shape[1]]) for each in pushed]
-    moved = ca.sparsify(ca.DM(kinematics.supports.astype(float)))
-    slopes = [ca.sum1(place.columns * (links @ moved)) for place, (links, _) in zip(places, parts, strict=True)]
+def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
+    return ca.repmat(each, 1, met.sizes[1])
+
+
+def _given(kind: PairKind, met: _Pieces, n: int) -> tuple[list[ca.MX], list[ca.MX], list[ca.MX], ca.MX]:
+    """Of one piece: which link bodies (1, A) are near, the inputs of a pair for all of them, screws and moves."""
+    count = met.sizes[0]
+    reached = ca.MX.sym("reached", 1, count)
+    placed = [ca.MX.sym(f"placed{k}", 12, count) for k in range(kind.ends)]
+    own, planes = ca.MX.sym("own", 12), ca.MX.sym("planes", 4 * kind.planes)
+    screws = [ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)]
+    moves = ca.MX.sym("moves", n, count)
+    alike = [ca.repmat(own, 1, count), ca.MX(met.bodies), ca.repmat(planes, 1, count)]
+    return [reached, *placed, own, planes, *screws, moves], [reached, *placed, *alike], screws, moves
+
+
+def _pushes(kind: PairKind, met: _Pieces, n: int) -> ca.Function:
+    """Of one piece: its penalty, the derivatives by the joints (n e) and by the motion of the piece (6)."""
+    given, pairs, screws, moves = _given(kind, met, n)
+    depths, wrenches = pair(kind).map(met.sizes[0]).call(pairs)
+    parts = ca.vertsplit(wrenches, 6)
+    slopes = [ca.sum2((each.T @ part) * moves) for each, part in zip(screws, parts, strict=True)]
+    return _any_near("pushes", given, [ca.sum2(depths), ca.vertcat(*slopes), -ca.sum2(total(parts))])
+
+
+def _bends(kind: PairKind, met: _Pieces, n: int, exact: bool, movable: bool) -> ca.Function:
+    """The second derivatives of one piece's penalty, as `pair_bend` has them."""
+    given, pairs, screws, moves = _given(kind, met, n)
+    count = met.sizes[0]
+    found = (
+        pair_bend(kind, n, exact, movable)
+        .map(count)
+        .call([*pairs, *(ca.repmat(each, 1, count) for each in screws), moves])
+    )
+    return _any_near("bends", given, [ca.sum2(each) for each in found])
+
+
+def _any_near(name: str, given: list[ca.MX], results: list[ca.MX]) -> ca.Function:
+    close = where(ca.Function(name, given, [ca.densify(each) for each in results], UNBRANCHED))
+    return ca.Function(f"{name}_of_piece", given, close.call([ca.mmax(given[0]), *given]), UNBRANCHED)
+
+
+def _slope(carried: ca.MX, pushed: ca.MX) -> ca.MX:
+    """The derivatives (1, 12 F) by the frames, of wrenches (6, F) on them."""
     if not carried.shape[1]:
-        return [*slopes, ca.MX(1, 0)]
-    on_frames = sum((frames for _, frames in parts), ca.MX.zeros(6, carried.shape[1]))
-    return [*slopes, ca.vec(by_entries(1).map(carried.shape[1])(carried, on_frames)).T]
+        return ca.MX(1, 0)
+    return ca.vec(by_entries(1).map(carried.shape[1])(carried, pushed)).T
 
 
-def _curvatures(carried: ca.MX, hessian: ca.MX, bent: Sequence[ca.MX], ends: int) -> list[list[ca.MX]]:
-    """Their derivatives by the joints of each place and by the frames."""
-    n, frames = hessian.shape[0], carried.shape[1]
-    across, within = ca.MX(n, 0), ca.MX(0, 0)
+def _with_frames(curvatures: list[list[ca.MX]], carried: ca.MX, bent: Sequence[ca.MX]) -> list[list[ca.MX]]:
+    """Add the derivatives by the frames to those by the joints of each place."""
+    n, frames = curvatures[0][0].shape[0], carried.shape[1]
+    across, within = ca.MX(n * len(curvatures), 0), ca.MX(0, 0)
     if frames:
-        across, within = _to_entries(n).map(frames)(carried, *bent)
-    blocks = [ca.horzsplit(row, n // ends) for row in ca.vertsplit(hessian, n // ends)]
-    curvatures = [[*row, part] for row, part in zip(blocks, ca.vertsplit(across, n // ends), strict=True)]
-    return [*curvatures, [*(row[-1].T for row in curvatures), ca.diagcat(*ca.horzsplit(within, 12))]]
+        across, within = _to_entries(n * len(curvatures)).map(frames)(carried, *bent)
+    found = [[*row, part] for row, part in zip(curvatures, ca.vertsplit(across, n), strict=True)]
+    return [*found, [*(row[-1].T for row in found), ca.diagcat(*ca.horzsplit(within, 12))]]
 
 
-def _handed_over(given: list[ca.MX], known: list[ca.MX], curvatures: list[list[ca.MX]]) -> ca.Function:
+def _handed_over(
+    given: list[ca.MX], fixed: list[ca.MX], known: list[ca.MX], curvatures: list[list[ca.MX]]
+) -> ca.Function:
     """The Function of a value and its slopes that are known together: one evaluation serves both, as they are handed
     over by a Function that has no derivative itself. CasADi looks for what they depend on in their expressions, so that
     these have to name it."""
-    evaluated = ca.Function("pairs", given, known, CLOSED | {"is_diff_in": [False] * len(given)})
-    fixed = [ca.MX.sym(f"known{k}", part.sparsity()) for k, part in enumerate(known)]
-    nothing = ca.fmin(sum((ca.sumsqr(each) for each in given), ca.MX(0)), 0)
-    value, *slopes = (part + nothing for part in fixed)
-    closed = closed_function("clearance", given, value, slopes, curvatures, fixed)
-    return ca.Function("clearance", given, [closed(*given, *evaluated.call(given))], {"always_inline": True})
-
-
-def _carried(kinematics: Kinematics, joints: Rows) -> Array:
-    """Whether each coordinate moves what joints (P,) carry (P, n); none moves a frame."""
-    result = np.zeros((len(joints), kinematics.n))
-    own = joints < kinematics.nj
-    result[own] = kinematics.supports[joints[own]]
-    return result
+    every = [*given, *fixed]
+    evaluated = ca.Function("pairs", every, known, CLOSED | {"is_diff_in": [False] * len(every)})
+    handed = [ca.MX.sym(f"known{k}", part.sparsity()) for k, part in enumerate(known)]
+    zero = ca.fmin(total([ca.sumsqr(each) for each in given]), 0)
+    value, *slopes = (part + zero for part in handed)
+    closed = closed_function("clearance", given, value, slopes, curvatures, [*fixed, *handed])
+    return ca.Function("clearance", every, [closed(*every, *evaluated.call(every))], {"always_inline": True})
 
 
 def _selection(carrier: Rows, count: int) -> ca.DM:
-    """The matrix (P, K) that sums pairs by the joint or frame (P,) that carries a body; negative where none does."""
+    """The matrix (P, K) that sums pieces by the frame (P,) that carries them; negative where none does."""
     chosen = np.flatnonzero(carrier >= 0)
     pattern = ca.Sparsity.triplet(len(carrier), count, chosen.tolist(), carrier[chosen].tolist())
     return ca.DM(pattern, np.ones(len(chosen)))
-
-
-def _balls_and_boxes(pairs: BodyPairs, rows: Rows) -> list[ca.DM]:
-    """Centres (3, P), radii (1, P), boxes (12, P) and half sizes (3, P) of pairs."""
-    boxes = pairs.boxes[pairs.halfspace_body[rows]]
-    flat = np.hstack([boxes[:, :3, :3].reshape(-1, 9), boxes[:, :3, 3]])
-    body, half = pairs.body[rows], pairs.half_sizes[pairs.halfspace_body[rows]]
-    parts = pairs.centres[body], pairs.radii[body, None], flat, half
-    return [ca.DM(part.T) for part in parts]
 
 
 @functools.cache
@@ -135,7 +214,6 @@ def _to_entries(n: int) -> ca.Function:
     placement, mixed, own, push = (
         ca.MX.sym(name, size) for name, size in (("placement", 12), ("mixed", 6 * n), ("own", 36), ("push", 6))
     )
-    _, up, turned = by_entries(2)(placement, push)
+    within, up = twice_by_entries()(placement, push, ca.reshape(own, 6, 6))
     across = ca.reshape(mixed, n, 6) @ up.T
-    within = up @ (ca.reshape(own, 6, 6) - bracket(push)) @ up.T + turned
     return ca.Function("to_entries", [placement, mixed, own, push], [across, within])

@@ -52,6 +52,7 @@ class Program:
     x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
     p: ca.MX  # weight of the penalty [1/m²]; in symbols then the poses of obstacles, as `values` gives them
     f: ca.MX
+    added: ca.MX  # to f by `with_cost`
     rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
     lower: tuple[Array, ...]  # bounds of `rows`
     upper: tuple[Array, ...]
@@ -68,6 +69,14 @@ class Program:
     def nlp(self) -> dict[str, ca.MX]:
         """What to minimize and what to keep, for `casadi.nlpsol`."""
         return {"x": self.x, "p": self.p, "f": self.f, "g": ca.vertcat(*self.rows)}
+
+    @property
+    def standing(self) -> dict[str, ca.MX]:
+        """`nlp` without derivatives by the poses of obstacles, which stay where they are while a solver runs: the same
+        numbers, and Hessians several times as fast. An external penalty has none anyway."""
+        if not isinstance(self.penalty, SymbolicPenalty):
+            return self.nlp
+        return self.nlp | {"f": _cost(self.problem, self.penalty.standing, self.x, self.p) + self.added}
 
     @property
     def bounds(self) -> dict[str, Array]:
@@ -134,7 +143,7 @@ class Program:
         if not isinstance(cost, ca.MX) or not cost.is_scalar():
             raise InputError(f"cost: a scalar casadi.MX is expected, found {_words(cost)}")
         self._refuse_strangers("cost", cost)
-        return replace(self, f=self.f + cost)
+        return replace(self, f=self.f + cost, added=self.added + cost)
 
     def with_constraint(
         self, each: Callable[[ca.MX, ca.MX], ca.MX], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
@@ -163,14 +172,19 @@ class Program:
 
         compiled: whether its functions are written to C and compiled, once, and kept where compiled code is kept: some
         seconds the first time, and about thirty times as fast as CasADi's interpreter. Without a C compiler they are
-        interpreted. Raises InputError for a function of Python in the program, as in form external.
+        interpreted. While they run, obstacles stand: there are no multipliers of p. Raises InputError for these, and
+        for a function of Python in the program, as in form external.
         """
         given = {**(self.stages if plugin == "fatrop" else {}), **(options or {})}
-        if not compiled:
-            return ca.nlpsol("solver", plugin, self.nlp, given)
+        found = self._compiled(plugin, given) if compiled else None
+        return ca.nlpsol("solver", plugin, self.nlp, given) if found is None else found
+
+    def _compiled(self, plugin: str, given: Mapping[str, Any]) -> ca.Function | None:
         from hdplan.planner.problem.compiled_solver import compiled_solver
 
-        return compiled_solver(plugin, self.nlp, given)
+        if given.get("calc_lam_p"):
+            raise InputError("options: calc_lam_p: while a compiled solver runs, obstacles stand; allowed is False")
+        return compiled_solver(plugin, self.standing, {"calc_lam_p": False, **given})
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
@@ -209,11 +223,27 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     exact = hessian == "exact"
     if exact and form == "external":
         problem.bend(problem.polyline())  # an error in it is raised here; a solver would see a failed evaluation
-    settings, n = problem.smoothness, len(problem.start)
-    h = 1 / (problem.waypoints - 1)
+    n = len(problem.start)
     x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
     penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
     p = ca.MX.sym("p", 1 + penalty.size)
+    q, step, change = _columns(problem, x)
+    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
+    lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
+    for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
+        bound[places(n, problem.waypoints)] = limit
+        bound[:n] = problem.start
+    result = Program(problem, x, p, _cost(problem, penalty, x, p), ca.MX(0), rows, equal, equal, lbx, ubx, penalty)
+    for term in hard_constraints(problem.terms.own):
+        result = result.with_constraint(term.asked.each, *term.bounds)
+    return result
+
+
+def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX, p: ca.MX) -> ca.MX:
+    """What is minimized."""
+    settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
     weight, poses = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
     cost = (
@@ -223,18 +253,7 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     )
     if problem.pace:
         cost += problem.pace.expression(step)
-    cost += sum(term.written(q, step) for term in problem.terms.costs)
-    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
-    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
-    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
-    lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
-    for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
-        bound[places(n, problem.waypoints)] = limit
-        bound[:n] = problem.start
-    result = Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
-    for term in hard_constraints(problem.terms.own):
-        result = result.with_constraint(term.asked.each, *term.bounds)
-    return result
+    return sum((term.written(q, step) for term in problem.terms.costs), cost)
 
 
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

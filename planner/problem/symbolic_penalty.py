@@ -8,9 +8,11 @@ term writes itself (`Term.written_at_sample`, `written_over_motion`); one that d
 
 from __future__ import annotations
 
+import copy
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -46,7 +48,8 @@ class ObstaclePoses:
     def frames(self, values: ca.MX, samples: int) -> ca.MX:
         """Of poses as such numbers the placements (12, B) of the frame that carries the bodies."""
         poses = ca.reshape(values, 12, len(self.poses))
-        frames = _moved(self.home).map(len(self.poses))(poses)
+        home = ca.DM(np.concatenate([self.home[:3, :3].ravel(), self.home[:3, 3]]))
+        frames = _moved().map(len(self.poses))(poses, ca.repmat(home, 1, len(self.poses)))
         return frames if len(self.poses) == samples else ca.repmat(frames, 1, samples)
 
     def mark(self, values: ca.MX) -> ca.MX:
@@ -55,22 +58,24 @@ class ObstaclePoses:
         return sum((rigid_or_nan(turn.T) for turn in ca.horzsplit(turns, 3)), ca.MX(0))
 
 
-def _moved(home: Array) -> ca.Function:
-    """From a pose to pose · home⁻¹, as rows of 12."""
-    pose = ca.SX.sym("pose", 12)
-    turn = ca.reshape(pose[:9], 3, 3).T @ home[:3, :3].T
-    return ca.Function("moved", [pose], [ca.densify(ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[:3, 3]))])
+@functools.cache
+def _moved() -> ca.Function:
+    """From a pose and the home of bodies to pose · home⁻¹, as rows of 12."""
+    pose, home = ca.SX.sym("pose", 12), ca.SX.sym("home", 12)
+    turn = ca.reshape(pose[:9], 3, 3).T @ ca.reshape(home[:9], 3, 3)
+    moved = ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[9:])
+    return ca.Function("moved", [pose, home], [ca.densify(moved)], {"is_diff_in": [True, False]})
 
 
 class SymbolicPenalty:
     """The penalty of a problem in symbols."""
 
-    def __init__(self, problem: Problem, exact: bool) -> None:
-        """Take a problem, and whether second derivatives are exact or Gauss-Newton's. Raises InputError for a term that
-        is not written in symbols."""
+    def __init__(self, problem: Problem, exact: bool, movable: bool = True) -> None:
+        """Take a problem, whether second derivatives are exact or Gauss-Newton's, and whether there are derivatives by
+        the obstacles' poses. Raises InputError for a term that is not written in symbols."""
         for term in problem.terms:
             refuse_unwritten(term)
-        self.problem, self.exact = on_frames(problem), exact
+        self.problem, self.exact, self.movable = on_frames(problem), exact, movable
         scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
         if moving is not None:
             times = moving.law.time_at(problem.samples.parameter)
@@ -79,6 +84,13 @@ class SymbolicPenalty:
         for each in scene.standing:
             found.append(ObstaclePoses(each.name, each.pose.matrix[None], each.pose.matrix))
         self.obstacles = tuple(found)
+
+    @property
+    def standing(self) -> SymbolicPenalty:
+        """The same without derivatives by the obstacles' poses, as a solver needs it: several times as fast."""
+        found = copy.copy(self)
+        found.movable = False
+        return found
 
     @property
     def size(self) -> int:
@@ -116,11 +128,12 @@ class SymbolicPenalty:
         looks = first[:, interval] + step[:, interval] @ ca.diag(ca.DM(samples.fraction))
 
         q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", 12, len(frames))
-        place = SymbolicPlace(kinematics, q, carried, self.exact)
+        place = SymbolicPlace(kinematics, q, carried, self.exact, self.movable)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
         result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
         if at_sample:
-            mapped = ca.Function("sample", [q, carried], [sum(at_sample)], {"never_inline": True}).map(count)
+            options: Any = {"never_inline": True, "is_diff_in": [True, self.movable]}
+            mapped = ca.Function("sample", [q, carried], [sum(at_sample, ca.MX(0))], options).map(count)
             by_sample = [ca.reshape(frame, 12, count) for frame in frames]
             side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
             result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
@@ -128,7 +141,7 @@ class SymbolicPenalty:
             frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(12)
             for frame, each in zip(frames, self.obstacles, strict=True)
         ]
-        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact)
+        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact, self.movable)
         over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
 

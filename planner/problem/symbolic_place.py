@@ -6,7 +6,6 @@ obstacles, which are parameters; a body of an obstacle is carried by one of them
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +14,7 @@ from typing import Protocol
 import casadi as ca
 
 from hdplan.distance.symbolic.closed import closed_function
-from hdplan.distance.symbolic.graph_distance import bracket
+from hdplan.distance.symbolic.rigid_motions import bracket
 from hdplan.planner.kinematics.forward import Kinematics
 
 
@@ -39,6 +38,7 @@ class SymbolicPlace:
     q: ca.MX  # (n,)
     frames: ca.MX  # (12, F) world from frame: the rotation row by row, then the origin [m]
     exact: bool  # whether the penalties' second derivatives are, or are those of their residuals' squares alone
+    movable: bool = True  # whether there are derivatives by the frames
 
     @cached_property
     def _state(self) -> list[ca.MX]:
@@ -131,18 +131,4 @@ class SymbolicMotion:
     step: ca.MX  # (n, K) to its end
     frames: ca.MX  # (12, F) of obstacles that stand; those of others are not meant to be looked at
     exact: bool
-
-
-@functools.cache
-def by_entries(order: int) -> ca.Function:
-    """Return the function that turns a wrench (6) about the world's origin into a derivative by a placement's entries.
-
-    With dR = [ω] R, dt = v + ω × t: F·v + T·ω is the product of (dR, dt) with ([T − t × F] R/2, F). Outputs: those
-    entries (12), and for order 2 their derivatives by the wrench (12, 6) and by the placement (12, 12).
-    """
-    placement, wrench = ca.SX.sym("placement", 12), ca.SX.sym("wrench", 6)
-    rotation, force = ca.reshape(placement[:9], 3, 3).T, wrench[:3]
-    turning = ca.skew(wrench[3:] - ca.cross(placement[9:], force)) @ rotation / 2
-    entries = ca.densify(ca.vertcat(ca.vec(turning.T), force))
-    derivatives = [ca.densify(ca.jacobian(entries, part)) for part in (wrench, placement)] if order == 2 else []
-    return ca.Function("by_entries", [placement, wrench], [entries, *derivatives])
+    movable: bool

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -80,10 +79,10 @@ def clearance_function(found: ScenePairs) -> ca.Function:
     """Return D (P,) of pairs of bodies as a Function of q (n,) and the movable obstacles' poses (4, 4 m)."""
     robot, tree, settings = found.setup.robot, found.model.kinematics, found.setup.scene.planner
     q, poses = ca.MX.sym("q", robot.n), ca.MX.sym("poses", 4, 4 * len(found.movable))
-    rotations, origins = tree.function(joint_values(robot, q))
+    state = tree.state(joint_values(robot, q))
     obstacles = ca.horzsplit(poses, 4) if found.movable else []
-    placed = [ca.reshape(rotations, 9, tree.nj), *(ca.vec(pose[:3, :3]) for pose in obstacles)]
-    frames = ca.vertcat(ca.horzcat(*placed), ca.horzcat(origins, *(pose[:3, 3] for pose in obstacles)))  # (12, ·)
+    own = [ca.vertcat(ca.vec(pose[:3, :3].T), pose[:3, 3]) for pose in obstacles]
+    frames = ca.horzcat(ca.reshape(state[: 12 * tree.nj], 12, tree.nj), *own)
     parts = [_distances(pairs, frames, settings.gamma, settings.shaping_length) for pairs in found.groups]
     distance = ca.vertcat(ca.MX(0, 1), *parts)
     if obstacles:
@@ -92,26 +91,13 @@ def clearance_function(found: ScenePairs) -> ca.Function:
 
 
 def _distances(pairs: BodyPairs, frames: ca.MX, gamma: int, shaping_length: float) -> ca.MX:
-    """Return D (P,) of pairs whose joints have frames [R columnwise | t] (12, ·) in the world."""
+    """Return D (P,) of pairs whose joints have frames [R row by row | t] (12, ·) in the world."""
     rows, results = [], []
     for slots, table in pairs.plane_tables.items():
         chosen = np.flatnonzero(pairs.plane_slots == slots)
         joints = (frames[:, carrier[chosen].tolist()] for carrier in (pairs.joint_a, pairs.joint_b))
         bodies, planes = ca.DM(pairs.body_table[pairs.body[chosen]].T), ca.DM(table[pairs.plane_row[chosen]].T)
-        function = _pair_function(pairs.vertex_slots, slots, gamma, shaping_length).map(len(chosen))
+        function = halfspace_function(pairs.vertex_slots, slots, gamma, shaping_length).map(len(chosen))
         results.append(function(*joints, bodies, planes).T)
         rows += chosen.tolist()
     return ca.vertcat(*results)[np.argsort(rows).tolist()]
-
-
-@functools.cache
-def _pair_function(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
-    """Return D of one pair by the frames (12,) of both."""
-    frame, other = ca.MX.sym("frame", 12), ca.MX.sym("other", 12)
-    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    turned = ca.reshape(other[:9], 3, 3).T
-    relative = ca.horzcat(turned @ ca.reshape(frame[:9], 3, 3), turned @ (frame[9:] - other[9:]))
-    distance = halfspace_function(vertices, planes, gamma, shaping_length)(relative, body, body_planes)
-    return ca.Function(
-        "pair", [frame, other, body, body_planes], [distance], {"is_diff_in": [True, True, False, False]}
-    )

@@ -7,19 +7,25 @@ link that moves: wherever it may be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, CollisionModel, collision_model_of
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
+from hdplan.planner.collision.scene_pairs import (
+    all_pairs,
+    carried_pieces,
+    pairs_of_links,
+    pairs_within_reach,
+    with_frames,
+)
 from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.poses import Pose
 from hdplan.scenes.values import Row, checked, text
 
 
@@ -64,26 +70,17 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
                 pieces += from_obstacle(obstacle, settings.normals)[0]
         standing = len(pieces)
         for row, obstacle in enumerate(moved):
-            own = replace(obstacle, pose=Pose(), motion=None)
-            joint = kinematics.nj + row
-            pieces += [replace(piece, joint=joint) for piece in from_obstacle(own, settings.normals)[0]]
+            pieces += carried_pieces(obstacle, kinematics.nj + row, settings.normals)[0]
     margins = np.array([scene.clearances[piece.name] + extra for piece in pieces])
-    boxes = np.array([piece.box for piece in pieces[:standing]]).reshape(-1, 4, 4)
-    half = np.array([piece.half_size for piece in pieces[:standing]]).reshape(-1, 3) + margins[:standing, None]
-    met = [
-        (a, b)
-        for a, body in enumerate(bodies)
-        if body.joint > 0
-        for b in (*np.flatnonzero(model.reach[a].meets(boxes, half)).tolist(), *range(standing, len(pieces)))
-    ]
-    met.sort(key=lambda pair: pair[1] >= standing)  # as the planner: those that stand first
-    supports = np.vstack([kinematics.supports, np.zeros((len(moved), kinematics.n), dtype=np.bool_)])
+    reached = pairs_within_reach(model, pieces[:standing], margins[:standing])
+    met = np.concatenate([reached, all_pairs(bodies, range(standing, len(pieces)))])
+    supports = with_frames(kinematics.supports, len(moved))
     margin = self_margin(scene)
-    within = [pair for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True) if kept <= margin]
+    within, _ = pairs_of_links(model, margin)
     groups, names = [], []
-    if met:
+    if len(met):
         groups.append(body_pairs(bodies, pieces, met, margins, supports))
-        names += [(bodies[a].link, pieces[b].name) for a, b in met]
+        names += [(bodies[a].link, pieces[b].name) for a, b in met.tolist()]
     if within:
         grown = margin - SELF_ACTIVATION * (not activated)
         groups.append(body_pairs(bodies, model.planes, within, grown, supports))

@@ -30,7 +30,11 @@ Pairs = Callable[[jax.Array, jax.Array], jax.Array]  # frames (..., F, 3, 3) and
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JaxCost:
-    """The cost of a problem in JAX; made by `jax_cost`. Arrays are JAX's, in their precision (`jax.enable_x64`)."""
+    """The cost of a problem in JAX; made by `jax_cost`. Arrays are JAX's, in their precision (`jax.enable_x64`).
+
+    The smoothness, and the weighed squared hinge of the HD-SDF of pairs of bodies: links with standing and moving
+    obstacles and with links, what is held included. Terms of any other kind are refused, never left out.
+    """
 
     problem: Problem
 

@@ -299,6 +299,25 @@ def test_another_start_and_goal_share_the_graph() -> None:
         problem.casadi().between(start, goal)
 
 
+@pytest.mark.parametrize("name", ["panda_grasp", "panda_carry"])
+def test_a_goal_that_slides(name: str) -> None:
+    """By what a goal with free axes is slid along, the derivative with respect to the motion's end: the loops' is the
+    graph's, and so are the second derivatives, for goals anywhere along the free axes."""
+    problem, rng = problem_of(name), np.random.default_rng(11)
+    graph, poses = graph_of(problem), SymbolicPenalty(problem, exact=True).values({})
+    smooth, seen = ca.DM(problem.smoothness.matrix), 0.0
+    for _ in range(3):
+        moved = dataclasses.replace(problem, goal=problem.robot.draw(rng, 1)[0])
+        positions = motion(moved, rng, 0.1)
+        _, gradient, hessian = (np.array(part) for part in graph(positions.ravel(), poses))
+        n = len(moved.goal)
+        expected = WEIGHT * gradient[-n:, 0] + np.array(smooth[-1, :] @ ca.DM(positions)).ravel()
+        close(moved.evaluate(positions, WEIGHT).at_goal, expected)
+        close(loops_at(moved, positions)[2][-n:], hessian[-n:])
+        seen = max(seen, float(np.abs(gradient[-n:]).max()))
+    assert seen > 0.0
+
+
 def test_compiled_it_is_the_same() -> None:
     program = problem_of("planar_arm").casadi(form="symbolic")
     options = {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False}
@@ -313,6 +332,24 @@ def test_compiled_it_is_the_same() -> None:
     close(found[1], found[0], 1e-7)
     with pytest.raises(InputError, match="compiled: f calls 'penalty', which is no graph; allowed is form symbolic"):
         problem_of("planar_arm").casadi().solver(compiled=True)
+    with pytest.raises(InputError, match="options: calc_lam_p: while a compiled solver runs, obstacles stand"):
+        program.solver("ipopt", {"calc_lam_p": True}, compiled=True)
+
+
+@pytest.mark.parametrize("name", ["panda_conveyor", "panda_cage"])
+def test_standing_obstacles_change_no_number(name: str) -> None:
+    """What a solver evaluates, without derivatives by poses, is the graph itself, at other poses too."""
+    program, rng = problem_of(name).casadi(form="symbolic"), np.random.default_rng(5)
+    given, problem = [program.x, program.p], program.problem
+    both = [
+        ca.Function("both", given, [cost, *ca.hessian(cost, program.x)]) for cost in (program.f, program.standing["f"])
+    ]
+    poses = {each.name: turned(each.pose.matrix, rng) for each in problem.scene.standing}
+    x, p = program.guess(motion(problem, rng)), program.values(WEIGHT, poses)
+    for found, expected in zip(both[1](x, p), both[0](x, p), strict=True):
+        close(np.array(found), np.array(expected), 1e-13)
+    by_poses = ca.jacobian(program.standing["f"], program.p)[1:]
+    assert by_poses.nnz() == 0 or not np.any(np.array(ca.Function("by", given, [by_poses])(x, p)))
 
 
 class Half(Term):
