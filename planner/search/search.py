@@ -21,6 +21,7 @@ from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.search.touches import touched
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
@@ -103,6 +104,9 @@ class Search:
         self.best: Best | None = None
         self.steps: tuple[Iteration, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
+        self.touches = problem.scene.polish > 0 and self.objective.name == "smoothness" and slide is None
+        self.touched = False  # whether the best motion got its last touches
+        self.reconsidered = False  # whether the straight line had its second opinion
         self.certify_seconds = 0.0
 
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
@@ -117,6 +121,12 @@ class Search:
                 self._took(solution)
                 return self.over
             try:
+                if turn == 0 and self.touches:
+                    self._took(solution)
+                    solution = replace(solution, steps=())
+                    if (better := touched(self, solution)) and self._certify(better)[0].certified:
+                        self.touched = True
+                        return self.certified
                 certificate, intervals = self._certify(solution)
             except HdplanError:  # no time law, or too many rows
                 if value == math.inf:  # no motion is certified
@@ -142,12 +152,14 @@ class Search:
         """Whether to stop: asked to, or past the deadline."""
         return self.stop() or time.perf_counter() > self.deadline
 
-    def _solve(self, problem: Problem, guess: Array, weight: float, slow: float = SLOW) -> tuple[Problem, Solution]:
+    def _solve(
+        self, problem: Problem, guess: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+    ) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
         again at most DENSER times."""
         budget = Budget(self.deadline, first_weight=weight, slow=slow, report=self._report_step, stop=self.stop)
         for again in range(DENSER, -1, -1):
-            solution = self.last = self.solver.solve(problem, guess, budget)
+            solution = self.last = (solver or self.solver).solve(problem, guess, budget)
             positions = solution.trajectory.positions
             finer = problem.resampled(positions)
             if solution.status is not SolverStatus.CLEAR or not again or is_clear(finer, positions):
@@ -185,11 +197,14 @@ class Search:
         self.attempts += 1
         self.steps = ()
 
-    def clear(self, problem: Problem, positions: Array, weight: float, slow: float = SLOW) -> Solution | None:
-        """Solve a problem to this goal from a motion (N, n); None if the result does not keep its distance."""
-        _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
+    def clear(
+        self, problem: Problem, positions: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+    ) -> Solution | None:
+        """Solve a problem to this goal from a motion (N, n), by another solver if one is given; None if the result does
+        not keep its distance. Its steps are counted."""
+        _, solution = self._solve(problem.resampled(positions), positions, weight, slow, solver)
         self._took(solution)
-        return solution if solution.status is SolverStatus.CLEAR else None
+        return replace(solution, steps=()) if solution.status is SolverStatus.CLEAR else None
 
     def keep(self, path: Array, value: float) -> bool:
         """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less

@@ -1,0 +1,95 @@
+"""Laws of the last touches: a path is never worse for them, and never less proven."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.plan import plan
+from hdplan.planner.search import search as searching
+from hdplan.planner.search import touches
+from hdplan.planner.search.search import Search
+from hdplan.planner.solvers.solution import Solution
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def plain(scene: Scene) -> Scene:
+    """The same, with the first motion that is certified."""
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=0))
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_corridor", "panda_table_pick", "panda_carry", "ur5_table"])
+def test_no_path_is_rougher_than_the_first_motion_or_chomps(name: str) -> None:
+    scene = load_scene(name)
+    touched, first, gentle = plan(scene), plan(plain(scene)), plan(plain(scene), solver="chomp")
+    assert touched.certified
+    assert touched.objective.value <= min(first.objective.value, gentle.objective.value)
+    assert certify(scene, touched.trajectory).certified
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_among_random_boxes_too(seed: int) -> None:
+    rng, scene = np.random.default_rng(seed), load_scene("empty")
+    boxes = [
+        Obstacle(f"box{i}", Box(rng.uniform(0.05, 0.15, 3)), Pose(rng.uniform([0.3, -0.5, 0.1], [0.7, 0.5, 0.9])))
+        for i in range(3)
+    ]
+    for box in boxes:  # those that touch an end are left out
+        tried = dataclasses.replace(scene, obstacles=(*scene.obstacles, box))
+        if _ends_free(tried):
+            scene = tried
+    touched, first = plan(scene, seed=seed), plan(plain(scene), seed=seed)
+    assert touched.certified
+    assert touched.certified >= first.certified
+    assert touched.objective.value <= first.objective.value + 1e-12
+
+
+def _ends_free(scene: Scene) -> bool:
+    try:
+        return plan(plain(scene), time_limit=5.0).certified
+    except HdplanError:
+        return False
+
+
+def test_the_first_motion_is_taken_where_the_better_one_is_not_proven(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene("panda_cage")
+
+    def through_bars(search: Search, solution: Solution) -> Solution:
+        line = search.problem.polyline(search.problem.start[None] + 1.0)
+        return dataclasses.replace(solution, trajectory=dataclasses.replace(solution.trajectory, positions=line))
+
+    monkeypatch.setattr(searching, "touched", through_bars)
+    monkeypatch.setattr("hdplan.planner.plan.polish", lambda *_: None)
+    result, first = plan(scene), plan(plain(scene))
+    assert result.certified
+    assert result.trajectory.positions.tobytes() == first.trajectory.positions.tobytes()
+
+
+def test_a_straight_motion_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("nothing is left to gain")
+
+    monkeypatch.setattr(touches, "closer", never)
+    result = plan(load_scene("empty"))
+    assert result.certified
+    assert result.trajectory.positions.tobytes() == plan(plain(load_scene("empty"))).trajectory.positions.tobytes()
+
+
+def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, clear = [], Search.clear
+
+    def counted(self: Search, *args: object, **kwargs: object) -> Solution | None:
+        asked.append(kwargs.get("solver") is touches.GENTLE)
+        return clear(self, *args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Search, "clear", counted)
+    assert plan(load_scene("panda_corridor")).certified
+    assert sum(asked) == 1
