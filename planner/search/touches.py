@@ -2,8 +2,9 @@
 
 A first motion keeps more distance than it needs, and its solver stops early. To solve on from it, with a penalty that
 sets in closer to obstacles, takes half as long as the certificate; so what comes of it is certified in its place, and
-the first motion only if that fails. Where a path costs far more than the straight line, the solver may have jumped into
-a wide detour at its first steps: CHOMP's small steps from the straight line are a second opinion.
+the first motion only if that fails. A warm start has had this already, so it begins there. Where a path costs far more
+than the straight line, the solver may have jumped into a wide detour at its first steps: CHOMP's small steps from the
+straight line are a second opinion.
 """
 
 from __future__ import annotations
@@ -48,6 +49,14 @@ def touched(search: Search, solution: Solution) -> Solution | None:
             found += [gently, nearer(gently)]
     better = min(filter(None, found), key=lambda each: cost(each.trajectory.positions), default=solution)
     return better if cost(better.trajectory.positions) < before else None
+
+
+def once_more(search: Search, path: Array) -> Solution | None:
+    """Return what the last motion (N, n), which was bettered when it was planned, leads to in a scene that changed a
+    little; None if it is not clear."""
+    problem, quick = search.problem, search.objective.name == "time"
+    near = closer(problem, CLOSER * problem.scene.planner.activation, quick)
+    return search.clear(near, path, DETOUR_WEIGHT, CONVERGED)
 
 
 def _gently(problem: Problem, guess: Array, budget: Budget) -> Solution:

@@ -14,6 +14,7 @@ from hdplan.planner.search import touches
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Solution
 from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
@@ -93,3 +94,39 @@ def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Search, "clear", counted)
     assert plan(load_scene("panda_corridor")).certified
     assert sum(asked) == 1
+
+
+def test_a_warm_start_is_followed_without_further_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is a path or a timed motion; and what comes of it is proven and costs as much."""
+    for limits in (Limits(), Limits(velocity="urdf", acceleration=15.0, jerk=500.0)):
+        scene = dataclasses.replace(load_scene("panda_bookshelf"), limits=limits)
+        last = plan(scene)
+        with monkeypatch.context() as patched:
+            patched.setattr("hdplan.planner.plan.polish", _never)
+            again = plan(scene, guess=last.trajectory)
+        assert again.certified
+        assert again.attempts == 1
+        assert again.objective.value == pytest.approx(last.objective.value, rel=searching.ALIKE)
+        assert certify(scene, again.trajectory).certified
+
+
+def test_a_crude_guess_is_bettered_as_any_first_motion() -> None:
+    scene = load_scene("panda_carry")
+    corners = plan(scene).trajectory.positions[[0, 8, 16, 24, 31]]
+    bent = corners + np.array([0.0, 0.2, -0.2, 0.2, 0.0])[:, None]
+    warm, first = plan(scene, guess=bent), plan(plain(scene), guess=bent)
+    assert warm.certified
+    assert warm.objective.value <= first.objective.value
+
+
+def test_a_warm_start_is_not_trusted() -> None:
+    """A last motion through what stands there now is left."""
+    scene = load_scene("panda_carry")
+    last = plan(dataclasses.replace(scene, obstacles=()))
+    again = plan(scene, guess=last.trajectory)
+    assert again.certified
+    assert certify(scene, again.trajectory).certified
+
+
+def _never(*_: object) -> None:
+    raise AssertionError("a warm start that holds is not bettered in rounds")
