@@ -214,10 +214,16 @@ class Search:
         self, problem: Problem, positions: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
     ) -> Solution | None:
         """Solve a problem to this goal from a motion (N, n), by another solver if one is given; None if the result does
-        not keep its distance. Its steps are counted."""
+        not keep its distance. Its steps are counted. Raises KeyboardInterrupt as the user does."""
+        last = self.last
         _, solution = self._solve(problem.resampled(positions), positions, weight, slow, solver)
         self._took(solution)
-        return replace(solution, steps=()) if solution.status is SolverStatus.CLEAR else None
+        if solution.status is SolverStatus.CLEAR:
+            return replace(solution, steps=())
+        self.last = last
+        if solution.status is SolverStatus.INTERRUPTED and not self.stop():
+            raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
+        return None
 
     def keep(self, path: Array, value: float) -> bool:
         """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less

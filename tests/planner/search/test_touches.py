@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.search import search as searching
 from hdplan.planner.search import touches
 from hdplan.planner.search.search import Search
-from hdplan.planner.solvers.solution import Solution
+from hdplan.planner.solvers.solution import Solution, Solver, SolverStatus
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
@@ -94,6 +95,19 @@ def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Search, "clear", counted)
     assert plan(load_scene("panda_corridor")).certified
     assert sum(asked) == 1
+
+
+def test_an_interrupt_within_them_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    gentle = touches.GENTLE.solve
+
+    def interrupted(*given: Any) -> Solution:
+        return dataclasses.replace(gentle(*given), status=SolverStatus.INTERRUPTED)
+
+    monkeypatch.setattr(touches, "GENTLE", Solver(interrupted))
+    monkeypatch.setattr("hdplan.planner.plan.polish", _never)
+    result = plan(load_scene("panda_corridor"))
+    assert result.certified
+    assert result.attempts == 1
 
 
 def test_a_warm_start_is_followed_without_further_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
