@@ -23,9 +23,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.polish import polish
-from hdplan.planner.search.search import Event, Search, Slide, search_in_turn
+from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
-from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left, whole_limit
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.scene import Scene
@@ -65,7 +64,8 @@ def plan(
             certificate ends with it.
         robot: the scene's robot, if it is already loaded.
         guess: a motion of this robot from which the solver starts (a warm start), such as the last plan's trajectory
-            after a small change of the scene, or waypoints (R, n) in the order of the robot's joints. Its ends are
+            after a small change of the scene, which is followed without further rounds where it costs about as much as
+            before, or waypoints (R, n) in the order of the robot's joints. Its ends are
             moved to the scene's, which is noted. It is not trusted: the result is certified like any other motion, and
             if the guess leads to none, the search continues as without it. Of several goals, the one nearest to its end
             starts with it.
@@ -115,20 +115,20 @@ def plan(
         Search(problem, certifier, retimer, run, required, deadline, report, stop, _slide(certifier, goal, required))
         for problem, goal, (required, _) in zip(problems, goals, clearances, strict=True)
     ]
-    warm: list[Array | None] = [None] * len(problems)
+    warm: list[Guess | None] = [None] * len(problems)
     if guess is not None and rows is not None:
         rows = begun_at(rows, problems[0].start, robot)
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
-        warm[nearest], moved = warm_start(
-            problems[nearest], rows, isinstance(guess, Trajectory) and guess.times is not None
-        )
+        motion = guess if isinstance(guess, Trajectory) and guess.times is not None else None
+        begin, moved = warm_start(problems[nearest], rows, motion is not None)
+        warm[nearest] = Guess(begin, as_it_is=True, last=searches[nearest].objective.last(begin, motion))
         if moved > MOVED:
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
     attempts, interrupted = None, False
     try:
         search_in_turn(searches, seed, warm)
         attempts = _attempts(searches)
-        if (taken := _best(searches)) is not None and searches[taken].certified:
+        if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
             polish(searches, taken, scene.polish, seed)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):

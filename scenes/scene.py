@@ -190,10 +190,10 @@ class Scene(Checked):
 
     @property
     def polish(self) -> int:
-        """How many rounds try to better the first certified motion: `planner.polish`, or else three where time is the
-        objective, which make most of the difference there, and none elsewhere."""
+        """How many rounds try to better the first motion: `planner.polish`, or else as many as make most of the
+        difference: three where time is the objective, one for smoothness, and none for energy."""
         rounds = self.planner.polish
-        return rounds if rounds is not None else 3 * (self.objective == "time")
+        return {"time": 3, "smoothness": 1, "energy": 0}[self.objective] if rounds is None else rounds
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:

@@ -57,6 +57,11 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
+    def last(self, path: Array, motion: Trajectory | None) -> float:
+        """Return what a motion cost from which a search begins, as waypoints (N, n) and, if it had times, as it was; ∞
+        if that is not known."""
+        return math.inf
+
     def achieved(self, path: Array, motion: Trajectory) -> Achieved:
         """Return the same with its name and unit."""
         return Achieved(self.name, self.value(path, motion), self.unit)
@@ -91,6 +96,10 @@ class Time(Objective):
         assert motion.duration is not None
         return motion.duration
 
+    def last(self, path: Array, motion: Trajectory | None) -> float:
+        """Return its duration."""
+        return math.inf if motion is None or motion.duration is None else motion.duration
+
     def least(self, problem: Problem) -> float:
         """Return the time that the slowest joint alone needs."""
         return self.retimer.shortest(problem.start, problem.goal)
@@ -117,6 +126,10 @@ class Smoothness(Objective):
     def least_along(self, path: Array) -> float:
         """Return the cost of the waypoints."""
         return self.cost.value(path)[0] + self.problem.own_cost(path)
+
+    def last(self, path: Array, motion: Trajectory | None) -> float:
+        """Return the cost of the waypoints."""
+        return self.least_along(path)
 
     def least(self, problem: Problem) -> float:
         """Return the cost of the straight line, which is the least; of one's own costs no bound is known."""

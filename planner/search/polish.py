@@ -23,12 +23,12 @@ from hdplan.planner.problem.lay_out import closer
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
+from hdplan.planner.search.touches import NOTHING_LEFT
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT
 from hdplan.scenes.array_types import Array
 
 CLOSER = (0.5, 0.3, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
-NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
@@ -54,7 +54,8 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
         if further is None:
-            _improve(searches[taken], stages(taken), best.path, value)
+            if not searches[taken].touched:
+                _improve(searches[taken], stages(taken), best.path, value)
             further = _further(searches, seed)
             continue
         found = []

@@ -21,6 +21,7 @@ from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.search.touches import once_more, touched
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
+ALIKE = 0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -65,6 +67,7 @@ class Guess(NamedTuple):
     positions: Array  # (N, n)
     weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
     as_it_is: bool = False  # whether it may be the motion itself
+    last: float = math.inf  # what the motion cost that it comes from, if it is a warm start
 
 
 class Best(NamedTuple):
@@ -103,12 +106,18 @@ class Search:
         self.best: Best | None = None
         self.steps: tuple[Iteration, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
+        self.touches = problem.scene.polish > 0 and self.objective.name == "smoothness" and slide is None
+        self.touched = False  # whether the best motion got its last touches
+        self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
+        self.reconsidered = False  # whether the straight line had its second opinion
         self.certify_seconds = 0.0
 
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
         """Solve from one guess, and continue where the certificate fails; True if the search is over. A motion that
         cannot cost less than `value`, as a certified one to another goal does, is not certified."""
         self.begin()
+        if first.last < math.inf and self.problem.scene.polish and self._once_more(first):
+            return True
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
@@ -117,6 +126,12 @@ class Search:
                 self._took(solution)
                 return self.over
             try:
+                if turn == 0 and self.touches:
+                    self._took(solution)
+                    solution = replace(solution, steps=())
+                    if (better := touched(self, solution)) and self._certify(better)[0].certified:
+                        self.touched = True
+                        return self.certified
                 certificate, intervals = self._certify(solution)
             except HdplanError:  # no time law, or too many rows
                 if value == math.inf:  # no motion is certified
@@ -137,17 +152,27 @@ class Search:
             return self.attempt(first, value)
         return False
 
+    def _once_more(self, first: Guess) -> bool:
+        """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
+        solution = once_more(self, first.positions)
+        if solution is None or not self.keep(solution.trajectory.positions, math.inf):
+            return False
+        self.settled = self.touched = abs(self.value - first.last) <= ALIKE * first.last
+        return True
+
     @property
     def over(self) -> bool:
         """Whether to stop: asked to, or past the deadline."""
         return self.stop() or time.perf_counter() > self.deadline
 
-    def _solve(self, problem: Problem, guess: Array, weight: float, slow: float = SLOW) -> tuple[Problem, Solution]:
+    def _solve(
+        self, problem: Problem, guess: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+    ) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
         again at most DENSER times."""
         budget = Budget(self.deadline, first_weight=weight, slow=slow, report=self._report_step, stop=self.stop)
         for again in range(DENSER, -1, -1):
-            solution = self.last = self.solver.solve(problem, guess, budget)
+            solution = self.last = (solver or self.solver).solve(problem, guess, budget)
             positions = solution.trajectory.positions
             finer = problem.resampled(positions)
             if solution.status is not SolverStatus.CLEAR or not again or is_clear(finer, positions):
@@ -185,11 +210,20 @@ class Search:
         self.attempts += 1
         self.steps = ()
 
-    def clear(self, problem: Problem, positions: Array, weight: float, slow: float = SLOW) -> Solution | None:
-        """Solve a problem to this goal from a motion (N, n); None if the result does not keep its distance."""
-        _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
+    def clear(
+        self, problem: Problem, positions: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+    ) -> Solution | None:
+        """Solve a problem to this goal from a motion (N, n), by another solver if one is given; None if the result does
+        not keep its distance. Its steps are counted. Raises KeyboardInterrupt as the user does."""
+        last = self.last
+        _, solution = self._solve(problem.resampled(positions), positions, weight, slow, solver)
         self._took(solution)
-        return solution if solution.status is SolverStatus.CLEAR else None
+        if solution.status is SolverStatus.CLEAR:
+            return replace(solution, steps=())
+        self.last = last
+        if solution.status is SolverStatus.INTERRUPTED and not self.stop():
+            raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
+        return None
 
     def keep(self, path: Array, value: float) -> bool:
         """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less
@@ -276,25 +310,27 @@ class Search:
         return int(samples.interval[deepest]), float(samples.fraction[deepest])
 
 
-def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
+def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess | None]) -> None:
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
     up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
-    `warm` holds a guess (N, n) per goal, or None, that is tried before all others."""
+    `warm` holds a guess per goal, or None, that is tried before all others; where it leads to a motion like the one
+    that it comes from, there is no need for any."""
     lines = [(search, _guesses(search, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
+    lines.sort(key=lambda line: warm[searches.index(line[0])] is None)
     while not any(search.certified for search in searches):
         for search, guesses in lines:
             value = min((other.value for other in searches if other.certified), default=math.inf)
             if value < search.objective.least(search.problem):
                 continue
             over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
-            if over and not search.certified:
+            if search.settled or (over and not search.certified):
                 return
 
 
-def _guesses(search: Search, seed: int, warm: Array | None) -> Iterator[Guess]:
+def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's."""
     if warm is not None:
-        yield Guess(warm, as_it_is=True)
+        yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
     yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
     if search.problem is not problem:

@@ -317,7 +317,7 @@ def test_an_interrupt_within_the_first_certificate_does_not_lose_the_motion(monk
 
 def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> None:
     """As a solver does where outer bodies overlap at an end, though the links are free: it is not believed either."""
-    scene = planar(Obstacle("pea", Sphere(0.05), Pose((0.0, -0.9, 0.1))))
+    scene = planar(Obstacle("pea", Sphere(0.05), Pose((0.0, -0.9, 0.1))), polish=0)
     robot, rounds = load_scene_robot(scene), []
 
     def astray(problem: Problem, guess: np.ndarray, budget: Budget) -> Solution:

@@ -12,7 +12,6 @@ import numpy as np
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import Budget, Progress, Solution, Solver
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.lazy_imports import scipy
 
 SMALLEST_STEP = 1e-9
 PATIENCE = 12  # gradient steps gain little each
@@ -21,14 +20,14 @@ PATIENCE = 12  # gradient steps gain little each
 def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) by gradient steps in the metric of the smoothness."""
     positions = problem.clip(guess)
-    metric = scipy.linalg.cho_factor(problem.smoothness.matrix[1:-1, 1:-1])
+    spread = np.linalg.inv(problem.smoothness.matrix[1:-1, 1:-1])  # M⁻¹
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
     length = 1.0
     with progress.until_interrupted():
         while progress.goes_on():
             direction = np.zeros_like(positions)
-            direction[1:-1] = -scipy.linalg.cho_solve(metric, state.gradient)
+            direction[1:-1] = -spread @ state.gradient
             trial = problem.clip(positions + length * direction)
             after = problem.evaluate(trial, progress.weight)
             before = state.cost

@@ -1,0 +1,146 @@
+"""Laws of the last touches: a path is never worse for them, and never less proven."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.plan import plan
+from hdplan.planner.search import search as searching
+from hdplan.planner.search import touches
+from hdplan.planner.search.search import Search
+from hdplan.planner.solvers.solution import Solution, Solver, SolverStatus
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def plain(scene: Scene) -> Scene:
+    """The same, with the first motion that is certified."""
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=0))
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_corridor", "panda_table_pick", "panda_carry", "ur5_table"])
+def test_no_path_is_rougher_than_the_first_motion_or_chomps(name: str) -> None:
+    scene = load_scene(name)
+    touched, first, gentle = plan(scene), plan(plain(scene)), plan(plain(scene), solver="chomp")
+    assert touched.certified
+    assert touched.objective.value <= min(first.objective.value, gentle.objective.value)
+    assert certify(scene, touched.trajectory).certified
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_among_random_boxes_too(seed: int) -> None:
+    rng, scene = np.random.default_rng(seed), load_scene("empty")
+    boxes = [
+        Obstacle(f"box{i}", Box(rng.uniform(0.05, 0.15, 3)), Pose(rng.uniform([0.3, -0.5, 0.1], [0.7, 0.5, 0.9])))
+        for i in range(3)
+    ]
+    for box in boxes:  # those that touch an end are left out
+        tried = dataclasses.replace(scene, obstacles=(*scene.obstacles, box))
+        if _ends_free(tried):
+            scene = tried
+    touched, first = plan(scene, seed=seed), plan(plain(scene), seed=seed)
+    assert touched.certified
+    assert touched.certified >= first.certified
+    assert touched.objective.value <= first.objective.value + 1e-12
+
+
+def _ends_free(scene: Scene) -> bool:
+    try:
+        return plan(plain(scene), time_limit=5.0).certified
+    except HdplanError:
+        return False
+
+
+def test_the_first_motion_is_taken_where_the_better_one_is_not_proven(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene("panda_cage")
+
+    def through_bars(search: Search, solution: Solution) -> Solution:
+        line = search.problem.polyline(search.problem.start[None] + 1.0)
+        return dataclasses.replace(solution, trajectory=dataclasses.replace(solution.trajectory, positions=line))
+
+    monkeypatch.setattr(searching, "touched", through_bars)
+    monkeypatch.setattr("hdplan.planner.plan.polish", lambda *_: None)
+    result, first = plan(scene), plan(plain(scene))
+    assert result.certified
+    assert result.trajectory.positions.tobytes() == first.trajectory.positions.tobytes()
+
+
+def test_a_straight_motion_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("nothing is left to gain")
+
+    monkeypatch.setattr(touches, "closer", never)
+    result = plan(load_scene("empty"))
+    assert result.certified
+    assert result.trajectory.positions.tobytes() == plan(plain(load_scene("empty"))).trajectory.positions.tobytes()
+
+
+def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, clear = [], Search.clear
+
+    def counted(self: Search, *args: object, **kwargs: object) -> Solution | None:
+        asked.append(kwargs.get("solver") is touches.GENTLE)
+        return clear(self, *args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Search, "clear", counted)
+    assert plan(load_scene("panda_corridor")).certified
+    assert sum(asked) == 1
+
+
+def test_an_interrupt_within_them_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    gentle = touches.GENTLE.solve
+
+    def interrupted(*given: Any) -> Solution:
+        return dataclasses.replace(gentle(*given), status=SolverStatus.INTERRUPTED)
+
+    monkeypatch.setattr(touches, "GENTLE", Solver(interrupted))
+    monkeypatch.setattr("hdplan.planner.plan.polish", _never)
+    result = plan(load_scene("panda_corridor"))
+    assert result.certified
+    assert result.attempts == 1
+
+
+def test_a_warm_start_is_followed_without_further_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is a path or a timed motion; and what comes of it is proven and costs as much."""
+    for limits in (Limits(), Limits(velocity="urdf", acceleration=15.0, jerk=500.0)):
+        scene = dataclasses.replace(load_scene("panda_bookshelf"), limits=limits)
+        last = plan(scene)
+        with monkeypatch.context() as patched:
+            patched.setattr("hdplan.planner.plan.polish", _never)
+            again = plan(scene, guess=last.trajectory)
+        assert again.certified
+        assert again.attempts == 1
+        assert again.objective.value == pytest.approx(last.objective.value, rel=searching.ALIKE)
+        assert certify(scene, again.trajectory).certified
+
+
+def test_a_crude_guess_is_bettered_as_any_first_motion() -> None:
+    scene = load_scene("panda_carry")
+    corners = plan(scene).trajectory.positions[[0, 8, 16, 24, 31]]
+    bent = corners + np.array([0.0, 0.2, -0.2, 0.2, 0.0])[:, None]
+    warm, first = plan(scene, guess=bent), plan(plain(scene), guess=bent)
+    assert warm.certified
+    assert warm.objective.value <= first.objective.value
+
+
+def test_a_warm_start_is_not_trusted() -> None:
+    """A last motion through what stands there now is left."""
+    scene = load_scene("panda_carry")
+    last = plan(dataclasses.replace(scene, obstacles=()))
+    again = plan(scene, guess=last.trajectory)
+    assert again.certified
+    assert certify(scene, again.trajectory).certified
+
+
+def _never(*_: object) -> None:
+    raise AssertionError("a warm start that holds is not bettered in rounds")
