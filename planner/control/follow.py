@@ -112,7 +112,7 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:
-        curve = paced(curve, SHARE * controller.fastest, scene.end_time)
+        curve = paced(curve, SHARE * controller.rates.velocity, scene.end_time)
     task = FollowTask(curve, settings.period)
     most = PATIENCE[0] * task.duration + PATIENCE[1]
     assert curve.times is not None

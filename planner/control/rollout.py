@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.control.controller import Controller, Mode, Step
+from hdplan.planner.control.braking import Command
+from hdplan.planner.control.controller import Controller, Step
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.tasks import Task
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.arrays import joint_numbers
@@ -97,17 +99,17 @@ def simulate(
     duration = checked(Number(low=0.0, unit="s"), duration, "duration")
     begin = checked(Number(unit="s"), begin, "begin")
     period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
-    positions, steps, met = [q], [], None
+    positions, steps, met, last = [q], [], None, Command.rest(len(q))
     for index in range(round(duration / period)):
         time = begin + index * period
         if met is None and task.met(q, time):
             met = time
             if until_met:
                 break
-        step = controller.step(q, task, time)
+        step = controller.step(q, task, time, last)
         if watch is not None:
             watch(time, q, step)
-        q = q + period * step.velocity
+        q, last = q + period * step.velocity, step.command
         positions.append(q)
         steps.append(step)
     proofs = [step.proven for step in steps]

@@ -25,9 +25,12 @@ class ControlSettings(Checked):
     """R: how far from its bound a standing obstacle counts at all [m]; toward it the rate grows without limit."""
     period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T, over which commands are held [s]
     speed: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the robot's velocity limits that is used
-    look_ahead: bool = True  # whether commands are checked at their end
+    rise: Annotated[float, Number(0.0, 10.0, unit="s")] = 0.2
+    """In which time a joint reaches its greatest speed at the soonest, where its scene limits no acceleration [s]."""
+    look_ahead: bool = True  # whether commands are checked on their way to rest
     as_published: bool = False
-    """Accept settings that are provably not safe, to show what they do; one rate for every pair, however far apart."""
+    """Accept settings that are provably not safe, to show what they do; one rate for every pair, however far apart, and
+    no limits of acceleration but a scene's own."""
 
     def _check_whole(self) -> None:
         if not self.as_published:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
-from hdplan.planner.control.controller import Controller, Mode
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.rollout import simulate
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
