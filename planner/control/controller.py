@@ -6,9 +6,9 @@ In every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
     subject to  a row for every pair of bodies       barriers (`program_rows`)
                 low ≤ u ≤ high                      joint limits, limits of velocity, acceleration and jerk (`window`)
 
-(paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019). The barriers are those
-of the places where the robot can come to rest: the last command is an argument of `step`, and how the robot brakes from
-it is known (`braking`). Without limits of acceleration the rows are the paper's, ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
+(paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019). The barriers are
+those of the places where the robot can come to rest: the last command is an argument of `step`, and how the robot brakes
+from it is known (`braking`). Without limits of acceleration the rows are the paper's, ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
 
 For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
 there on a pair has no row, so that only what is near is looked at. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
@@ -16,9 +16,9 @@ bounded near Δ_k = δ_k, as Δ_k − δ_k falls no faster than exp(−∫κ dt)
 
 If not all constraints can be met, the command is chosen by these priorities (`quadratic_program`):
 
-1. The limits of velocity, acceleration and jerk; no joint comes to rest further beyond a limit; and for static obstacles
-   and self pairs, no Δ_k falls below δ_k, or below what it is already bound to be. Braking satisfies all of this, so it is
-   feasible.
+1. The limits of velocity, acceleration and jerk; no joint comes to rest further beyond a limit; and for static
+   obstacles and self pairs, no Δ_k falls below δ_k, or below what it is already bound to be. Braking satisfies all of
+   this, so it is feasible.
 2. Moving obstacles: their barriers are violated as little as possible, least where contact is nearest.
 3. Pairs inside their margins and joints beyond their limits recover as the constraints above demand, or as fast as they
    can.
@@ -26,7 +26,7 @@ If not all constraints can be met, the command is chosen by these priorities (`q
 The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
 What the controller guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one
-instant; so each command is checked on its whole way to rest (`look_ahead`). Then, against static obstacles, Δ_k ≥ δ_k
+instant, so each command is checked on its whole way to rest (`look_ahead`). Then, against static obstacles, Δ_k ≥ δ_k
 holds at every sample for all time once it holds on the way to rest of the first, whatever the distance's kinks. Inside a
 margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat spot.
 Against a moving obstacle braking may not be enough: then the command that is best is taken.
@@ -117,8 +117,8 @@ class Controller:
         limits: Mapping[str, Array] | None = None,
     ) -> None:
         """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: the greatest
-        velocity, acceleration and jerk (n,), by name; for those that are missing see `braking.Rates.of`; the velocity is
-        the URDF's by default. Raises InputError for invalid limits."""
+        velocity, acceleration and jerk (n,), by name; for those that are missing see `braking.Rates.of`; the velocity
+        is the URDF's by default. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         self.sight = Sight(barriers, settings)
         self._clearance = barriers.clearance(settings.margin)
@@ -165,7 +165,7 @@ class Controller:
         joints = self.robot.joint_names
         q, time = joint_numbers("q", q, joints), checked(Number(unit="s"), time, "time")
         began = perf_counter()
-        window = self._window(q, last)
+        window = self.window(q, last)
         seen = self.sight.look(window, time)
         wishes = self._wishes(window, seen)
         distances = perf_counter() - began
@@ -199,8 +199,8 @@ class Controller:
             perf_counter() - began - distances,
         )
 
-    def _window(self, q: Array, last: Command | None) -> Window:
-        """Return the box of the period, as published or with the way to rest."""
+    def window(self, q: Array, last: Command | None) -> Window:
+        """Return the velocities of the next period from which every joint can brake within its limits."""
         joints = self.robot.joint_names
         if last is None:
             last = Command.rest(len(q))

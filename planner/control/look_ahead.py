@@ -2,8 +2,8 @@
 
 The way of a command is one period with its velocity, and then braking until rest (`window.Window.way`). It is accepted
 if on all of that way, at the ends of its periods, every Δ is at least its margin δ, or at least the least on the way on
-which the last command can brake. Otherwise the program is solved again with the rows of the pairs that
-fell, linearized where they are lowest,
+which the robot brakes from its last command. Otherwise the program is solved again with the rows of the pairs that fell,
+linearized where they are lowest,
 
     Δ(q_k(u₀)) + ∂Δ/∂q · ∂q_k/∂u (u − u₀) ≥ floor,
 
@@ -25,9 +25,9 @@ from hdplan.planner.control.program_rows import COMING
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.sight import Seen, Sight
 from hdplan.planner.control.window import Window
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Mask
 
-CHECKS = 4  # of commands, including the first
+CHECKS = 6  # of commands, including the first, and one whose joints are held
 ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
 SPARE = 1e-7  # [m] by which a corrected command should end above that: more than the program's tolerance
 

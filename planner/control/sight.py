@@ -113,8 +113,7 @@ class Sight:
         found = np.flatnonzero(np.isin(pairs, inside))
         if not len(found):
             return rows
-        straight = [straightened(value, b.gamma, b.shaping_length) for value in rows.value[found].tolist()]
-        separation, slope = np.array(straight).T
+        separation, slope = straightened(rows.value[found], b.gamma, b.shaping_length)
         steep = np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
         value, gradient, drift = rows.value.copy(), rows.gradient.copy(), rows.drift.copy()
         value[found] = separation + self._bent[pairs[found]]

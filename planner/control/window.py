@@ -54,11 +54,11 @@ class Window:
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Least and greatest velocity (n,)."""
-        first, (low, high) = self.brake[0], self._ends[0]
-        way, ends = self.stopping, self._ends[1]
-        share = self.rate * self.rates.period
-        up = _share(share * (self.upper - way.max(axis=0)), self.q + np.max(ends[:, 1], axis=0) - way.max(axis=0))
-        down = _share(share * (way.min(axis=0) - self.lower), way.min(axis=0) - self.q - np.min(ends[:, 0], axis=0))
+        (low, high), ways = self._ends
+        first, share = self.brake[0], self.rate * self.rates.period
+        least, most = self.stopping.min(axis=0), self.stopping.max(axis=0)
+        up = _share(share * (self.upper - most), self.q + ways[:, 1].max(axis=0) - most)
+        down = _share(share * (least - self.lower), least - self.q - ways[:, 0].min(axis=0))
         return np.minimum(first + down * (low - first), first), np.maximum(first + up * (high - first), first)
 
     @cached_property
@@ -67,12 +67,13 @@ class Window:
         a mean between the ends of the box, at least 1."""
         (low, high), ways = self._ends
         width = self.rates.period * (high - low)
-        return np.maximum(np.divide(ways[:, 1] - ways[:, 0], width, out=np.ones_like(ways[:, 0]), where=width > 0), 1.0)
+        gains = np.divide(ways[:, 1] - ways[:, 0], width, out=np.ones_like(ways[:, 0]), where=width > 0.0)
+        return np.asarray(np.maximum(gains, 1.0))
 
     def way(self, velocity: Array) -> Array:
         """Return the configurations (K, n) at the ends of the periods, if the robot moves with a velocity (n,) for one
         period and then brakes, until the first at rest."""
-        after: Array = self.rates.braked(velocity, (velocity - self.last.velocity) / self.rates.period)
+        after = self.rates.braked(velocity, (velocity - self.last.velocity) / self.rates.period)
         return np.asarray(self.q + self.rates.period * np.concatenate([velocity[None], _moving(after)]).cumsum(axis=0))
 
 

@@ -62,7 +62,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
     left = 0
     for q in robot.draw(rng, 10):
         time, horizon = rng.uniform(0.0, 2.0), float(rng.choice([0.01, 0.1, 0.25, 0.5]))
-        seen = barriers.within(q, time, horizon)
+        seen = barriers.within(q[None], np.array([time]), horizon)
         separation = barriers.evaluate(q, time).separation
         beyond = np.setdiff1d(np.arange(len(barriers.names)), seen)
         assert (separation[beyond] >= horizon - 1e-9).all()
@@ -70,7 +70,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
         np.testing.assert_array_equal(seen, np.unique(seen))
         left += len(beyond)
     assert left
-    assert len(barriers.within(robot.draw(rng, 1)[0], 0.0, np.inf)) == len(barriers.names)
+    assert len(barriers.within(robot.draw(rng, 1), np.zeros(1), np.inf)) == len(barriers.names)
 
 
 def test_what_lies_beyond_the_horizon_changes_no_command() -> None:
@@ -94,7 +94,7 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
     goal = np.array(READY) + [0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]
     for away, free in ((0.55, False), (0.9, True)):
         wall = scene_of(Obstacle("wall", Box((0.02, 2.0, 2.0)), Pose((away, 0.0, 0.5))))
-        settings = ControlSettings(look_ahead=False, horizon=0.3)
+        settings = ControlSettings(look_ahead=False, horizon=0.3, rise=0.0)
         controller = Controller.of(wall, settings, robot)
         step = controller.step(np.array(READY), standing(goal, gain=50.0))
         outer = step.pairs < controller.barriers.obstacle_pairs
