@@ -7,8 +7,9 @@ In every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
                 low ≤ u ≤ high                      joint limits, limits of velocity, acceleration and jerk (`window`)
 
 (paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019). The barriers are
-those of the places where the robot can come to rest: the last command is an argument of `step`, and how the robot brakes
-from it is known (`braking`). Without limits of acceleration the rows are the paper's, ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
+those of the places where the robot can come to rest: the last command is an argument of `step`, and how the robot
+brakes from it is known (`braking`). Without limits of acceleration the rows are the paper's,
+∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
 
 For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
 there on a pair has no row, so that only what is near is looked at. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
@@ -27,9 +28,9 @@ The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
 What the controller guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one
 instant, so each command is checked on its whole way to rest (`look_ahead`). Then, against static obstacles, Δ_k ≥ δ_k
-holds at every sample for all time once it holds on the way to rest of the first, whatever the distance's kinks. Inside a
-margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat spot.
-Against a moving obstacle braking may not be enough: then the command that is best is taken.
+holds at every sample for all time once it holds on the way to rest of the first, whatever the distance's kinks.
+Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
+spot. Against a moving obstacle braking may not be enough: then the command that is best is taken.
 
 Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). Such a controller is not a
 planner: it can get stuck short of its target, where no velocity leads on. A `Controller` has no state between its
@@ -38,7 +39,7 @@ steps, so threads may share one; a task may have a state (`follow.FollowTask`), 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from time import perf_counter
@@ -52,7 +53,7 @@ from hdplan.planner.control.program_rows import joint_wishes, pair_wishes
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.sight import Seen, Sight
-from hdplan.planner.control.tasks import Task
+from hdplan.planner.control.tasks import Ranked, Task, together
 from hdplan.planner.control.window import Window
 from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits, urdf_velocities
 from hdplan.planner.robot.robot import Robot
@@ -155,9 +156,12 @@ class Controller:
         limits = joint_limits(derived(scene, limits=replace(given, torque=None)), robot)
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
-    def step(self, q: Array, task: Task, time: float = 0.0, last: Command | None = None) -> Step:
+    def step(
+        self, q: Array, task: Task | Sequence[Task | Ranked], time: float = 0.0, last: Command | None = None
+    ) -> Step:
         """Return the command at configuration q (n,) and a time [s], after the last command: that of the step before
-        (`Step.command`), or what is measured of a robot that moves; at rest by default.
+        (`Step.command`), or what is measured of a robot that moves; at rest by default. Of several tasks see
+        `tasks.together`.
 
         Raises InputError, before anything is commanded, for a q, a time, a command or a task's objective that is not
         finite or has a wrong shape.
@@ -169,7 +173,7 @@ class Controller:
         seen = self.sight.look(window, time)
         wishes = self._wishes(window, seen)
         distances = perf_counter() - began
-        hessian, linear = quadratic(task.objective(q, time), joints)
+        hessian, linear = quadratic(together(task).objective(q, time), joints)
         command = best_velocity(hessian, linear, *window.box, wishes)
         velocity = window.brake[0] if command is None else command
         mode, kept = Mode.STOPPED if command is None else Mode.MOVING, False

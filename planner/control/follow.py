@@ -43,6 +43,7 @@ SHARE = 0.5  # of the speed limits, at which a path without times is followed
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
 MARGIN = -2.5e-4  # [m] for obstacles and links, and
 GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
+RATE = 50.0  # η [1/s]: a proven motion is slowed only where the robot could not brake
 HELD = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
 
 
@@ -102,6 +103,12 @@ class Followed:
         }
 
 
+def follow_settings(rate: float | None = None, margin: float | None = None) -> ControlSettings:
+    """Return the settings of a controller that follows plans, with another rate [1/s] or margin [m]."""
+    barriers, margin = BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN if margin is None else margin
+    return ControlSettings(barriers, margin, MARGIN, rate=RATE if rate is None else rate)
+
+
 def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | None = None) -> Followed:
     """Simulate a robot that follows `trajectory` in its scene, starting at the trajectory's first row, at that row's
     time or at 0.
@@ -110,7 +117,9 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     limit.
     """
     scene, robot = setup.scene, setup.robot
-    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=4.0)
+    settings = settings or ControlSettings(
+        BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=RATE
+    )
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:

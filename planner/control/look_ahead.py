@@ -2,13 +2,14 @@
 
 The way of a command is one period with its velocity, and then braking until rest (`window.Window.way`). It is accepted
 if on all of that way, at the ends of its periods, every Δ is at least its margin δ, or at least the least on the way on
-which the robot brakes from its last command. Otherwise the program is solved again with the rows of the pairs that fell,
-linearized where they are lowest,
+which the robot brakes from its last command. Otherwise the program is solved again with the rows of the pairs that
+fell, linearized where they are lowest,
 
     Δ(q_k(u₀)) + ∂Δ/∂q · ∂q_k/∂u (u − u₀) ≥ floor,
 
 then with the joints held to braking that move those pairs; and at last the robot brakes. So a robot that could brake
-clear of what stands still always can.
+clear of what stands still always can. What moves may reach a robot at rest, too: it counts at the end of the period,
+and if only its pairs fall, the best of the commands is taken.
 
 Below its margin Δ is of little use, as outer bodies may overlap where the links do not: there the exact distance of the
 links' hulls is also kept from falling below NEAR, at some of these ends.
@@ -59,9 +60,10 @@ class LookAhead(NamedTuple):
             braking = check == CHECKS
             if not fallen.any():
                 return velocity, Mode.STOPPED if braking else Mode.CORRECTED if check else Mode.MOVING, True
-            if not (fallen & ~coming).any() and (best is None or over.min() > best[0]):
+            yielding = not (fallen & ~coming).any()  # only what moves comes too close: braking is no better
+            if yielding and (best is None or over.min() > best[0]):
                 best = float(over.min()), velocity
-            if braking:
+            if braking or (yielding and check == CHECKS - 3):
                 break
             if check == CHECKS - 1:
                 velocity = base
@@ -85,9 +87,16 @@ class LookAhead(NamedTuple):
         path = self.window.way(velocity)
         times = self.time + period * np.arange(1, len(path) + 1, dtype=np.float64)
         sample, pair = barriers.doubtful(path, times, self.sight.needed)
+        soon = (sample == 0) | ~barriers.coming[
+            pair
+        ]  # what comes may reach a robot at rest, too: so only the next place
+        sample, pair = sample[soon], pair[soon]
         found = self.sight.straight(barriers.along(path, times, sample, pair), pair, inside)
-        close = np.repeat(np.flatnonzero(self.sight.closely(path)), len(near))
-        row = np.tile(np.arange(len(near)), len(close) // max(len(near), 1))
+        close, row = (
+            each.ravel() for each in np.meshgrid(np.flatnonzero(self.sight.closely(path)), np.arange(len(near)))
+        )
+        soon = (close == 0) | ~barriers.coming[inside[row]]
+        close, row = close[soon], row[soon]
         exact = barriers.nearness(path, times, close, inside[row])
         over = np.concatenate([found.value - floors[pair], exact.value - near[row]])
         gradient = np.concatenate([found.gradient, exact.gradient])

@@ -11,7 +11,7 @@ ones, and its acceleration is at most their greatest difference over T: nothing 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hdplan.planner.control.braking import Command
 from hdplan.planner.control.controller import Controller, Step
 from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.tasks import Task
+from hdplan.planner.control.tasks import Ranked, Task, together
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.values import Number, checked, instance
@@ -85,7 +85,7 @@ class Run:
 def simulate(
     controller: Controller,
     start: Array,
-    task: Task,
+    task: Task | Sequence[Task | Ranked],
     duration: float,
     *,
     begin: float = 0.0,
@@ -99,6 +99,7 @@ def simulate(
     duration or begin.
     """
     instance(controller, Controller, "controller")
+    task = together(task)
     duration = checked(Number(low=0.0, unit="s"), duration, "duration")
     begin = checked(Number(unit="s"), begin, "begin")
     period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()

@@ -21,6 +21,8 @@ class ControlSettings(Checked):
     self_margin: Annotated[float, Number(unit="m")] = -2.5e-4  # the same between links
     rate: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 2.0
     """η: how fast a barrier may be approached, as a share of its distance per second [1/s]."""
+    yielding: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 4.0
+    """The same for obstacles that move, at most η: the smaller, the sooner the robot gives way [1/s]."""
     horizon: Annotated[float, Number(above=0.0, unit="m")] = 0.25
     """R: how far from its bound a standing obstacle counts at all [m]; toward it the rate grows without limit."""
     period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T, over which commands are held [s]

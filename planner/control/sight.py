@@ -42,6 +42,7 @@ class Sight:
         """Raises InputError for a horizon that is nearer than the margin."""
         self.barriers, self.settings = barriers, settings
         self.horizon = np.inf if settings.as_published else settings.horizon
+        self._yielding = min(settings.rate, settings.yielding)
         b, each = settings.barriers, (settings.margin, settings.self_margin)
         outer = np.arange(len(barriers.names)) < barriers.obstacle_pairs
         self.margins = np.where(outer, *each)  # δ [m]
@@ -79,7 +80,7 @@ class Sight:
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
             rows, of = _part(straight[0], coming), pairs[coming]
-            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), rate)))
+            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
         return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR))
 
     def _lowest(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
@@ -124,7 +125,8 @@ class Sight:
     def _rates(self, rows: BarrierRows, pairs: Rows) -> Array:
         """Return the rate of each row [1/s]: η, and for what stands still as in the controller's equation."""
         share = np.minimum(np.maximum(rows.separation, 0.0) / self.horizon, 1.0)
-        return self.settings.rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
+        rate = np.where(self.barriers.coming[pairs], self._yielding, self.settings.rate)
+        return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
 
 
 def _part(rows: BarrierRows, chosen: Array | Rows) -> BarrierRows:

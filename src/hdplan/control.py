@@ -16,7 +16,7 @@ from hdplan.planner.control.controller import Controller, Step
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.rollout import Run, simulate
 from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import PoseTask, Task, TrackTask, standing
+from hdplan.planner.control.tasks import Damping, PoseTask, Ranked, Task, TrackTask, standing
 
 __all__ = [
     "BarrierSettings",
@@ -24,8 +24,10 @@ __all__ = [
     "Command",
     "ControlSettings",
     "Controller",
+    "Damping",
     "Mode",
     "PoseTask",
+    "Ranked",
     "Run",
     "Step",
     "Task",
