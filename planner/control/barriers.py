@@ -92,6 +92,7 @@ class Barriers:
         unguarded: pairs of links that are left out, for the report.
         """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
+        self.hulls = hulls
         self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
         carried = [
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
@@ -309,12 +310,15 @@ def _distance(
     raise ValueError(f"no distance is known as {settings.distance!r}")
 
 
-def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
+def scene_barriers(
+    scene: Scene, robot: Robot, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None
+) -> Barriers:
     """Return the barriers of a scene: the planner's outer bodies with every obstacle, which is grown also by its own
     clearance, and the robot's self pairs except for those whose outer bodies overlap anyway.
 
     settings: which distance, and between which bodies. Link bodies are those of the scene's `planner.link_bodies`, or
-    boxes for the distances that take no others. Raises InputError for an obstacle that the distance cannot take.
+    boxes for the distances that take no others. hulls: the links', if they are known. Raises InputError for an obstacle
+    that the distance cannot take.
     """
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
@@ -341,6 +345,6 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
             settings,
             movers,
             scene.clearances,
-            link_bodies(robot, "hull"),
+            link_bodies(robot, "hull") if hulls is None else hulls,
             collision_model.unresolved,
         )

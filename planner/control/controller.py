@@ -60,6 +60,9 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.arrays import joint_numbers, quadratic
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.values import Number, checked, instance, require_fields
 
@@ -116,11 +119,13 @@ class Controller:
         barriers: Barriers,
         settings: ControlSettings,
         limits: Mapping[str, Array] | None = None,
+        scene: Scene | None = None,
     ) -> None:
         """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: the greatest
         velocity, acceleration and jerk (n,), by name; for those that are missing see `braking.Rates.of`; the velocity
-        is the URDF's by default. Raises InputError for invalid limits."""
+        is the URDF's by default. scene: whose pairs they are, for `update`. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
+        self.scene, self._limits = scene, limits
         self.sight = Sight(barriers, settings)
         self._clearance = barriers.clearance(settings.margin)
         found = {"velocity": urdf_velocities(robot), **(limits or {})}
@@ -154,7 +159,25 @@ class Controller:
         scene, robot = setup.scene, setup.robot
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
         limits = joint_limits(derived(scene, limits=replace(given, torque=None)), robot)
-        return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
+        return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits, scene)
+
+    def update(
+        self, obstacles: Sequence[Obstacle] | None = None, attached: Sequence[Attached] | None = None
+    ) -> Controller:
+        """Return the controller of the same robot in a world seen anew: other obstacles (clouds, moving ones with the
+        velocities that were measured), or other things held; None: as before. The last command goes on from one to the
+        other.
+
+        Raises InputError for a controller that was not made of a scene, and as `Controller.of`.
+        """
+        if self.scene is None:
+            raise InputError("update: this controller was not made of a scene; use Controller.of")
+        if attached is not None:  # the robot carries something else: its links' bodies are others
+            world = self.scene.obstacles if obstacles is None else tuple(obstacles)
+            return Controller.of(derived(self.scene, obstacles=world, attached=tuple(attached)), self.settings)
+        scene = derived(self.scene, obstacles=self.scene.obstacles if obstacles is None else tuple(obstacles))
+        barriers = scene_barriers(scene, self.robot, self.settings.barriers, self.barriers.hulls)
+        return Controller(self.robot, barriers, self.settings, self._limits, scene)
 
     def step(
         self, q: Array, task: Task | Sequence[Task | Ranked], time: float = 0.0, last: Command | None = None

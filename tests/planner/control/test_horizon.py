@@ -20,6 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
@@ -133,6 +134,40 @@ def test_a_horizon_nearer_than_the_margin_is_refused(robot: Robot) -> None:
         Controller.of(scene, ControlSettings(horizon=0.02), robot)
     with pytest.raises(InputError, match=r"horizon"):
         ControlSettings(horizon=0.0)
+
+
+def test_a_world_seen_anew_is_as_if_it_had_been_there(robot: Robot) -> None:
+    """Obstacles, clouds and what is held are exchanged at run time; the arm that moves goes on from its last command."""
+    rng = np.random.default_rng(4)
+    first = Controller.of(scene_of(*clutter(rng)), robot=robot)
+    goal, q = robot.draw(rng, 1)[0], np.array(READY)
+    step = first.step(q, standing(goal))
+    for _ in range(3):
+        seen = clutter(rng)
+        step, known = (
+            each.step(q + 0.005 * step.velocity, standing(goal), 0.1, step.command)
+            for each in (first.update(seen), Controller.of(scene_of(*seen), robot=robot))
+        )
+        np.testing.assert_array_equal(step.velocity, known.velocity)
+        assert (step.mode, step.slack, step.proven) == (known.mode, known.slack, known.proven)
+    held = Attached("bar", "panda_hand", Box((0.3, 0.05, 0.05)), Pose((0.0, 0.0, 0.13)))
+    assert any(a == "bar" for a, _ in first.update(attached=[held]).barriers.names)
+    assert first.update(()).barriers.obstacle_pairs == 0
+    with pytest.raises(InputError, match="not made of a scene"):
+        Controller(robot, first.barriers, first.settings).update(())
+
+
+def test_beside_a_moving_obstacle_a_clearance_is_proven(robot: Robot) -> None:
+    """While all pairs keep their margins: less than the true clearance to where the ball then is."""
+    motion = SteadyMotion((-0.2, 0.0, 0.0), (0.0, 1.0, 0.0))
+    ball = Obstacle("ball", Sphere(0.08), Pose((0.9, 0.3, 0.5)), motion=motion)
+    scene = scene_of(ball)
+    controller, certifier = Controller.of(scene, robot=robot), Certifier(Setup.of(scene, robot))
+    run = simulate(controller, np.array(READY), standing(np.array(READY) + 0.2), 0.5, until_met=False)
+    assert run.proven is not None
+    assert run.proven > 0.0
+    true = [certifier.nearest(q, np.inf, time=t)[0] for t, q in zip(run.times[::10], run.positions[::10], strict=True)]
+    assert min(place.distance for place in true if place is not None) >= run.proven
 
 
 @pytest.fixture(scope="module")
