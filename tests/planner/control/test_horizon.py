@@ -137,7 +137,7 @@ def test_a_horizon_nearer_than_the_margin_is_refused(robot: Robot) -> None:
 
 
 def test_a_world_seen_anew_is_as_if_it_had_been_there(robot: Robot) -> None:
-    """Obstacles, clouds and what is held are exchanged at run time; the arm that moves goes on from its last command."""
+    """Obstacles, clouds and what is held are exchanged while the arm moves on from its last command."""
     rng = np.random.default_rng(4)
     first = Controller.of(scene_of(*clutter(rng)), robot=robot)
     goal, q = robot.draw(rng, 1)[0], np.array(READY)
