@@ -194,6 +194,9 @@ def follow(
     request: given.Request = None,
     robot: given.RobotFile = None,
     xacro_arg: given.XacroArguments = None,
+    rate: given.BarrierRate = None,
+    margin: given.Margin = None,
+    limits: given.JointLimit = None,
     as_json: given.AsJson = False,
 ) -> None:
     """Follow a joint trajectory and avoid obstacles on the way.
@@ -202,12 +205,25 @@ def follow(
     the trajectory as that allows; the trajectory waits while the robot is held up. The executed motion, with its times,
     is certified against the moving obstacles; `hdplan view` plays it and `hdplan check` reads it.
 
+    Commands keep the scene's limits of velocity, acceleration and jerk; without a limit of acceleration, joints reach
+    their greatest speed in 0.2 s at the soonest.
+
     Exit code 1 if the robot does not arrive, or its motion is not proven collision-free.
     """
     from hdplan.planner.commands.follow import run_follow
 
     raise typer.Exit(
-        run_follow(scene, trajectory, request, given.robot_with(robot, xacro_arg), output=output, as_json=as_json)
+        run_follow(
+            scene,
+            trajectory,
+            request,
+            given.robot_with(robot, xacro_arg),
+            output=output,
+            rate=rate,
+            margin=margin,
+            limits=limits or (),
+            as_json=as_json,
+        )
     )
 
 

@@ -126,15 +126,15 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
         for number in range(runs):
             scene, _, q = free_start(rng, robot, obstacles)
             controller, goal = Controller.of(scene, settings, robot), task(rng, robot, number)
-            pairs = len(controller.barriers.names)
+            pairs, last = len(controller.barriers.names), None
             for _ in range(100):
                 began, used = perf_counter(), process_time()
-                step = controller.step(q, goal)
+                step = controller.step(q, goal, 0.0, last)
                 cpu.append(process_time() - used)
                 whole.append(perf_counter() - began)
                 distance.append(step.distance_seconds)
                 program.append(step.program_seconds)
-                q = q + settings.period * step.velocity
+                q, last = q + settings.period * step.velocity, step.command
         rows.append(
             {
                 f"a Panda, {obstacles} obstacles": name,

@@ -95,8 +95,8 @@ SURFACE: dict[ModuleType, set[str]] = {
         *("separation", "shaping", "signed_distance", "signed_distances"),
     },
     control: {
-        *("BarrierSettings", "Barriers", "ControlSettings", "Controller", "Mode", "PoseTask", "Run", "Step"),
-        *("Task", "TrackTask", "scene_barriers", "simulate", "standing"),
+        *("BarrierSettings", "Barriers", "ControlSettings", "Controller", "Command", "Damping", "Mode"),
+        *("PoseTask", "Ranked", "Run", "Step", "Task", "TrackTask", "scene_barriers", "simulate", "standing"),
     },
     symbolic: {"JaxCost", "SceneClearance", "clearance", "distance", "dynamics", "jax_cost", "kinematics"},
 }

@@ -48,20 +48,27 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
     order = [names.index(name) for name in controller.robot.joint_names]
     here, target = q[order], rng.uniform(low, high)[order]
     task = control.standing(target)
-    period, fastest = controller.settings.period, controller.fastest
+    period, rates, last = controller.settings.period, controller.rates, control.Command(0.0 * here, 0.0 * here)
     limit_low, limit_high = controller.robot.lower, controller.robot.upper
     path, proven, modes, wrong = [here], [], [], []
     time = 0.0
     for k in range(steps):
         if k % 100 == 60 and rng.random() < 0.5:
             task = control.standing(rng.uniform(low, high)[order])
-        step = controller.step(here, task, time)
+        step = controller.step(here, task, time, last)
         u = step.velocity
         if not np.isfinite(u).all():
             wrong.append(f"step {k}: the command is {u.tolist()}")
             break
-        if (np.abs(u) > fastest * (1 + SLACK) + SLACK).any():
-            wrong.append(f"step {k}: speed {(np.abs(u) / fastest).max():.9g} of its limit")
+        push, jerk = (u - last.velocity) / period, ((u - last.velocity) / period - last.acceleration) / period
+        for what, value, most in (
+            ("speed", u, rates.velocity),
+            ("push", push, rates.acceleration),
+            ("jerk", jerk, rates.jerk),
+        ):
+            if (np.abs(value) > most * (1 + 1e-6) + SLACK / period**2 * 1e-3).any():
+                wrong.append(f"step {k}: {what} {(np.abs(value) / most).max():.9g} of its limit")
+        last = step.command
         then = here + period * u
         out = np.maximum(limit_low - then, then - limit_high)
         was = np.maximum(limit_low - here, here - limit_high)

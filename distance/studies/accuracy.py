@@ -164,8 +164,10 @@ def best_buy(entries: Sequence[Entry], gap: float, order: str, poses: int) -> En
 
     The normals with the least product of time and false positives at ``gap``: from there on, half of the one costs more
     than twice the other. None in ``poses`` counts as one. Of the shaping lengths the largest, which bends the least,
-    that reads near contact within a tenth as well as the best.
+    that reads near contact within a tenth as well as the best. Never a set with the line of centres: it reads 0 where
+    the centres meet, however deep the bodies are, so that nothing drives them apart.
     """
+    entries = [entry for entry in entries if "centre" not in entry.setting.normals] or entries
     rung = min(entries, key=lambda e: e.seconds[order] * max(e.false_positives[gap], 1.0 / poses)).setting
     alike = [e for e in entries if e.setting.normals == rung.normals]
     best = min(entry.median_error["near"] for entry in alike)

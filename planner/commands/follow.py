@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.text import Text
 
-from hdplan.planner.control.follow import follow
+from hdplan.planner.control.follow import follow, follow_settings
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.result import verdict
+from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.number_text import read_number
 from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import derived
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -26,16 +32,22 @@ def run_follow(
     robot: str | RobotSpec | None,
     *,
     output: Path | None,
+    rate: float | None,
+    margin: float | None,
+    limits: Sequence[str],
     as_json: bool,
 ) -> int:
     """Follow a motion. Returns the exit code: 0 if the robot arrives and its motion is certified, else 1."""
     if output is not None:
         check_output(output)
+    given = _limits(limits)
+    settings = follow_settings(rate, margin)
     problem = load_scene(scene, request=request, robot=robot)
+    problem = derived(problem, limits=replace(problem.limits, **given))
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)
     with waiting("following", shown=not as_json), naming(trajectory):  # it may not fit the scene
-        found = follow(setup, motion)
+        found = follow(setup, motion, settings)
     if output is not None:
         found.trajectory.save(output, verdict(found.certificate))
     with printing() as show:
@@ -49,3 +61,17 @@ def run_follow(
             rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     return 0 if found.succeeded else 1
+
+
+def _limits(words: Sequence[str]) -> dict[str, Any]:
+    """Return the limits that the command line gives, by name. Raises InputError for others than NAME=NUMBER."""
+    found: dict[str, Any] = {}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not sign or name not in DERIVATIVES or name in found:
+            raise InputError(f"--limits {word}: must be one of {', '.join(DERIVATIVES)}, once each, as NAME=NUMBER")
+        try:
+            found[name] = read_number(value)
+        except ValueError:
+            raise InputError(f"--limits {word}: must be NAME=NUMBER, found '{value}' for the number") from None
+    return found

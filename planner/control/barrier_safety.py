@@ -36,11 +36,11 @@ the barrier condition itself lets h overshoot zero. In between nothing is proven
 from __future__ import annotations
 
 import functools
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from scipy.special import expit
 
 from hdplan.distance.symbolic.boxes import axis_count
 from hdplan.planner.collision.halfspace_bodies import plane_counts
@@ -51,6 +51,7 @@ Floats = NDArray[np.float64]
 
 FLAT = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
 GRID = 24  # cells along an edge of the cube whose grid covers all directions
+NEWTON = 8  # iterations: from at most ln 2 away, each squares what is left
 FINE = 1e-9  # [m] and [1]: resolution of least distances, and of the normals they depend on
 
 
@@ -67,12 +68,18 @@ def _share(size: float, gamma: int, length: float) -> float:
     return less / (1.0 + less)
 
 
-def unshaped(value: float, gamma: int, length: float) -> float:
-    """Return the u > 0 with Phi(u) = value, for value > 0; 0 for 0."""
-    if value == 0.0:
-        return 0.0
-    high = 2.0 * value + 2.0 * value ** (1.0 / (gamma + 1)) * length ** (gamma / (gamma + 1))
-    return float(brentq(lambda u: shaped(u, gamma, length) - value, value, high, xtol=1e-300, rtol=1e-12))
+def unshaped(value: Floats | float, gamma: int, length: float) -> Floats:
+    """Return the u ≥ 0 with Phi(u) = value, for values (...) ≥ 0.
+
+    Of x = ln(u/length): (γ + 1) x − ln(1 + exp(γ x)) = ln(value/length), by Newton's method from the left, which never
+    passes the root of a concave function that grows.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wanted = np.log(np.asarray(value) / length)
+        x = np.where(wanted > 0.0, wanted, wanted / (gamma + 1))
+        for _ in range(NEWTON):
+            x = x - ((gamma + 1) * x - np.logaddexp(0.0, gamma * x) - wanted) / (1.0 + gamma * expit(-gamma * x))
+        return np.where(np.asarray(value) > 0.0, length * np.exp(x), 0.0)
 
 
 def counts(distance: str, normals: str) -> tuple[int, int, int]:
@@ -88,8 +95,8 @@ def separation_bound(delta: float, gamma: int, length: float, count: int, inner:
     """Return the least D̃ [m] possible with D ≥ delta [m], by the module's equations."""
     p = gamma + 1
     if delta < 0:
-        return -float(inner ** (-1 / p)) * unshaped(count ** (1 / p) * unshaped(-delta, gamma, length), gamma, length)
-    return float(inner ** (1 / p)) * unshaped(count ** (-1 / p) * unshaped(delta, gamma, length), gamma, length)
+        return -float(inner ** (-1 / p) * unshaped(count ** (1 / p) * unshaped(-delta, gamma, length), gamma, length))
+    return float(inner ** (1 / p) * unshaped(count ** (-1 / p) * unshaped(delta, gamma, length), gamma, length))
 
 
 def least_distance(normals: Floats, delta: float, growth: float, gamma: int, length: float) -> float:
@@ -106,7 +113,7 @@ def least_distance(normals: Floats, delta: float, growth: float, gamma: int, len
 def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, length: float) -> float:
     """Solve the equation of `least_distance`. Its right side is convex in m, so that its maximum over a polytope around
     the unit ball, a bound for the ball, is at a vertex."""
-    wanted = unshaped(delta, gamma, length)
+    wanted = float(unshaped(delta, gamma, length))
     along = _around_the_ball() @ np.frombuffer(normals).reshape(-1, 3).T
     power = gamma + 1
 
@@ -159,17 +166,16 @@ def touching_value(growth: float, gamma: int, length: float, inner: int, alike: 
     return -shaped(alike ** (-1 / p) * shaped(inner ** (1 / p) * growth, gamma, length), gamma, length)
 
 
-def straightened(distance: float, gamma: int, length: float) -> tuple[float, float]:
-    """Return the separation u [m] with D = Φ(Φ(u)), that of one normal and one pair of vertices without the flat spot,
-    and dD/du there: 0 and 0 for 0."""
-    slope, value = 1.0, abs(distance)
+def straightened(distance: Floats | float, gamma: int, length: float) -> tuple[Floats, Floats]:
+    """Return the separations u (...) [m] with D = Φ(Φ(u)), those of one normal and one pair of vertices without the
+    flat spot, and dD/du there: 0 and 0 for 0."""
+    value, slope = np.abs(np.asarray(distance)), np.where(np.asarray(distance) != 0.0, 1.0, 0.0)
     for _ in range(2):
         value = unshaped(value, gamma, length)
-        if value == 0.0:
-            return 0.0, 0.0
-        share = _share(value, gamma, length)
-        slope *= share * (1.0 + gamma * (1.0 - share))
-    return math.copysign(value, distance), slope
+        with np.errstate(divide="ignore"):
+            share = expit(gamma * np.log(value / length))
+        slope = slope * share * (1.0 + gamma * (1.0 - share))
+    return np.copysign(value, distance), slope
 
 
 def refuse_unsafe(

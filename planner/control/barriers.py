@@ -29,7 +29,7 @@ from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_di
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.poses import Pose
@@ -37,6 +37,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
 
 BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
+PROVEN = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class Barriers:
         unguarded: pairs of links that are left out, for the report.
         """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
+        self.hulls = hulls
         self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
         carried = [
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
@@ -126,15 +128,15 @@ class Barriers:
             row_of = {pair: row for row, pair in enumerate(unique)}
             rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
-        self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
-        self._nothing = BarrierRows(np.empty(0), np.empty((0, robot.n)), np.empty(0), np.empty(0))
+        self._directions = [body.directions for body in others] if settings.distance == "hdsdf" else []
+        self.pace = max((_fastest(motion, moved) for motion, moved in movers), default=0.0)  # of any obstacle [m/s]
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
         self.obstacle_pairs = len(outer)  # which come first among the P
         standing = (np.arange(len(names)) < len(outer)) & ~self.coming
-        self.standing = standing & (settings.distance in ("hdsdf", "euclidean"))  # (P,) of which `within` is proven
-        self._enlarged: dict[float, BodyPairs] = {}  # the pairs with obstacles, by the horizon
+        self.standing = standing & (settings.distance in PROVEN)  # (P,) of which `within` is proven
+        self._enlarged: dict[tuple[int, float], BodyPairs] = {}  # by group, and by how much
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
         every = levers(robot.unfolded, [(body.joint, body.body) for body in bodies])
         self.levers = every if robot.linkage is None else every @ np.abs(robot.linkage.matrix)  # (n,) [m]
@@ -148,69 +150,93 @@ class Barriers:
         )
 
     def clearance(self, margin: float) -> float | None:
-        """Return the true clearance [m] to static obstacles that Δ ≥ margin [m] proves at that instant, with the planes
+        """Return the true clearance [m] to obstacles that Δ ≥ margin [m] proves at that instant, with the planes
         of these obstacles: a lower bound; None if nothing is proven."""
         b = self.settings
         any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
         proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
         return min(proven, default=any_planes)
 
-    def within(self, q: Array, time: float, horizon: float) -> Rows:
-        """Return the pairs, ascending, that may have a D̃ below the horizon [m] at q (n,) and a time [s]: not those of
-        `standing` obstacles that are proven to have none."""
+    def within(self, path: Array, times: Array, horizon: float) -> Rows:
+        """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations (k, n) and
+        times (k,) [s]: not those of `standing` obstacles that are proven to have none."""
         if not self.standing.any() or not np.isfinite(horizon):
             return np.arange(len(self.names))
-        if horizon not in self._enlarged:
-            self._enlarged[horizon] = self.groups[0].pairs.enlarged(horizon)
-        _, close = self._enlarged[horizon].close(self._at(q, time).kinematics)
         found = ~self.standing
-        found[close] = True
+        found[self._near(0, horizon).close(self._at(path, times).kinematics)[1]] = True
         return np.flatnonzero(found)
 
+    def doubtful(self, path: Array, times: Array, needed: Sequence[float]) -> tuple[Rows, Rows]:
+        """Return configurations and pairs (S,) that may have a D̃ below `needed` [m] (of pairs with obstacles, of pairs
+        of links), at configurations (k, n) and times (k,) [s]; every other one is proven to have none."""
+        if self.settings.distance not in PROVEN:
+            every = np.indices((len(path), len(self.names))).reshape(2, -1)
+            return every[0], every[1]
+        kinematics, first, found = self._at(path, times).kinematics, 0, [(np.empty(0, np.int64),) * 2]
+        for index, group in enumerate(self.groups):
+            sample, pair = self._near(index, needed[0 if first < self.obstacle_pairs else 1]).close(kinematics)
+            found.append((sample, pair + first))
+            first += len(group.pairs)
+        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return sample, pair
+
     def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
-        """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, ascending, or all."""
+        """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, or of all."""
+        chosen = np.arange(len(self.names)) if chosen is None else chosen
+        return self.along(q[None], np.array([time]), np.zeros(len(chosen), dtype=np.int64), chosen)
+
+    def along(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
+        """Return the same at configurations `sample` (S,) of the path (k, n) and times (k,) [s], of pairs (S,)."""
         every = [(group, np.arange(len(group.pairs))) for group in self.groups]
-        return self._evaluated(q, time, every, np.arange(len(self.names)) if chosen is None else chosen)
+        return self._evaluated(path, times, every, sample, pair)
 
-    def nearness(self, q: Array, time: float, chosen: Rows) -> BarrierRows:
-        """Return the exact distance of the links' hulls in the `chosen` pairs, ascending, without growth, with its
-        derivatives; nothing if no hulls were given."""
-        if not len(chosen) or not self._true:
-            return self._nothing
-        return self._evaluated(q, time, self._true, chosen)
+    def nearness(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
+        """Return the exact distance of the links' hulls in pairs (S,), without growth, with its derivatives, as
+        `along`; nothing if no hulls were given."""
+        return self._evaluated(path, times, self._true, sample, pair) if self._true else self._empty(0)
 
-    def certain(self, separation: Array, velocity: Array, period: float, needed: Array) -> Mask:
-        """Return which pairs (P,) certainly have a D̃ above `needed` (P,) [m] after a period at a velocity, if it is
-        `separation` (P,) or more now: the plain maximum over the planes of a static obstacle, or the exact distance,
-        changes by no more than the robot's points move."""
-        return np.asarray(self.standing & (separation > needed + period * float(np.abs(velocity) @ self.levers)))
-
-    def _evaluated(self, q: Array, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
-        """Evaluate the chosen pairs, numbered through all groups; each group comes with its rows for its pairs."""
-        scene, first, found = self._at(q, time), 0, []
+    def _evaluated(
+        self, path: Array, times: Array, groups: Sequence[tuple[_Group, Rows]], sample: Rows, pair: Rows
+    ) -> BarrierRows:
+        """Evaluate pairs, numbered through all groups; each group comes with its rows for its pairs."""
+        result, first = self._empty(len(pair)), 0
+        if not len(pair):
+            return result
+        scene = self._at(path, times)
         for group, rows in groups:
-            own = chosen[(chosen >= first) & (chosen < first + len(rows))]
-            first += len(rows)
+            own = np.flatnonzero((pair >= first) & (pair < first + len(rows)))
             if len(own):
-                found.append(scene.rows(group, rows[own - (first - len(rows))]))
-        if not found:
-            return self._nothing
-        fields = zip(*((rows.value, rows.gradient, rows.drift, rows.separation) for rows in found), strict=True)
-        value, gradient, drift, separation = (np.concatenate(parts) for parts in fields)
-        return BarrierRows(value, self.robot.fold(gradient), drift, separation)
+                found = scene.rows(group, sample[own], rows[pair[own] - first])
+                result.value[own], result.drift[own], result.separation[own] = (
+                    found.value,
+                    found.drift,
+                    found.separation,
+                )
+                result.gradient[own] = self.robot.fold(found.gradient)
+            first += len(rows)
+        return result
 
-    def _at(self, q: Array, time: float) -> _Moment:
-        kinematics, now = self.kinematics.evaluate(self.robot.expand(q)), np.array([time])
-        poses = [motion.at(now)[0] for motion in self.movers]
-        if poses:
-            flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
-            kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
-        twists = []
-        for motion, pose in zip(self.movers, poses, strict=True):
-            segment = int(motion.segment(now)[0])
-            speed, spin = motion.velocity[segment], motion.spin[segment]
-            twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
-        return _Moment(kinematics, self.kinematics.nj, twists)
+    def _empty(self, count: int) -> BarrierRows:
+        return BarrierRows(np.empty(count), np.empty((count, self.robot.n)), np.empty(count), np.empty(count))
+
+    def _near(self, group: int, by: float) -> BodyPairs:
+        """Return the pairs of a group, enlarged by a distance [m]."""
+        if (group, by) not in self._enlarged:
+            self._enlarged[group, by] = self.groups[group].pairs.enlarged(by)
+        return self._enlarged[group, by]
+
+    def _at(self, path: Array, times: Array) -> _Moment:
+        kinematics = self.kinematics.evaluate(self.robot.expand(path))
+        if not self.movers:
+            return _Moment(kinematics, self.kinematics.nj, ())
+        places, twists = [], []
+        for motion in self.movers:
+            poses, segments = motion.at(times), motion.segment(times)
+            speed, spin = motion.velocity[segments], motion.spin[segments]
+            places.append(np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]]))
+            twists.append(np.hstack([speed - np.cross(spin, poses[:, :3, 3]), spin]))
+        placements = np.concatenate([kinematics.placements, np.stack(places, axis=1)], axis=1)
+        return _Moment(replace(kinematics, placements=placements), self.kinematics.nj, twists)
 
 
 class _Group(NamedTuple):
@@ -221,21 +247,30 @@ class _Group(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """Robot and obstacles at one configuration and time."""
+    """Robot and obstacles at k configurations and times."""
 
     kinematics: KinematicsBatch  # with the frames of the moving obstacles after the joints'
     joints: int  # number of the robot's joints, including the world
-    twists: Sequence[Array]  # (6,) of each moving obstacle
+    twists: Sequence[Array]  # (k, 6) of each moving obstacle
 
-    def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
-        """Evaluate some pairs of a group."""
+    def rows(self, group: _Group, sample: Rows, pair: Rows) -> BarrierRows:
+        """Evaluate some pairs of a group at some of the configurations."""
         pairs, distance = group
-        value, wrench, separation = distance(self.kinematics, np.zeros(len(chosen), dtype=np.int64), chosen)
-        drift = np.zeros(len(chosen))
+        value, wrench, separation = distance(self.kinematics, sample, pair)
+        drift = np.zeros(len(pair))
         for index, twist in enumerate(self.twists):
-            carried = pairs.joint_b[chosen] == self.joints + index
-            drift[carried] = -wrench[carried] @ twist
-        return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift, separation)
+            carried = pairs.joint_b[pair] == self.joints + index
+            drift[carried] = -np.einsum("si,si->s", wrench[carried], twist[sample[carried]])
+        columns = self.kinematics.columns
+        turned = wrench @ columns[0].T if len(columns) == 1 else np.einsum("sni,si->sn", columns[sample], wrench)
+        return BarrierRows(value, turned * pairs.moves[pair], drift, separation)
+
+
+def _fastest(motion: ObstacleMotion, bodies: Sequence[HalfspaceBody]) -> float:
+    """Return a bound of the speed [m/s] of every point of bodies that move with `motion`, by their boxes."""
+    size = max(float(np.linalg.norm(body.box[:3, 3]) + np.linalg.norm(body.half_size)) for body in bodies)
+    speed, spin = (np.linalg.norm(each, axis=-1) for each in (motion.velocity, motion.spin))
+    return float((speed + size * spin).max(initial=0.0))
 
 
 def _can_meet(
@@ -275,12 +310,15 @@ def _distance(
     raise ValueError(f"no distance is known as {settings.distance!r}")
 
 
-def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
+def scene_barriers(
+    scene: Scene, robot: Robot, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None
+) -> Barriers:
     """Return the barriers of a scene: the planner's outer bodies with every obstacle, which is grown also by its own
     clearance, and the robot's self pairs except for those whose outer bodies overlap anyway.
 
     settings: which distance, and between which bodies. Link bodies are those of the scene's `planner.link_bodies`, or
-    boxes for the distances that take no others. Raises InputError for an obstacle that the distance cannot take.
+    boxes for the distances that take no others. hulls: the links', if they are known. Raises InputError for an obstacle
+    that the distance cannot take.
     """
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
@@ -307,6 +345,6 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
             settings,
             movers,
             scene.clearances,
-            link_bodies(robot, "hull"),
+            link_bodies(robot, "hull") if hulls is None else hulls,
             collision_model.unresolved,
         )

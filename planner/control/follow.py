@@ -3,9 +3,10 @@
 Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
 that waits for the robot,
 
-    τ̇ = max(0, 1 − |r(τ) − q| / LAG),   nominal velocity  u* = τ̇ r'(τ) + k (r(τ) − q),
+    τ̇ = max(0, 1 − |e| / LAG),   nominal velocity  u* = (r(τ + τ̇ T) − r(τ))/T + min(k, √(A/|e|)) e,   e = r(τ) − q,
 
-so that a blocked robot is not drawn through what blocks it. The controller takes the velocity closest to u* that its
+so that a blocked robot is not drawn through what blocks it, and joints can brake where they catch up (A is half of each
+one's greatest acceleration). The controller takes the velocity closest to u* that its
 barriers allow (`controller`). A path without times is followed from rest to rest, at half the joints' speed limits or
 over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind (`Run.executed`): that
 motion, with its velocities and accelerations, is saved, and certified as by `hdplan check`.
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.braking import Rates
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.rollout import Run, simulate
 from hdplan.planner.control.settings import ControlSettings
@@ -41,6 +43,7 @@ SHARE = 0.5  # of the speed limits, at which a path without times is followed
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
 MARGIN = -2.5e-4  # [m] for obstacles and links, and
 GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
+RATE = 50.0  # η [1/s]: a proven motion is slowed only where the robot could not brake
 HELD = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
 
 
@@ -100,6 +103,12 @@ class Followed:
         }
 
 
+def follow_settings(rate: float | None = None, margin: float | None = None) -> ControlSettings:
+    """Return the settings of a controller that follows plans, with another rate [1/s] or margin [m]."""
+    barriers, margin = BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN if margin is None else margin
+    return ControlSettings(barriers, margin, MARGIN, rate=RATE if rate is None else rate)
+
+
 def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | None = None) -> Followed:
     """Simulate a robot that follows `trajectory` in its scene, starting at the trajectory's first row, at that row's
     time or at 0.
@@ -108,12 +117,14 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     limit.
     """
     scene, robot = setup.scene, setup.robot
-    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=4.0)
+    settings = settings or ControlSettings(
+        BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=RATE
+    )
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:
-        curve = paced(curve, SHARE * controller.fastest, scene.end_time)
-    task = FollowTask(curve, settings.period)
+        curve = paced(curve, SHARE * controller.rates.velocity, scene.end_time)
+    task = FollowTask(curve, controller.rates)
     most = PATIENCE[0] * task.duration + PATIENCE[1]
     assert curve.times is not None
     begin = float(curve.times[0])
@@ -137,14 +148,10 @@ class FollowTask:
     """The task of following a timed curve whose phase waits for the robot. It has a state: use one step per period."""
 
     curve: Curve
-    period: float  # T [s]
+    rates: Rates  # of the controller
     phase: float = 0.0  # τ [s] since the curve's first row
     behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, in each period
     since: float | None = None  # when the robot arrived [s]
-
-    def __post_init__(self) -> None:
-        """Differentiate the curve."""
-        self._velocity = self.curve.derivative()
 
     @property
     def duration(self) -> float:
@@ -153,12 +160,14 @@ class FollowTask:
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """Return the quadratic at q, and advance the phase by one period."""
-        wanted, speed = self._at(self.curve), self._at(self._velocity)
-        behind = float(np.abs(wanted - q).max())
+        wanted, period = self._at(self.phase), self.rates.period
+        error = wanted - q
+        behind = float(np.abs(error).max())
         self.behind.append(behind)
-        pace = max(0.0, 1.0 - behind / LAG) if self.phase < self.duration else 0.0
-        self.phase = min(self.phase + pace * self.period, self.duration)
-        return np.eye(len(q)), -(pace * speed + GAIN * (wanted - q))
+        pace = max(0.0, 1.0 - behind / LAG)
+        self.phase = min(self.phase + pace * period, self.duration)
+        gain = np.minimum(GAIN, np.sqrt(0.5 * self.rates.acceleration / np.maximum(np.abs(error), SETTLED)))
+        return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + gain * error)
 
     def met(self, q: Array, time: float) -> bool:
         """Whether the robot has settled at the curve's end."""
@@ -169,9 +178,9 @@ class FollowTask:
         self.since = time if self.since is None else self.since
         return off <= SETTLED or time - self.since >= SETTLING
 
-    def _at(self, curve: Curve) -> Array:
+    def _at(self, phase: float) -> Array:
         assert self.curve.times is not None  # `follow` gives it times
-        return curve.at_parameter(self.curve.parameter_of(self.curve.times[0] + self.phase))
+        return self.curve.at_parameter(self.curve.parameter_of(self.curve.times[0] + phase))
 
 
 def paced(path: Curve, fastest: Array, duration: float = 0.0) -> Curve:

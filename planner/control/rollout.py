@@ -11,14 +11,16 @@ ones, and its acceleration is at most their greatest difference over T: nothing 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.control.controller import Controller, Mode, Step
-from hdplan.planner.control.tasks import Task
+from hdplan.planner.control.braking import Command
+from hdplan.planner.control.controller import Controller, Step
+from hdplan.planner.control.look_ahead import Mode
+from hdplan.planner.control.tasks import Ranked, Task, together
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.values import Number, checked, instance
@@ -41,6 +43,7 @@ class Run:
     met: float | None  # when the task was completed [s]; None: it was not
     gave: Counter[tuple[str, str]]  # in how many periods the barrier of each pair was not met
     begin: float = 0.0  # start of the first period [s]
+    after: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (B, n) the places where it then brakes until rest
 
     def __repr__(self) -> str:
         """Say how long it is, and whether it completed its task."""
@@ -53,17 +56,19 @@ class Run:
         return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
 
     def executed(self, joint_names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the motion of joints that follow smoothly, from rest to rest: N + 3 rows, T [s] apart,
+        """Return the motion of joints that follow smoothly, from rest to rest: N + B + 3 rows, T [s] apart,
 
             r_k = (q_{k−2} + 4 q_{k−1} + q_k)/6,   ṙ_k = (u_{k−2} + u_{k−1})/2,   r̈_k = (u_{k−1} − u_{k−2})/T
 
         with the first and last q repeated and u = 0 beyond them: the quintics between rows are that spline, exactly.
+        After the last period the robot brakes.
         """
-        q = np.concatenate([self.positions[:1], self.positions[:1], self.positions, *2 * [self.positions[-1:]]])
+        way = np.concatenate([self.positions, self.after.reshape(-1, self.positions.shape[1])])
+        q = np.concatenate([way[:1], way[:1], way, *2 * [way[-1:]]])
         u = np.diff(q, axis=0) / self.period
         times = self.begin + np.arange(len(q) - 2, dtype=np.float64) * self.period
         rows = (q[:-2] + 4.0 * q[1:-1] + q[2:]) / 6.0
-        rows[[0, -1]] = self.positions[[0, -1]]  # to the last bit
+        rows[[0, -1]] = way[[0, -1]]  # to the last bit
         return Trajectory(joint_names, rows, locked, times, 0.5 * (u[:-1] + u[1:]), np.diff(u, axis=0) / self.period)
 
     @property
@@ -80,7 +85,7 @@ class Run:
 def simulate(
     controller: Controller,
     start: Array,
-    task: Task,
+    task: Task | Sequence[Task | Ranked],
     duration: float,
     *,
     begin: float = 0.0,
@@ -94,20 +99,21 @@ def simulate(
     duration or begin.
     """
     instance(controller, Controller, "controller")
+    task = together(task)
     duration = checked(Number(low=0.0, unit="s"), duration, "duration")
     begin = checked(Number(unit="s"), begin, "begin")
     period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
-    positions, steps, met = [q], [], None
+    positions, steps, met, last = [q], [], None, Command.rest(len(q))
     for index in range(round(duration / period)):
         time = begin + index * period
         if met is None and task.met(q, time):
             met = time
             if until_met:
                 break
-        step = controller.step(q, task, time)
+        step = controller.step(q, task, time, last)
         if watch is not None:
             watch(time, q, step)
-        q = q + period * step.velocity
+        q, last = q + period * step.velocity, step.command
         positions.append(q)
         steps.append(step)
     proofs = [step.proven for step in steps]
@@ -123,6 +129,7 @@ def simulate(
         met,
         Counter(controller.barriers.names[pair] for step in steps for pair in step.gave),
         begin,
+        controller.window(q, last).stopping[1:],
     )
 
 

@@ -1,8 +1,13 @@
-"""Tasks of a controller: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, minimal at the nominal velocity."""
+"""Tasks of a controller: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, minimal at the nominal velocity.
+
+Several are one (`together`): those of equal rank are added with their weights, and a lower rank only says how to use
+what the higher ones leave free, u = u₁ + N z, with u₁ the least of the higher ranks and N their null space (Siciliano &
+Slotine, "A general framework for managing multiple tasks in highly redundant robotic systems", ICAR 1991).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -12,13 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.arrays import joint_numbers
+from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.values import Number, checked, instance, is_row, wrong
+from hdplan.scenes.values import Number, Whole, checked, instance, is_row, wrong
 
 Array = NDArray[np.float64]
 
 GAIN = Number(0.0, 1e3, unit="1/s")
+WEIGHT = Number(high=1e6, above=0.0)
+ALIKE = 1e-6  # of a rank's curvatures, a share of the greatest: where it is least, only regularization acts
 
 
 class Task(Protocol):
@@ -39,7 +46,7 @@ class PoseTask:
 
     robot: Robot
     target: PoseTarget
-    gain: float = 0.4  # k: relative decrease of the error per second [1/s]
+    gain: float = 4.0  # k: relative decrease of the error per second [1/s]
     regularization: float = 0.01  # λ: keeps u small near singular configurations
 
     def __post_init__(self) -> None:
@@ -93,6 +100,81 @@ class TrackTask:
     def met(self, q: Array, time: float) -> bool:
         """Whether the reference is at rest and reached."""
         return time >= self.end and bool(np.abs(self.reference(time)[0] - q).max() <= self.tolerance)
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Keep still: min ½ w ‖u‖²."""
+
+    n: int  # joints
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """Return the quadratic, the same everywhere."""
+        return np.eye(self.n), np.zeros(self.n)
+
+    def met(self, q: Array, time: float) -> bool:
+        """It is never in the way of an end."""
+        return True
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A task among several, with its weight in its rank; rank 0 comes first."""
+
+    task: Task
+    weight: float = 1.0
+    rank: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse invalid arguments."""
+        checked(WEIGHT, self.weight, "weight")
+        checked(Whole(0, 100), self.rank, "rank")
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Several tasks as one."""
+
+    tasks: tuple[Ranked, ...]
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """Return the sum of each rank's quadratics, in what the ranks before leave free."""
+        names = _counted(q)
+        hessian, linear, free = np.zeros((len(names), len(names))), np.zeros(len(names)), np.eye(len(names))
+        for rank in sorted({each.rank for each in self.tasks}):
+            same = [each for each in self.tasks if each.rank == rank]
+            parts = [quadratic(each.task.objective(q, time), names) for each in same]
+            own = np.sum([each.weight * part[0] for each, part in zip(same, parts, strict=True)], axis=0)
+            pull = np.sum([each.weight * part[1] for each, part in zip(same, parts, strict=True)], axis=0)
+            best = -np.linalg.solve(hessian, linear) if hessian.any() else linear  # of the ranks before
+            inside = free.T @ own @ free
+            hessian = hessian + free @ inside @ free.T
+            linear = linear + free @ (free.T @ (pull + own @ best))
+            size, ways = np.linalg.eigh(inside)
+            level = size - size[0] <= ALIKE * size[-1]
+            free = free @ ways[:, level & ~level.all()]
+            if not free.shape[1]:
+                break
+        return hessian, linear
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether all of the first rank are done; the others have no say in that."""
+        first = min(each.rank for each in self.tasks)
+        return all(each.task.met(q, time) for each in self.tasks if each.rank == first)
+
+
+def together(tasks: Task | Sequence[Task | Ranked]) -> Task:
+    """Return a list of tasks as one; a single one as it is. Raises InputError for an empty list, and for what is no
+    task."""
+    if not isinstance(tasks, Sequence):
+        tasks = [tasks]
+    elif not tasks:
+        raise wrong("a task, or a list of at least one", tasks).within("task")
+    ranked = tuple(each if isinstance(each, Ranked) else Ranked(each) for each in tasks)
+    for index, each in enumerate(ranked):
+        if not hasattr(each.task, "objective"):
+            raise wrong("a task", each.task).within(f"task[{index}]")
+    return ranked[0].task if len(ranked) == 1 else Together(ranked)
 
 
 def standing(q: Array, gain: float = 2.0) -> TrackTask:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdplan.planner.control.controller import Mode
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
     CRITICAL,

@@ -175,6 +175,22 @@ Executed = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, in any format of plan -o."),
 ]
+BarrierRate = Annotated[
+    float | None,
+    typer.Option("--rate", metavar="1/S", parser=_number, help="How fast a margin may be neared, as a share of it."),
+]
+Margin = Annotated[
+    float | None,
+    typer.Option("--margin", metavar="M", parser=_number, help="Distance at which the controller stops the robot [m]."),
+]
+JointLimit = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limits",
+        metavar="NAME=NUMBER",
+        help="A limit of all joints in place of the scene's: velocity, acceleration or jerk. May be repeated.",
+    ),
+]
 RatesSheet = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),

@@ -11,18 +11,23 @@ settings are safe.
 from __future__ import annotations
 
 from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control.controller import Controller, Mode, Step
+from hdplan.planner.control.braking import Command
+from hdplan.planner.control.controller import Controller, Step
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.rollout import Run, simulate
 from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import PoseTask, Task, TrackTask, standing
+from hdplan.planner.control.tasks import Damping, PoseTask, Ranked, Task, TrackTask, standing
 
 __all__ = [
     "BarrierSettings",
     "Barriers",
+    "Command",
     "ControlSettings",
     "Controller",
+    "Damping",
     "Mode",
     "PoseTask",
+    "Ranked",
     "Run",
     "Step",
     "Task",

@@ -131,6 +131,8 @@ def test_the_best_buy_weighs_time_against_false_positives() -> None:
     assert best_buy([cheap, dearer], GAPS[0], "gradient", 10_000) is cheap
     none = entry(5e-6, 0.0, normals="paper+edges")  # none of 100 may be one of 100
     assert best_buy([cheap, none], GAPS[0], "gradient", 100) is cheap
+    centre = replace(dear, setting=replace(dear.setting, normals="paper+centre+edges"))
+    assert best_buy([cheap, centre], GAPS[0], "gradient", 10_000) is cheap  # D = 0 where the centres meet
     assert best_buy([cheap, none], GAPS[0], "gradient", 10_000) is none
 
 

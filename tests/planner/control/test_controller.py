@@ -31,7 +31,10 @@ from hdplan.planner.control.barrier_safety import (
     unshaped,
 )
 from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control.controller import NEAR, Controller, Mode
+from hdplan.planner.control.braking import Command
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.look_ahead import Mode
+from hdplan.planner.control.program_rows import NEAR
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
 from hdplan.planner.control.settings import ControlSettings
@@ -338,7 +341,7 @@ def test_straightened_is_the_shaping_undone() -> None:
 
 def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
     rng = np.random.default_rng(6)
-    settings = ControlSettings(look_ahead=False)
+    settings = ControlSettings(look_ahead=False, rise=0.0)
     barriers = scene_barriers(scene_of(*random_boxes(rng, 6)), robot, settings.barriers)
     controller = Controller(robot, barriers, settings)
     seen = 0
@@ -461,11 +464,10 @@ def test_what_stands_holds_whatever_comes(robot: Robot) -> None:
         )
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.6)
         stands = ~controller.barriers.coming
-        before = controller.barriers.evaluate(run.positions[0], 0.0).value[stands]
+        begun = controller.barriers.evaluate(run.positions[0], 0.0).value[stands]
         for time, position in zip(run.times[1:], run.positions[1:], strict=True):
             now = controller.barriers.evaluate(position, float(time)).value[stands]
-            assert (now >= np.minimum(before, margins[stands]) - 1e-9).all()
-            before = now
+            assert (now >= np.minimum(begun, margins[stands]) - 1e-9).all()
         gave += run.counted[Mode.GIVING_WAY]
     assert gave
 
@@ -527,9 +529,10 @@ def test_a_joint_beyond_its_limit_comes_back_as_fast_as_it_may(robot: Robot) -> 
     for beyond, joint in ((0.2, 6), (-0.1, 3), (2.0, 0)):
         q = np.array(READY)
         q[joint] = robot.upper[joint] + beyond if beyond > 0 else robot.lower[joint] + beyond
-        first = controller.step(q, standing(q + np.sign(beyond)))
+        at_once = Controller.of(scene_of(), ControlSettings(rate=4.0, rise=0.0), robot)
+        first = at_once.step(q, standing(q + np.sign(beyond)))
         assert first.velocity[joint] == pytest.approx(
-            -np.sign(beyond) * min(4.0 * abs(beyond), controller.fastest[joint]), abs=1e-3
+            -np.sign(beyond) * min(4.0 * abs(beyond), at_once.rates.velocity[joint]), abs=1e-3
         )
         run = simulate(controller, q, standing(np.array(READY), gain=4.0), 3.0)
         assert (np.diff(np.sign(beyond) * run.positions[:, joint]) <= 1e-9).all()
@@ -550,7 +553,9 @@ def test_numbers_that_are_none_are_refused_before_anything_is_commanded(robot: R
         def met(self, q: Array, time: float) -> bool:
             return False
 
-    barriers = controller.barriers
+    def limited(**limits: Array) -> Controller:
+        return Controller(robot, controller.barriers, ControlSettings(), limits)
+
     for act, words in (
         (lambda: controller.step(nan, standing(ready)), ("q", "panda_joint3", "nan", "allowed")),
         (lambda: controller.step(ready[:6], standing(ready)), ("q", "(6,)", "(7,)")),
@@ -564,9 +569,12 @@ def test_numbers_that_are_none_are_refused_before_anything_is_commanded(robot: R
         (lambda: controller.step(ready, Task(np.eye(6), ready)), ("task.objective", "(6, 6)", "(7, 7)")),
         (lambda: controller.step(ready, Task(-np.eye(7), ready)), ("task.objective", "positive definite")),
         (lambda: controller.step(ready, Task(np.full((7, 7), np.nan), ready)), ("task.objective", "finite")),
-        (lambda: Controller(robot, barriers, ControlSettings(), nan), ("limits", "panda_joint3", "nan", "allowed")),
-        (lambda: Controller(robot, barriers, ControlSettings(), -np.ones(7)), ("limits", "-1", "more than 0")),
-        (lambda: Controller(robot, barriers, ControlSettings(), np.ones(3)), ("limits", "(3,)", "(7,)")),
+        (lambda: limited(velocity=nan), ("limits.velocity", "panda_joint3", "nan", "allowed")),
+        (lambda: limited(acceleration=-np.ones(7)), ("limits.acceleration", "-1", "more than 0")),
+        (lambda: limited(jerk=np.ones(3)), ("limits.jerk", "(3,)", "(7,)")),
+        (lambda: controller.step(ready, standing(ready), 0.0, Command(nan, ready)), ("last.velocity", "nan")),
+        (lambda: controller.step(ready, standing(ready), 0.0, Command(ready, ready[:2])), ("last.acc", "(2,)")),
+        (lambda: controller.step(ready, standing(ready), 0.0, ready), ("last", "Command")),
         (lambda: simulate(controller, nan, standing(ready), 1.0), ("start", "panda_joint3")),
         (lambda: simulate(controller, ready, standing(ready), math.nan), ("duration", "nan")),
         (lambda: simulate(controller, ready, standing(ready), math.inf), ("duration", "inf")),
@@ -661,9 +669,13 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
         if len(inside) == 0 or certifier.contacts(q):
             continue
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.5)
-        near = controller.barriers.nearness(q, 0.0, inside).value
+
+        def nearness(q: Array, inside: Array = inside) -> Array:
+            return controller.barriers.nearness(q[None], np.zeros(1), np.zeros_like(inside), inside).value
+
+        near = nearness(q)
         for configuration in run.positions[::5]:
-            now = controller.barriers.nearness(configuration, 0.0, inside).value
+            now = nearness(configuration)
             assert (now >= np.minimum(near, NEAR) - 1e-4).all()
         motion = Trajectory(robot.joint_names, run.positions, robot.locked)
         assert certifier.certify(motion, check_ends=False).certified

@@ -15,8 +15,8 @@ from hdplan import cli
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
-from hdplan.planner.control.controller import Mode
 from hdplan.planner.control.follow import ARRIVED, Followed, follow, paced
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
-from hdplan.planner.control.controller import Controller, Mode
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.rollout import simulate
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
@@ -19,6 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
@@ -61,7 +63,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
     left = 0
     for q in robot.draw(rng, 10):
         time, horizon = rng.uniform(0.0, 2.0), float(rng.choice([0.01, 0.1, 0.25, 0.5]))
-        seen = barriers.within(q, time, horizon)
+        seen = barriers.within(q[None], np.array([time]), horizon)
         separation = barriers.evaluate(q, time).separation
         beyond = np.setdiff1d(np.arange(len(barriers.names)), seen)
         assert (separation[beyond] >= horizon - 1e-9).all()
@@ -69,7 +71,7 @@ def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: Robo
         np.testing.assert_array_equal(seen, np.unique(seen))
         left += len(beyond)
     assert left
-    assert len(barriers.within(robot.draw(rng, 1)[0], 0.0, np.inf)) == len(barriers.names)
+    assert len(barriers.within(robot.draw(rng, 1), np.zeros(1), np.inf)) == len(barriers.names)
 
 
 def test_what_lies_beyond_the_horizon_changes_no_command() -> None:
@@ -93,7 +95,7 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
     goal = np.array(READY) + [0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]
     for away, free in ((0.55, False), (0.9, True)):
         wall = scene_of(Obstacle("wall", Box((0.02, 2.0, 2.0)), Pose((away, 0.0, 0.5))))
-        settings = ControlSettings(look_ahead=False, horizon=0.3)
+        settings = ControlSettings(look_ahead=False, horizon=0.3, rise=0.0)
         controller = Controller.of(wall, settings, robot)
         step = controller.step(np.array(READY), standing(goal, gain=50.0))
         outer = step.pairs < controller.barriers.obstacle_pairs
@@ -132,6 +134,40 @@ def test_a_horizon_nearer_than_the_margin_is_refused(robot: Robot) -> None:
         Controller.of(scene, ControlSettings(horizon=0.02), robot)
     with pytest.raises(InputError, match=r"horizon"):
         ControlSettings(horizon=0.0)
+
+
+def test_a_world_seen_anew_is_as_if_it_had_been_there(robot: Robot) -> None:
+    """Obstacles, clouds and what is held are exchanged while the arm moves on from its last command."""
+    rng = np.random.default_rng(4)
+    first = Controller.of(scene_of(*clutter(rng)), robot=robot)
+    goal, q = robot.draw(rng, 1)[0], np.array(READY)
+    step = first.step(q, standing(goal))
+    for _ in range(3):
+        seen = clutter(rng)
+        step, known = (
+            each.step(q + 0.005 * step.velocity, standing(goal), 0.1, step.command)
+            for each in (first.update(seen), Controller.of(scene_of(*seen), robot=robot))
+        )
+        np.testing.assert_array_equal(step.velocity, known.velocity)
+        assert (step.mode, step.slack, step.proven) == (known.mode, known.slack, known.proven)
+    held = Attached("bar", "panda_hand", Box((0.3, 0.05, 0.05)), Pose((0.0, 0.0, 0.13)))
+    assert any(a == "bar" for a, _ in first.update(attached=[held]).barriers.names)
+    assert first.update(()).barriers.obstacle_pairs == 0
+    with pytest.raises(InputError, match="not made of a scene"):
+        Controller(robot, first.barriers, first.settings).update(())
+
+
+def test_beside_a_moving_obstacle_a_clearance_is_proven(robot: Robot) -> None:
+    """While all pairs keep their margins: less than the true clearance to where the ball then is."""
+    motion = SteadyMotion((-0.2, 0.0, 0.0), (0.0, 1.0, 0.0))
+    ball = Obstacle("ball", Sphere(0.08), Pose((0.9, 0.3, 0.5)), motion=motion)
+    scene = scene_of(ball)
+    controller, certifier = Controller.of(scene, robot=robot), Certifier(Setup.of(scene, robot))
+    run = simulate(controller, np.array(READY), standing(np.array(READY) + 0.2), 0.5, until_met=False)
+    assert run.proven is not None
+    assert run.proven > 0.0
+    true = [certifier.nearest(q, np.inf, time=t)[0] for t, q in zip(run.times[::10], run.positions[::10], strict=True)]
+    assert min(place.distance for place in true if place is not None) >= run.proven
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,55 @@
+"""The rows of the controller's program: what every pair of bodies asks of the velocity u of the next period.
+
+Where the robot would come to rest if it braked now, q_s at t_s, a pair with distance Δ and margin δ asks, by its
+derivatives there,
+
+    g · (u − u_b) + ∂Δ/∂t ≥ −η (Δ − δ),        g_j = w_j ∂Δ/∂q_j,   w_j = ∂q_s,j/∂u_j / T,
+
+with u_b the velocity that begins to brake: the barrier is one of the places where the robot can come to rest
+(backup barriers: Gurriet et al., "An online approach to active set invariance", CDC 2018). u_b keeps it for ever, if
+the obstacle stands still. A robot whose accelerations have no limit stops at once: then q_s = q, u_b = 0, w = 1.
+Moving obstacles ask the same at q and t, too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.planner.control.barriers import BarrierRows
+from hdplan.planner.control.quadratic_program import Wishes
+from hdplan.scenes.array_types import Array, Mask, Rows
+
+NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
+COMING, RECOVERING = 1e3, 30.0  # prices of violations, for moving obstacles and for recovery to a margin [s/m or s]
+SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
+
+
+class Asked(NamedTuple):
+    """What pairs ask, m of them."""
+
+    pairs: Rows  # (m,)
+    rows: BarrierRows  # their distances and derivatives
+    slack: Array  # (m,) Δ − δ [m]
+    rates: Array  # (m,) η of each [1/s]
+
+
+def pair_wishes(asked: Asked, gains: Array, base: Array, coming: Mask) -> Wishes:
+    """Return rows for the velocity, by `gains` w (n,) and `base` u_b (n,); coming (m,): pairs with what moves, which
+    may be violated, at a price that grows as they come closer. The others at least get no worse than by braking."""
+    matrix = asked.rows.gradient * gains
+    begun = matrix @ base
+    wish = begun - asked.rates * asked.slack - asked.rows.drift
+    hold = np.where(coming, -np.inf, np.minimum(wish, begun))
+    urgency = SOON / np.maximum(asked.rows.separation, SOON)
+    return Wishes(matrix, wish, hold, np.where(coming, COMING * urgency, RECOVERING))
+
+
+def joint_wishes(beyond: Array, above: Mask, fastest: Array, base: Array) -> Wishes:
+    """Return rows that bring joints back that are `beyond` (n,) > 0 [rad/s or m/s] wishes outside their limits, on the
+    side `above` (n,)."""
+    joints = np.flatnonzero(beyond > 0.0)
+    matrix = np.eye(len(beyond))[joints] * np.where(above, -1.0, 1.0)[joints, None]
+    wish = np.minimum(beyond, fastest)[joints]
+    return Wishes(matrix, wish, np.minimum(wish, matrix @ base), np.full(len(joints), RECOVERING))

@@ -1,0 +1,134 @@
+"""What a controller sees in one period: the distances of the pairs that are near, where the robot is and where it would
+come to rest, with the margin and the rate of each pair.
+
+Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
+spot, and the exact distances of the links' hulls are seen, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
+from hdplan.planner.control.barriers import BarrierRows, Barriers
+from hdplan.planner.control.program_rows import NEAR, Asked
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.control.window import Window
+from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.errors import InputError
+
+CLOSELY = 5e-3  # [m] of travel between exact distances on the way to rest
+FREE = 1e-9  # share of a rate that leaves no row a bound: in place of 0, so that numbers stay finite
+
+
+class Seen(NamedTuple):
+    """The distances of one period."""
+
+    pairs: Rows  # within the horizon at q, or where the robot comes to rest
+    here: BarrierRows  # of these at q, as they are
+    asked: tuple[Asked, ...]  # what the program asks: at rest, near ones exactly, and of what moves also at q
+    floors: Array  # (P,) [m] of Δ, on the way to rest of any command
+    inside: Rows  # pairs inside their margins
+    near: Array  # their floors of the exact distance [m]; empty if it is not known
+
+
+class Sight:
+    """The pairs of a controller with their margins."""
+
+    def __init__(self, barriers: Barriers, settings: ControlSettings) -> None:
+        """Raises InputError for a horizon that is nearer than the margin."""
+        self.barriers, self.settings = barriers, settings
+        self.horizon = np.inf if settings.as_published else settings.horizon
+        self._yielding = min(settings.rate, settings.yielding)
+        b, each = settings.barriers, (settings.margin, settings.self_margin)
+        outer = np.arange(len(barriers.names)) < barriers.obstacle_pairs
+        self.margins = np.where(outer, *each)  # δ [m]
+        bent = [margin - straightened(margin, b.gamma, b.shaping_length)[0] for margin in each]
+        self._bent = np.where(outer, *bent)  # δ − u(δ) [m]
+        sure = [sufficient_separation(margin, b.gamma, b.shaping_length, barriers.corners) for margin in each]
+        self.needed = sure[0], sure[1]  # D̃ [m] above which Δ ≥ δ is certain, for obstacles and for links
+        if barriers.standing.any() and not self.horizon > sure[0]:
+            raise InputError(
+                f"control.horizon: {settings.horizon:g} m is too near for a margin of {settings.margin:g} m, more than "
+                f"{sure[0]:.3g} m is needed"
+            )
+
+    def look(self, window: Window, time: float) -> Seen:
+        """Return what is seen at the beginning of a period [s]."""
+        barriers, rate = self.barriers, self.settings.rate
+        path = window.stopping[[0, -1]] if len(window.stopping) > 1 else window.stopping
+        times = time + self.settings.period * np.linspace(0.0, len(window.stopping) - 1, len(path))
+        pairs = barriers.within(path, times, self.horizon)
+        sample, last = np.repeat(np.arange(len(path)), len(pairs)), len(path) - 1
+        found = barriers.along(path, times, sample, np.tile(pairs, len(path)))
+        here, rest = (_part(found, sample == row) for row in (0, last))
+        inside = np.empty(0, dtype=np.int64)
+        if self.settings.look_ahead:
+            inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
+        straight = [self.straight(rows, pairs, inside) for row, rows in ((0, here), (last, rest))]
+        near = barriers.nearness(path, times, np.full(len(inside), last), inside)
+        floors = self.margins.copy()
+        floors[inside], lowest = self._lowest(window, time, inside)
+        known = inside[: len(near.value)]
+        asked = [
+            Asked(pairs, straight[1], straight[1].value - self.margins[pairs], self._rates(rest, pairs)),
+            Asked(known, near, np.maximum(near.value - NEAR, 0.0), np.full(len(known), rate)),
+        ]
+        coming = np.flatnonzero(barriers.coming[pairs])
+        if last and len(coming):
+            rows, of = _part(straight[0], coming), pairs[coming]
+            asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
+        return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR))
+
+    def _lowest(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
+        """Return the least Δ of pairs that are inside their margins, at most δ, and their least exact distance [m], on
+        the way to rest if the robot brakes."""
+        path, barriers = window.stopping, self.barriers
+        times = time + self.settings.period * np.arange(len(path), dtype=np.float64)
+        sample, pair = (each.ravel() for each in np.meshgrid(np.arange(len(path)), inside, indexing="ij"))
+        found = self.straight(barriers.along(path, times, sample, pair), pair, inside).value
+        close = np.flatnonzero(self.closely(path))
+        sample, pair = (each.ravel() for each in np.meshgrid(close, inside, indexing="ij"))
+        near = barriers.nearness(path, times, sample, pair).value
+        least = np.minimum(found.reshape(len(path), -1).min(axis=0), self.margins[inside])
+        return least, near.reshape(len(close), -1).min(axis=0)
+
+    def closely(self, path: Array) -> Mask:
+        """Return at which samples of a path (k, n) exact distances are computed: the first, the last, and whenever the
+        robot has moved on by CLOSELY."""
+        travel = np.abs(np.diff(path, axis=0)) @ self.barriers.levers
+        marks = np.floor(np.concatenate([[0.0], travel.cumsum()]) / CLOSELY)
+        chosen = np.diff(marks, prepend=-1.0) > 0.0
+        chosen[-1] = True
+        return np.asarray(chosen)
+
+    def straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
+        """Return the rows of `pairs` with Δ of those inside their margins as u(Δ) − u(δ) + δ, where u is the separation
+        before shaping: it grows with Δ and is δ where Δ is, but also has a slope on the flat spot."""
+        b = self.settings.barriers
+        if not b.distance.startswith("hdsdf") or not len(inside):
+            return rows
+        found = np.flatnonzero(np.isin(pairs, inside))
+        if not len(found):
+            return rows
+        separation, slope = straightened(rows.value[found], b.gamma, b.shaping_length)
+        steep = np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
+        value, gradient, drift = rows.value.copy(), rows.gradient.copy(), rows.drift.copy()
+        value[found] = separation + self._bent[pairs[found]]
+        gradient[found] *= steep[:, None]
+        drift[found] *= steep
+        return replace(rows, value=value, gradient=gradient, drift=drift)
+
+    def _rates(self, rows: BarrierRows, pairs: Rows) -> Array:
+        """Return the rate of each row [1/s]: η, and for what stands still as in the controller's equation."""
+        share = np.minimum(np.maximum(rows.separation, 0.0) / self.horizon, 1.0)
+        rate = np.where(self.barriers.coming[pairs], self._yielding, self.settings.rate)
+        return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
+
+
+def _part(rows: BarrierRows, chosen: Array | Rows) -> BarrierRows:
+    """Return some of the rows."""
+    return BarrierRows(rows.value[chosen], rows.gradient[chosen], rows.drift[chosen], rows.separation[chosen])

@@ -1,0 +1,143 @@
+"""Laws of braking: limits of velocity, acceleration and jerk are kept for ever, whatever is commanded; rest is reached;
+who brakes for one period brakes on as before; and an arm driven at walls and joint limits keeps them all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.control.braking import Command, Rates
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.rollout import simulate
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.control.tasks import standing
+from hdplan.planner.control.window import Window
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
+
+Array = NDArray[np.float64]
+
+READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+
+
+def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
+    """Limits over many orders of magnitude, slow and fast controllers."""
+    limits = {
+        "velocity": rng.uniform(0.1, 3.0, n),
+        "acceleration": 10.0 ** rng.uniform(-1.0, 3.0, n),
+        "jerk": 10.0 ** rng.uniform(0.0, 6.0, n),
+    }
+    named = {name: value for name, value in limits.items() if name == "velocity" or rng.random() < 0.7}
+    return Rates.of(named, float(rng.choice([0.001, 0.005, 0.02])), float(rng.choice([0.0, 0.2])))
+
+
+def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is_reached() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        rates, last = random_rates(rng), Command.rest(7)
+        for _ in range(30):
+            low, high = rates.window(last)
+            brake = rates.braked(last.velocity, last.acceleration)
+            assert (brake[-1] == 0.0).all()
+            assert ((brake[0] >= low - 1e-9) & (brake[0] <= high + 1e-9)).all()
+            pushed = np.diff(brake, axis=0, prepend=last.velocity[None]) / rates.period
+            jerks = np.diff(pushed, axis=0, prepend=last.acceleration[None]) / rates.period
+            assert (np.abs(brake) <= rates.velocity + 1e-9).all()
+            assert (np.abs(pushed) <= rates.acceleration * (1 + 1e-9) + 1e-9).all()
+            assert (np.abs(jerks) <= rates.jerk * (1 + 1e-6) + 1e-5).all()
+            on = rates.braked(brake[0], pushed[0])  # Bellman: braking goes on as it began
+            shared = min(len(on), len(brake) - 1)
+            np.testing.assert_allclose(on[:shared], brake[1 : shared + 1], atol=1e-12)
+            velocity = np.where(rng.random(7) < 0.5, low, np.where(rng.random(7) < 0.5, high, rng.uniform(low, high)))
+            last = Command(velocity, (velocity - last.velocity) / rates.period)
+            assert (np.abs(last.velocity) <= rates.velocity + 1e-9).all()
+
+
+def test_joints_driven_at_their_limits_stop_before_them() -> None:
+    """At every period the farthest command that the window allows, at random to either side."""
+    rng = np.random.default_rng(1)
+    near = 0
+    for _ in range(25):
+        rates = random_rates(rng)
+        upper = rng.uniform(0.0, 0.5, 7)
+        q, last, rate = np.zeros(7), Command.rest(7), float(rng.uniform(0.02, 0.5)) / rates.period
+        side = rng.random(7) < 0.5
+        for _ in range(150):
+            window = Window(q, last, rates, -upper, upper, rate)
+            low, high = window.box
+            assert ((low <= window.brake[0]) & (window.brake[0] <= high)).all()
+            side = side ^ (rng.random(7) < 0.02)
+            velocity = np.where(side, low, high)
+            q, last = q + rates.period * velocity, Command(velocity, (velocity - last.velocity) / rates.period)
+            assert (np.abs(q) <= upper + 1e-9).all()
+        near += int((np.abs(q) > 0.98 * upper).sum())
+    assert near > 10
+
+
+def test_without_limits_of_acceleration_the_box_is_the_papers() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        rates = Rates.of({"velocity": rng.uniform(0.5, 3.0, 5)}, 0.01, 0.0)
+        q, last = rng.uniform(-1.0, 1.0, 5), Command(*rng.uniform(-0.5, 0.5, (2, 5)))
+        window = Window(q, last, rates, -np.ones(5), np.ones(5), 5.0)
+        np.testing.assert_array_equal(window.stopping, q[None])
+        np.testing.assert_allclose(window.box[0], np.maximum(5.0 * (-1.0 - q), -rates.velocity), atol=1e-12)
+        np.testing.assert_allclose(window.box[1], np.minimum(5.0 * (1.0 - q), rates.velocity), atol=1e-12)
+        np.testing.assert_allclose(window.gains, 1.0)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_scene_robot(walls())
+
+
+def walls(*obstacles: Obstacle) -> Scene:
+    limits = Limits(acceleration=5.0, jerk=200.0)
+    ends = [JointTarget(name, READY) for name in ("start", "goal")]
+    return Scene("walls", Path("walls.yaml"), RobotSpec("panda"), obstacles, *ends, limits=limits)
+
+
+def test_an_arm_at_full_speed_brakes_before_walls_within_its_limits(robot: Robot) -> None:
+    """Walls on both sides and targets behind them: nothing falls below its margin, the executed motion is certified
+    with its limits of acceleration and jerk, and the arm comes near."""
+    scene = walls(
+        Obstacle("left", Box((0.6, 0.02, 1.0)), Pose((0.4, 0.35, 0.5))),
+        Obstacle("front", Box((0.02, 1.0, 1.0)), Pose((0.75, 0.0, 0.5))),
+    )
+    controller = Controller.of(scene, ControlSettings(rate=20.0), robot)
+    for turn in ((1.5, 0.0), (0.0, 1.2)):
+        goal = np.array(READY) + [turn[0], turn[1], 0.0, turn[1], 0.0, 0.0, 0.0]
+        run = simulate(controller, np.array(READY), standing(goal, gain=20.0), 1.2, until_met=False)
+        assert run.slacks.min() >= -1e-9
+        assert run.slacks.min() < 0.02
+        assert np.abs(run.velocities).max() > 1.0
+        executed = run.executed(robot.joint_names, robot.locked)
+        verdict = Certifier(Setup.of(scene, robot)).certify(executed, check_ends=False)
+        assert verdict.certified, verdict.text
+        assert {use.quantity: use.share > 0.9 for use in verdict.uses}["acceleration"]
+        assert run.proven is not None
+
+
+def test_a_robot_that_moves_already_is_braked_from_there(robot: Robot) -> None:
+    """A measured velocity is an argument: toward a wall the first command is one that still can stop."""
+    wall = Obstacle("front", Box((0.02, 1.0, 1.0)), Pose((0.80, 0.0, 0.5)))
+    controller = Controller.of(walls(wall), ControlSettings(rate=20.0), robot)
+    q, last = np.array(READY), Command(np.array([0.0, 0.6, 0.0, 0.6, 0.0, 0.0, 0.0]), np.zeros(7))
+    goal, most = q + [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0], controller.rates.acceleration
+    for _ in range(150):
+        step = controller.step(q, standing(goal, gain=20.0), 0.0, last)
+        assert (np.abs(step.velocity - last.velocity) <= 0.005 * most + 1e-9).all()
+        assert step.slack >= -1e-9
+        q, last = q + 0.005 * step.velocity, step.command
