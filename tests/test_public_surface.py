@@ -62,6 +62,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Relative",
             "Robot",
             "RobotSpec",
+            "Samples",
             "Scene",
         ),
         *(

@@ -7,6 +7,7 @@ Its files, hdplan's or another planner's, are those of `trajectory_files`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, Curve
+from hdplan.planner.motion.samples import Samples
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
@@ -25,6 +27,7 @@ from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
 
 SAME = 1e-9  # by which a path parameter may lie beyond its range, for rounding errors
 TIMES = "times"
+MOST_SAMPLES = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +138,36 @@ class Trajectory:
         if not (np.abs(parameters - within) <= SAME).all():
             raise InputError("parameter: path parameters lie in [0, 1], from the first waypoint to the last")
         return self.curve.at_parameter(within)
+
+    def at_time(self, time: ArrayLike) -> Samples:
+        """Return positions, velocities and accelerations at a time [s], or at an array of times (…), counted as `times`
+        are. They are those of the executed curve up to rounding, and at a row the row's own to the bit.
+
+        Raises InputError for a path without times, and for times before its first row or after its last.
+        """
+        if self.times is None:
+            raise InputError("trajectory: a path without times has no place at a time; `at` takes path parameters")
+        times = _numbers(time, "time")
+        first, last = float(self.times[0]), float(self.times[-1])
+        within = np.asarray(np.clip(times, first, last))
+        if not (np.abs(times - within) <= SAME).all():
+            raise InputError(f"time: must be {first:g} to {last:g} [s], from the first waypoint to the last")
+        interval, fraction = self.curve.place_of(within)
+        found = (self.curve.over_time(order).at(interval.ravel(), fraction.ravel()) for order in range(3))
+        shape = (*within.shape, len(self.joint_names))
+        position, velocity, acceleration = (values.reshape(shape) for values in found)
+        return Samples(self.joint_names, within, position, velocity, acceleration, self.locked)
+
+    def sampled(self, rate: float) -> Samples:
+        """Return the motion at every 1/rate [s] from its beginning on, and at its end: what a controller that asks for
+        `rate` samples a second is to be sent. Raises InputError as `at_time`, and for more than 10 million samples."""
+        rate = checked(Number(above=0.0, unit="1/s"), rate, "rate")
+        if self.times is None or self.duration is None:
+            return self.at_time(0.0)  # refused
+        if not self.duration * rate <= MOST_SAMPLES:
+            raise InputError(f"rate: {self.duration * rate:.4g} samples, at most {MOST_SAMPLES:g} are made at once")
+        steps = np.arange(math.ceil(self.duration * rate * (1.0 - SAME)))
+        return self.at_time(np.append(self.times[0] + steps / rate, self.times[-1]))
 
     def save(
         self,

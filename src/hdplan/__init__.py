@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hdplan.planner.build import build
     from hdplan.planner.certificate.certifier import certify, check_configuration
     from hdplan.planner.certificate.verdict import Certificate
+    from hdplan.planner.motion.samples import Samples
     from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.plan import plan
     from hdplan.planner.problem.own_term import OwnTerm
@@ -106,6 +107,7 @@ _HOMES = {  # of names, below hdplan
     "Relative": "scenes.path_constraints",
     "Robot": "planner.robot.robot",
     "RobotSpec": "scenes.robot_spec",
+    "Samples": "planner.motion.samples",
     "Scene": "scenes.scene",
     "SelfCollision": "scenes.obstacles",
     "Solution": "planner.solvers.solution",
@@ -166,6 +168,7 @@ __all__ = [
     "Relative",
     "Robot",
     "RobotSpec",
+    "Samples",
     "Scene",
     "SelfCollision",
     "Solution",
