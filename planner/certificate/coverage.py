@@ -37,7 +37,7 @@ ANY = "*"  # fields of a class each of which is asked by its own name
 FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the certificate knows, alone or by a check
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
-        "timing notes"
+        "timing job notes"  # a job is asked by its name, and no check of a single motion covers it
     ),
     RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
     PlanarBase: "x y yaw kind",
@@ -106,6 +106,8 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
         yield where
         yield from (f"{where}.{name}" for name in ("clearance", "motion") if getattr(obstacle, name) is not None)
     yield from (f"attached.{held.name}" for held in scene.attached)
+    if scene.job is not None:
+        yield "job"
     if scene.self_collision.checked:
         yield "self_collision"
         yield from (_of_pair(*pair) for pair in scene.robot.check_pairs)

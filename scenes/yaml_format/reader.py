@@ -33,6 +33,7 @@ from hdplan.scenes.yaml_format.effects import (
     read_self_collision,
     read_timing,
 )
+from hdplan.scenes.yaml_format.job import read_job
 from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.settings import read_settings
 from hdplan.scenes.yaml_format.shapes import read_shape
@@ -54,6 +55,7 @@ SECTIONS = (
     "path",
     "timing",
     "planner",
+    "job",
 )
 SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
@@ -171,7 +173,9 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     version = keys["hdplan"]
     if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
         raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
-    top.mapping(SECTIONS, required=["start", "goal"])
+    top.mapping(SECTIONS, required=["start"] if "job" in keys else ["start", "goal"])
+    if "job" in keys and "goal" in keys:
+        raise keys["goal"].error("the stages of the job say where it leads: leave it out")
     written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
     spec = robot or written
     if spec is None:
@@ -184,7 +188,7 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
         attached=_attached(keys["attached"]) if "attached" in keys else (),
         start=read_target(keys["start"]),
-        goal=read_goal(keys["goal"]),
+        goal=read_goal(keys["goal"]) if "goal" in keys else None,
         from_request=keys["from_request"].boolean() if "from_request" in keys else False,
         planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
         self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
@@ -192,6 +196,7 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         payload=read_payload(keys["payload"]) if "payload" in keys else None,
         path=read_path(keys["path"]) if "path" in keys else PathConstraints(),
         timing=read_timing(keys["timing"]) if "timing" in keys else None,
+        job=read_job(keys["job"]) if "job" in keys else None,
         notes=tuple(top.document.notes),
     )
     top.make(scene.check_effects)

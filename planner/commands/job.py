@@ -1,0 +1,79 @@
+"""`hdplan plan` and `hdplan check` with a scene that holds a job."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.text import Text
+
+from hdplan.planner.job.certify import JobCertificate, as_json, certify_job
+from hdplan.planner.job.planning import plan_job
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.terminal.console import printing, progress, waiting
+from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.scene import Scene
+
+
+def refuse_options(given: Mapping[str, object]) -> None:
+    """Raise InputError for options that were given and that a job does not take."""
+    for option, value in given.items():
+        if value:
+            raise InputError(f"{option}: is about a single motion, and this scene holds a job: leave it out")
+
+
+def run_plan_job(
+    scene: Scene, *, output: Path | None, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
+) -> int:
+    """Plan a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
+        result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
+    if output is not None:
+        result.save(output)
+    if quiet:
+        return 0 if result.certified else 1
+    with printing() as show:
+        if printed_as_json:
+            show(json.dumps(result.summary()))
+        else:
+            show(Text(result.text, style="green" if result.certified else "red"))
+            rows = [("scene", scene.name), ("motion", result.trajectory.extent), ("time [s]", f"{result.seconds:.2f}")]
+            rows += [("note", note) for note in result.notes]
+            show(columns(stage_rows(result.certificate)))
+            show(table([*rows, *([("written", str(output))] if output is not None else [])]))
+    return 0 if result.certified else 1
+
+
+def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> int:
+    """Certify the motion of a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    motion = Trajectory.load(trajectory)
+    with waiting("certifying", shown=not printed_as_json), naming(trajectory):
+        certificate = certify_job(scene, motion)
+    with printing() as show:
+        if printed_as_json:
+            status = "certified" if certificate.certified else "not_certified"
+            stages = [dict(as_json(stage)) for stage in certificate.stages]
+            about = {"status": status, "text": certificate.text, "scene": scene.name, "trajectory": str(trajectory)}
+            show(json.dumps({**about, "stages": stages, "missing": list(certificate.missing)}))
+        else:
+            show(Text(certificate.text, style="green" if certificate.certified else "red"))
+            show(columns(stage_rows(certificate)))
+    return 0 if certificate.certified else 1
+
+
+def stage_rows(certificate: JobCertificate) -> Sequence[Mapping[str, object]]:
+    """Return a row for each stage: when it is, what is held and may touch, and what is proven."""
+    return [
+        {
+            "stage": stage.name,
+            "kind": stage.kind,
+            "begins": f"{stage.begins:.3f}",
+            "ends": f"{stage.ends:.3f}",
+            "held": ", ".join(stage.held) or "-",
+            "may_touch": ", ".join("-".join(pair) for pair in stage.touch) or "-",
+            "proven": stage.certificate.text,
+        }
+        for stage in certificate.stages
+    ]
