@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.text import Text
 
-from hdplan.planner.job.certify import JobCertificate, as_json, certify_job
+from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.terminal.console import printing, progress, waiting
@@ -64,7 +64,8 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
 
 
 def stage_rows(certificate: JobCertificate) -> Sequence[Mapping[str, object]]:
-    """Return a row for each stage: when it is, what is held and may touch, and what is proven."""
+    """Return a row for each stage: when it is, what is held and may touch, and the verdict, in full where it is not
+    certified."""
     return [
         {
             "stage": stage.name,
@@ -73,7 +74,14 @@ def stage_rows(certificate: JobCertificate) -> Sequence[Mapping[str, object]]:
             "ends": f"{stage.ends:.3f}",
             "held": ", ".join(stage.held) or "-",
             "may_touch": ", ".join("-".join(pair) for pair in stage.touch) or "-",
-            "proven": stage.certificate.text,
+            "verdict": _verdict(stage),
         }
         for stage in certificate.stages
     ]
+
+
+def _verdict(stage: StageCertificate) -> str:
+    certificate = stage.certificate
+    if not certificate.certified or certificate.clearance is None:
+        return certificate.text.partition(": ")[0] if certificate.certified else certificate.text
+    return f"certified, {certificate.clearance * 1e3:.3g} mm"

@@ -16,7 +16,8 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.world import World
+from hdplan.planner.job.world import REACH, World
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
@@ -24,6 +25,8 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.job import Touch
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
+
+DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class StageCertificate:
     scene: Scene  # of its motion: one like any other
     trajectory: Trajectory  # its part of the motion, at its own times
     certificate: Certificate
+    notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
 
 
 @dataclass(frozen=True)
@@ -154,8 +158,27 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         scene,
         part,
         certificate,
+        _on_touch(world, number, curve),
     )
     return found, world.after(number, curve.rows[-1])
+
+
+def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
+    """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
+    those that overlap there, which no proof looks at."""
+    assert world.scene.job is not None
+    stage, name = world.scene.job.stages[number], world.scene.job.names[number]
+    if not stage.touch:
+        return ()
+    begins, ends = (world.touched(number, q) for q in (curve.rows[0], curve.rows[-1]))
+    notes = []
+    for (one, other), distance in begins.items():
+        least = min(distance, ends[one, other])
+        if least > REACH:
+            notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
+        elif least < -DEEP:
+            notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")
+    return tuple(notes)
 
 
 def as_json(stage: StageCertificate) -> Mapping[str, object]:
@@ -170,5 +193,5 @@ def as_json(stage: StageCertificate) -> Mapping[str, object]:
         "status": stage.certificate.status.value,
         "text": stage.certificate.text,
         "clearance_m": stage.certificate.clearance,
-        "notes": list(stage.certificate.notes),
+        "notes": [*stage.certificate.notes, *stage.notes],
     }

@@ -78,8 +78,9 @@ def plan_job(
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
     began = time.perf_counter()
+    first = World.at_first(scene)
     search = _Search(scene, seed, began + time_limit, report, stop)
-    pieces = search.run(World.at_first(scene))
+    pieces = search.run(first)
     assert scene.job is not None
     names = scene.job.names
     refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
@@ -89,7 +90,11 @@ def plan_job(
     trajectory = joined(pieces, names)
     certificate = certify_job(scene, trajectory)
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
-    notes = tuple(dict.fromkeys((*scene.notes, *(note for piece in pieces for note in piece.notes), *refused)))
+    said = (
+        *(note for piece in pieces for note in piece.notes),
+        *(note for each in certificate.stages for note in each.notes),
+    )
+    notes = tuple(dict.fromkeys((*scene.notes, *said, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 
 

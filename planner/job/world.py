@@ -26,7 +26,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.job import TOOL, WORLD, Grip, Line, Move, Release, Stage, Wait, stage_name
+from hdplan.scenes.job import TOOL, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stage_name
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle
@@ -77,6 +77,19 @@ class World:
     def things(self) -> dict[str, Obstacle | Attached]:
         """Obstacles and held objects by name."""
         return {each.name: each for each in (*self.obstacles, *self.held)}
+
+    def touched(self, number: int, q: Array) -> dict[tuple[str, str], float]:
+        """Return the distance [m] of each pair that may touch in a stage, and that could be compared, at joint values q
+        of its scene's robot: negative where they overlap, infinite beyond REACH."""
+        assert self.scene.job is not None
+        stages = list(self.scene.job.stages)
+        stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
+        world = replace(self, scene=derived(self.scene, goal=None, job=Job(stages)))
+        certifier = Certifier(Setup.of(world.stage_scene(number)))
+        near = {frozenset((place.link, place.other)): place.distance for place, _ in certifier.too_close(q, REACH)}
+        near |= {frozenset((each.link, each.other)): -each.depth for each in certifier.contacts(q)}
+        standing = {each.name for each in self.obstacles}
+        return {pair: near.get(frozenset(pair), np.inf) for pair in stage.touch if not standing.issuperset(pair)}
 
     def stage_scene(self, number: int) -> Scene:
         """Return the scene of the motion of a stage. Raises InputError, naming the stage, for names that there are not,
@@ -275,7 +288,7 @@ class World:
         if link not in _links(robot):
             raise InputError(f"grip.link: unknown link '{link}'{nearest(link, _links(robot))}")
         touching = [other for pair in stage.touch if name in pair for other in pair if other in _links(robot)]
-        self._check_reach(name, [link, *touching])
+        self._check_reach(name, touching or [link])
         assert isinstance(obstacle.shape, Solid)
         pose = _pose(np.linalg.inv(link_pose(robot, self._q, link)) @ obstacle.pose.matrix)
         held = Attached(name, link, obstacle.shape, pose, tuple(dict.fromkeys(touching)), stage.mass)
@@ -284,7 +297,7 @@ class World:
         )
 
     def _check_reach(self, name: str, holding: list[str]) -> None:
-        """Refuse to take hold of an object that nothing of the hand is close to."""
+        """Refuse to take hold of an object that one of the links which are to hold it is not close to."""
         bare = replace(self.scene.robot, locked={**self.scene.robot.locked, **dict(self.hand)})
         scene = derived(
             self.scene,
@@ -298,11 +311,11 @@ class World:
             timing=None,
             obstacles=tuple(replace(each, clearance=None) for each in self.obstacles if each.name == name),
         )
-        near = Certifier(Setup.of(scene)).too_close(self._q, REACH)
-        if not any(place.link in holding and place.other == name for place, _ in near):
+        near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(self._q, REACH)}
+        if far := [link for link in holding if link not in near]:
             raise InputError(
-                f"grip.object: '{name}' is out of reach: none of {', '.join(dict.fromkeys(holding))} is within "
-                f"{REACH * 1e3:g} mm of it when the fingers have closed"
+                f"grip.object: '{name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it when "
+                "the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
             )
 
     def _let_go(self, name: str) -> World:
