@@ -131,7 +131,9 @@ def stage_motion(trajectory: Trajectory, number: int) -> Trajectory:
         None if each is None else each[kept]
         for each in (trajectory.times, trajectory.velocities, trajectory.accelerations)
     )
-    return Trajectory(trajectory.joint_names, trajectory.positions[kept], trajectory.locked, *parts)
+    times, velocities, accelerations = parts
+    positions = trajectory.positions[kept]
+    return Trajectory(trajectory.joint_names, positions, trajectory.locked, times, velocities, accelerations)
 
 
 def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageCertificate, World]:

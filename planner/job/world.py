@@ -9,7 +9,6 @@ are held. An obstacle that something may touch is `attached` to a link that stan
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, assert_never
@@ -76,7 +75,8 @@ class World:
     @property
     def things(self) -> dict[str, Obstacle | Attached]:
         """Obstacles and held objects by name."""
-        return {each.name: each for each in (*self.obstacles, *self.held)}
+        found: tuple[Obstacle | Attached, ...] = (*self.obstacles, *self.held)
+        return {each.name: each for each in found}
 
     def touched(self, number: int, q: Array) -> dict[tuple[str, str], float]:
         """Return the distance [m] of each pair that may touch in a stage, and that could be compared, at joint values q
@@ -258,8 +258,7 @@ class World:
             if obstacle.clearance is not None:
                 raise InputError(f"touch: '{name}' has a clearance of its own, which nothing may fall below")
             pose = _pose(np.linalg.inv(fixed) @ obstacle.pose.matrix)
-            assert isinstance(obstacle.shape, Solid)
-            attached.append(Attached(name, root, obstacle.shape, pose, may[name]))
+            attached.append(Attached(name, root, _shape_of(obstacle), pose, may[name]))
         return tuple(each for each in self.obstacles if each.name not in may), tuple(attached)
 
     # --- objects ------------------------------------------------------------------------------------------------------
@@ -271,8 +270,7 @@ class World:
             raise InputError(f"'{name}' is held already")
         if name not in standing:
             raise InputError(f"there is no object '{name}'{nearest(name, standing)}")
-        if not isinstance(standing[name].shape, Solid):
-            raise InputError(f"'{name}' is what a camera saw, not an object: only shapes and meshes can be touched")
+        _shape_of(standing[name])
         return standing[name]
 
     def _held(self, name: str) -> Attached:
@@ -289,9 +287,8 @@ class World:
             raise InputError(f"grip.link: unknown link '{link}'{nearest(link, _links(robot))}")
         touching = [other for pair in stage.touch if name in pair for other in pair if other in _links(robot)]
         self._check_reach(name, touching or [link])
-        assert isinstance(obstacle.shape, Solid)
         pose = _pose(np.linalg.inv(link_pose(robot, self._q, link)) @ obstacle.pose.matrix)
-        held = Attached(name, link, obstacle.shape, pose, tuple(dict.fromkeys(touching)), stage.mass)
+        held = Attached(name, link, _shape_of(obstacle), pose, tuple(dict.fromkeys(touching)), stage.mass)
         return replace(
             self, obstacles=tuple(each for each in self.obstacles if each is not obstacle), held=(*self.held, held)
         )
@@ -383,11 +380,20 @@ def _leaders(spec: RobotSpec) -> dict[str, str]:
     return {joint: rules[joint].leader if joint in rules else tree.mimics[joint][0] for joint in tree.mimics}
 
 
+def _shape_of(obstacle: Obstacle) -> Solid:
+    """Return the shape of an obstacle that can be touched, or taken hold of. Raises InputError for all others."""
+    if not isinstance(obstacle.shape, Solid):
+        what = f"'{obstacle.name}' is what a camera or a map saw, not an object"
+        raise InputError(f"{what}: only shapes and meshes can be touched, or held")
+    return obstacle.shape
+
+
 def _of_fingers(limits: Limits) -> Limits:
     """Return what limits of the arm say of fingers: values that are for all joints. Raises InputError where there are
     none of acceleration."""
-    given: Mapping[str, Any] = {name: getattr(limits, name) for name in QUANTITIES if name != "torque"}
-    found = Limits(**{name: value for name, value in given.items() if isinstance(value, float | str)})
+    given = {name: getattr(limits, name) for name in QUANTITIES if name != "torque"}
+    kept: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, float | str)}
+    found = Limits(**kept)
     if found.acceleration is None:
         raise InputError("limits: the scene's acceleration is by joints of the arm: give the fingers' in this stage")
     return found

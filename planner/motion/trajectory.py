@@ -124,7 +124,8 @@ class Trajectory:
                 raise InputError(f"joint_names: unknown joint '{name}'{nearest(name, self.joint_names)}")
         chosen = [self.joint_names.index(name) for name in names]
         rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
-        return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates, stages=self.stages)
+        velocities, accelerations = rates
+        return Trajectory(names, self.positions[:, chosen], locked, self.times, velocities, accelerations, self.stages)
 
     @property
     def duration(self) -> float | None:

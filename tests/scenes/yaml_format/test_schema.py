@@ -28,7 +28,8 @@ ABOUT_MEANING = re.compile(
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
     r"|which has a length above 0|a whole number .* found -?[0-9]+\.0|keys must be names"
-    r"|the first smaller|two different bodies|must be another link than|unknown obstacle|names no link|has a pose already"
+    r"|the first smaller|two different bodies|must be another link than|unknown obstacle|names no link"
+    r"|has a pose already"
 )
 
 FULL = """
