@@ -46,11 +46,8 @@ def _as_it_is(value: object) -> object:
 
 
 def fingers_of(value: object) -> dict[str, float]:
-    """Return the values of one or more joints by name."""
-    values = Named(JointValue)(value)
-    if not values:
-        raise FieldError("must not be empty")
-    return values
+    """Return the values of joints by name."""
+    return Named(JointValue)(value)
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,14 +132,15 @@ class Line(_Stage):
 class _Hand(_Stage):
     """Fingers move to `joints` while the arm stands still."""
 
-    joints: Annotated[Mapping[str, float], fingers_of] = NEEDED  # of the fingers, which the arm's stages hold
+    joints: Annotated[Mapping[str, float], fingers_of] = field(default_factory=dict)
+    """Of the fingers, which the arm's stages hold [rad] or [m]; none for a hand without, such as a suction cup."""
     object: Name | None = None
 
     if TYPE_CHECKING:
 
         def __init__(
             self,
-            joints: Mapping[str, float],
+            joints: Mapping[str, float] = {},
             object: str | None = None,
             *,
             name: str | None = None,
@@ -150,6 +148,10 @@ class _Hand(_Stage):
             limits: Limits | None = None,
             speed: float = 1.0,
         ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if not self.joints and self.object is None:
+            raise FieldError("must have 'joints', 'object' or both, found neither")
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,7 +166,7 @@ class Grip(_Hand):
 
         def __init__(
             self,
-            joints: Mapping[str, float],
+            joints: Mapping[str, float] = {},
             object: str | None = None,
             link: str | None = None,
             mass: float | None = None,
@@ -176,6 +178,7 @@ class Grip(_Hand):
         ) -> None: ...
 
     def _check_whole(self) -> None:
+        super()._check_whole()
         for key in ("link", "mass"):
             if self.object is None and getattr(self, key) is not None:
                 raise FieldError("goes with 'object', which is missing", key)

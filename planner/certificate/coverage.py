@@ -21,6 +21,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
@@ -65,6 +66,8 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
         "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
+    Job: "stages",  # each of which has a scene of its own
+    **dict.fromkeys((Move, Line, Grip, Release, Wait), ANY),
     Pose: "position quaternion_xyzw",
     FixedArray: "array left_out",
 }

@@ -22,7 +22,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.job import Touch
+from hdplan.scenes.job import Grip, Release, Touch
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
 
@@ -145,8 +145,9 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     with naming(f"stage '{name}'"):
         certificate = certifier.certify(part)
         curve = curve_of(certifier.robot, part)
-    if stage.kind == "wait" and np.ptp(curve.control, axis=(0, 1)).any():
-        text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: the robot moves where it is to wait"
+    still = stage.kind == "wait" or (isinstance(stage, Grip | Release) and not stage.joints)
+    if still and np.ptp(curve.control, axis=(0, 1)).any():
+        text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: the robot moves where it is to stand still"
         certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
     times = part.times
     assert times is not None

@@ -24,6 +24,7 @@ from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.planner.plan import plan
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
@@ -32,6 +33,7 @@ from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
 from hdplan.scenes.job import Grip, Line, Move, Release, Wait, stage_name
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import Number, Whole, checked, instance
 
 PLACES = (48, 192)  # along a line: more of them where the motion between them leaves its tolerance
@@ -225,14 +227,14 @@ class _Search:
                 (target,) = scene.goal.targets
                 assert isinstance(target, PoseTarget)
                 motion = self._followed(setup, start, target)
-            case Grip() | Release():
+            case Grip() | Release() if stage.joints:
                 assert isinstance(scene.goal, JointTarget)
                 way = np.linspace(start, robot.configuration(scene.goal), HAND_PLACES)
                 motion = self._timed(setup, way)
+            case Grip() | Release():
+                motion = _standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
             case Wait():
-                still = np.zeros((2, robot.n))
-                times = np.array([0.0, stage.seconds])
-                motion = Trajectory(robot.joint_names, np.stack([start, start]), robot.locked, times, still, still)
+                motion = _standing(robot, start, stage.seconds)
             case _:
                 raise TypeError(f"{stage.kind} leaves a choice")
         certificate = Certifier(setup).certify(motion)
@@ -257,6 +259,11 @@ class _Search:
 
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
         return Retimer(setup)(path).trajectory
+
+
+def _standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
+    still = np.zeros((2, robot.n))
+    return Trajectory(robot.joint_names, np.stack([q, q]), robot.locked, np.array([0.0, seconds]), still, still)
 
 
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:

@@ -102,8 +102,11 @@ class World:
                     return self._of_arm(number, stage, goal=stage.goal, path=stage.path)
                 case Line():
                     return self._line(number, stage)
-                case Grip() | Release():
+                case Grip() | Release() if stage.joints:
                     return self._of_hand(number, stage)
+                case Grip() | Release():
+                    self._check_object(stage)
+                    return self._of_arm(number, stage, goal=self._start)
                 case Wait():
                     return self._of_arm(number, stage, goal=self._start)
                 case _:
@@ -120,9 +123,7 @@ class World:
             case Wait():
                 return self
             case Grip() | Release():
-                robot = load_scene_robot(self.stage_scene(number))
-                moved = dict(zip(robot.unfolded.joint_names, robot.expand(q).tolist(), strict=True))
-                world = replace(self, hand=tuple({**dict(self.hand), **moved}.items()))
+                world = self._with_hand(load_scene_robot(self.stage_scene(number)), q) if stage.joints else self
                 if stage.object is None:
                     return world
                 with naming(stage_source(self.scene, number)):
@@ -131,6 +132,10 @@ class World:
                 return world._let_go(stage.object)
             case _:
                 assert_never(stage)
+
+    def _with_hand(self, robot: Robot, q: Array) -> World:
+        moved = dict(zip(robot.unfolded.joint_names, robot.expand(q).tolist(), strict=True))
+        return replace(self, hand=tuple({**dict(self.hand), **moved}.items()))
 
     # --- scenes -------------------------------------------------------------------------------------------------------
 
@@ -155,11 +160,7 @@ class World:
                 raise InputError(f"joints: unknown joint '{joint}'{nearest(joint, robot.locked)}")
             if leaders.get(joint, joint) not in stage.joints:
                 raise InputError(f"joints: '{joint}' follows '{leaders[joint]}': name that one")
-        if stage.object is not None:
-            if isinstance(stage, Release):
-                self._held(stage.object)
-            else:
-                self._standing(stage.object)
+        self._check_object(stage)
         group = tuple(joint for joint in stage.joints if joint not in leaders)
         fixed = {**spec.locked, **dict(self.hand), **dict(self.arm)}
         locked = {joint: at for joint, at in fixed.items() if leaders.get(joint, joint) not in group}
@@ -272,6 +273,13 @@ class World:
             raise InputError(f"there is no object '{name}'{nearest(name, standing)}")
         _shape_of(standing[name])
         return standing[name]
+
+    def _check_object(self, stage: Grip | Release) -> None:
+        """Refuse to take hold of what is not there, and to let go of what is not held."""
+        if stage.object is not None and isinstance(stage, Release):
+            self._held(stage.object)
+        elif stage.object is not None:
+            self._standing(stage.object)
 
     def _held(self, name: str) -> Attached:
         held = {each.name: each for each in self.held}

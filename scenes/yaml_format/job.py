@@ -10,7 +10,6 @@ from typing import Any, assert_never
 from hdplan.scenes.fields import Field
 from hdplan.scenes.job import KINDS, WORLD, Grip, Job, Line, Move, Release, Stage, Wait
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.values import require_fields
 from hdplan.scenes.yaml_format.effects import read_limits, read_path
 from hdplan.scenes.yaml_format.targets import read_goal
 
@@ -18,14 +17,6 @@ COMMON = ("name", "touch", "limits", "speed")
 LINE = ("by", "to", "frame", "link", "position_tolerance", "orientation_tolerance")
 GRIP = ("joints", "object", "link", "mass")
 RELEASE = ("joints", "object")
-for _kind, _known in (
-    (Move, "goal path"),
-    (Line, " ".join(LINE)),
-    (Grip, " ".join(GRIP)),
-    (Release, " ".join(RELEASE)),
-    (Wait, "seconds"),
-):
-    require_fields(_kind, f"{_known} {' '.join(COMMON)}")
 
 
 def read_job(section: Field) -> Job:
@@ -53,9 +44,9 @@ def _stage(entry: Field) -> Stage:
         case "line":
             return _made(entry, kind, Line, said.mapping(LINE), values)
         case "grip":
-            return _made(entry, kind, Grip, said.mapping(GRIP, required=["joints"]), values)
+            return _made(entry, kind, Grip, said.mapping(GRIP), values)
         case "release":
-            return _made(entry, kind, Release, said.mapping(RELEASE, required=["joints"]), values)
+            return _made(entry, kind, Release, said.mapping(RELEASE), values)
         case _:
             return entry.make(Wait, seconds=said, **values)
 
@@ -75,7 +66,7 @@ def stage_entry(stage: Stage, target: Callable[[Any], Any], effects: Callable[[A
         case Line() | Grip() | Release():
             keys = {Line: LINE, Grip: GRIP, Release: RELEASE}[type(stage)]
             written = {key: getattr(stage, key) for key in keys}
-            said = {key: _plain(value) for key, value in written.items() if value is not None}
+            said = {key: _plain(value) for key, value in written.items() if value is not None and value != {}}
             if said.get("frame") == WORLD:
                 del said["frame"]
         case Wait():

@@ -112,8 +112,13 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Return the scenes shipped with hdplan, by their bare names."""
+    """Return the scenes of single motions shipped with hdplan, by their bare names."""
     return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped").glob("*.yaml"))}
+
+
+def shipped_jobs() -> dict[str, Path]:
+    """Return the scenes shipped with hdplan that hold a job, by their bare names."""
+    return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped" / "jobs").glob("*.yaml"))}
 
 
 def find_scene(path: FilePath) -> Path:
@@ -125,7 +130,7 @@ def find_scene(path: FilePath) -> Path:
     file = Path(path)
     if os.path.exists(file) or leads_nowhere(file):  # unlike Path.exists, no error for names that are too long
         return file
-    shipped = shipped_scenes()
+    shipped = shipped_scenes() | shipped_jobs()
     if str(file) in shipped:
         return shipped[str(file)]
     close = difflib.get_close_matches(file.stem, shipped, n=1)

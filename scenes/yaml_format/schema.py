@@ -74,7 +74,6 @@ LISTS: Mapping[Check, Schema] = {  # what else holds of lists
     volume: {"minItems": 4},
     rising_times: {"minItems": 2},
     group_of: {"minItems": 1, "uniqueItems": True},
-    fingers_of: {"minProperties": 1},
 }
 BASE64 = r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=|[A-Za-z0-9+/]{4})$"
 BEYOND = 1e308  # only infinity is greater
@@ -183,11 +182,10 @@ def _stage() -> Schema:
         **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "grip", "release")},
         "wait": _value(checks_of(Wait)["seconds"]),
     }
-    for name in ("grip", "release"):
-        own[name]["properties"]["joints"] = _value(fingers_of)
-        own[name] = {**own[name], "required": ["joints"]}
+    some = {"type": "object", "properties": {"joints": {"type": "object", "minProperties": 1}}, "required": ["joints"]}
     bare = {"not": {"anyOf": [_given("link"), _given("mass")]}}
-    own["grip"] = {**own["grip"], "anyOf": [_given("object"), bare]}
+    own["grip"] = {**own["grip"], "anyOf": [_given("object"), {**some, **bare}]}
+    own["release"] = {**own["release"], "anyOf": [_given("object"), some]}
     own["line"] = {**own["line"], "oneOf": [_given("by"), _given("to")]}
     kinds: dict[str, Schema] = {kind: {"anyOf": [schema, {"type": "null"}]} for kind, schema in own.items()}
     alone = {"anyOf": [_given("move"), {"not": _given("path")}]}

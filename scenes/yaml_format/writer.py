@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
+from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
@@ -54,6 +55,12 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
     Timing: "duration scale rate",
+    Job: "stages",
+    Move: "name touch limits speed goal path",
+    Line: "name touch limits speed by to frame link position_tolerance orientation_tolerance",
+    Grip: "name touch limits speed joints object link mass",
+    Release: "name touch limits speed joints object",
+    Wait: "name touch limits speed seconds",
 }
 for _kind, _known in WRITTEN.items():
     require_fields(_kind, _known)

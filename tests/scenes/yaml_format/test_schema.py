@@ -15,7 +15,7 @@ import yaml
 from jsonschema import Draft7Validator
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.yaml_format.reader import SECTIONS, load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import SECTIONS, load_scene, shipped_jobs, shipped_scenes
 from hdplan.scenes.yaml_format.schema import scene_schema, schema_text
 
 SHIPPED = shipped_scenes()
@@ -120,6 +120,13 @@ def test_shipped_scenes_keep_to_it_and_say_so_to_editors(name: str) -> None:
     written = SHIPPED[name].read_text(encoding="utf-8")
     assert written.startswith("# yaml-language-server: $schema=../scene.schema.json\n")
     assert (SHIPPED[name].parent / "../scene.schema.json").resolve() == FILE.resolve()
+    assert not list(VALIDATOR.iter_errors(yaml.safe_load(written)))
+
+
+@pytest.mark.parametrize("name", shipped_jobs())
+def test_shipped_jobs_keep_to_it(name: str) -> None:
+    written = shipped_jobs()[name].read_text(encoding="utf-8")
+    assert written.startswith("# yaml-language-server: $schema=../../scene.schema.json\n")
     assert not list(VALIDATOR.iter_errors(yaml.safe_load(written)))
 
 
