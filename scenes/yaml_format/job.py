@@ -8,8 +8,9 @@ from collections.abc import Callable
 from typing import Any, assert_never
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.job import KINDS, WORLD, Grip, Job, Line, Move, Release, Stage, Wait
+from hdplan.scenes.job import KINDS, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stages_of
 from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.values import checks_of
 from hdplan.scenes.yaml_format.effects import read_limits, read_path
 from hdplan.scenes.yaml_format.targets import read_goal
 
@@ -21,7 +22,7 @@ RELEASE = ("joints", "object")
 
 def read_job(section: Field) -> Job:
     """Read the stages. Raises InputError for unknown kinds and keys, and for values that are not allowed."""
-    return section.make(lambda stages: Job(stages), stages=[_stage(entry) for entry in section.items(of="stages")])
+    return Job(section.checked(stages_of, [_stage(entry) for entry in section.items(of="stages")]))
 
 
 def _stage(entry: Field) -> Stage:
@@ -48,7 +49,8 @@ def _stage(entry: Field) -> Stage:
         case "release":
             return _made(entry, kind, Release, said.mapping(RELEASE), values)
         case _:
-            return entry.make(Wait, seconds=said, **values)
+            seconds = said.checked(checks_of(Wait)["seconds"], said.value)
+            return entry.make(Wait, seconds=seconds, **values)
 
 
 def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Field], common: dict[str, Any]) -> Stage:
