@@ -1,4 +1,4 @@
-"""`hdplan plan` and `hdplan check` with a scene that holds a job."""
+"""`hdplan plan`, `check` and `prove` with a scene that holds a job."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from pathlib import Path
 
 from rich.text import Text
 
+from hdplan.planner.job.bundle import prove_job
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.terminal.console import printing, progress, waiting
+from hdplan.planner.proof.proof import NotProvenError
+from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.output import check_new_folder, write_folder
 from hdplan.scenes.scene import Scene
 
 
@@ -61,6 +64,24 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
             show(Text(certificate.text, style="green" if certificate.certified else "red"))
             show(columns(stage_rows(certificate)))
     return 0 if certificate.certified else 1
+
+
+def run_prove_job(scene: Scene, trajectory: Path, output: Path) -> int:
+    """Write the proofs of a job's stages into a new folder. Returns the exit code: 0 if there are, else 1."""
+    output = output.absolute()
+    check_new_folder(output)
+    motion = Trajectory.load(trajectory)
+    try:
+        with waiting("proving", shown=True), naming(trajectory):
+            files = prove_job(scene, motion)
+    except NotProvenError as error:
+        say(f"no proof: {error}", "red")
+        return 1
+    write_folder(output, files)
+    with printing() as show:
+        size = f"{sum(map(len, files.values())) / 1e3:.1f} kB"
+        show(f"{output}: scene, motion and proof of each of {len(motion.stages)} stages, {size}")
+    return 0
 
 
 def stage_rows(certificate: JobCertificate) -> Sequence[Mapping[str, object]]:
