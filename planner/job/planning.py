@@ -86,6 +86,9 @@ def plan_job(
     assert scene.job is not None
     names = scene.job.names
     refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
+    if not pieces and not search.refused:
+        ended = f"the time limit of {time_limit:g} s passed, or it was stopped, before the first stage was planned"
+        raise TimeLimitError(f"{scene.source}: {ended}")
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
@@ -303,5 +306,5 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
         begins = float(times[-1][-1])
     positions, velocities, accelerations = np.concatenate(blocks, axis=1)
     last = {joint: value for joint, value in held[-1].items() if joint not in joints}
-    steady = {joint: value for joint, value in last.items() if all(each.get(joint, value) == value for each in held)}
+    steady = {joint: value for joint, value in last.items() if all(each.get(joint) == value for each in held)}
     return Trajectory(joints, positions, steady, np.concatenate(times), velocities, accelerations, stages=tuple(marks))

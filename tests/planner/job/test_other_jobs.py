@@ -155,3 +155,28 @@ def test_a_job_needs_times_and_objects_that_can_be_held() -> None:
         scene = hdplan.Scene(robot="panda", start="default", limits=LIMITS, obstacles=[cloud, vase], job=job)
         with pytest.raises(InputError, match=words):
             hdplan.plan_job(scene)
+
+
+def test_fingers_alone_move_what_follows_them() -> None:
+    job = hdplan.Job(
+        [hdplan.Grip({"panda_finger_joint1": 0.01}), hdplan.Wait(0.1), hdplan.Release({"panda_finger_joint1": 0.02})]
+    )
+    result = hdplan.plan_job(hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=job))
+    assert result.certified, result.text
+    motion = result.trajectory
+    assert motion.locked.keys().isdisjoint({"panda_finger_joint1", "panda_finger_joint2"})
+    assert motion.positions[-1, motion.joint_names.index("panda_finger_joint1")] == 0.02
+    held = [stage.scene.robot.locked.get("panda_finger_joint2") for stage in result.certificate.stages]
+    assert held == [None, 0.01, None]
+
+
+def test_what_ends_before_the_first_stage_says_so() -> None:
+    job = hdplan.Job([hdplan.Move([0.3, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]), hdplan.Wait(0.1)])
+    scene = hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=job)
+    with pytest.raises(hdplan.TimeLimitError, match="before the first stage"):
+        hdplan.plan_job(scene, time_limit=0.0)
+    with pytest.raises(hdplan.TimeLimitError, match="before the first stage"):
+        hdplan.plan_job(scene, stop=lambda: True)
+    fingers = hdplan.Job([hdplan.Grip({"panda_finger_joint1": 0.01})])
+    with pytest.raises(InputError, match="give the fingers' in this stage"):
+        hdplan.plan_job(replace(scene, goal=None, job=fingers, limits=hdplan.Limits(acceleration=[5.0] * 7)))
