@@ -217,6 +217,8 @@ class World:
         scene, timing = self.scene, self.scene.timing or Timing()
         obstacles, attached = self._touching(stage)
         limits = fields["limits"]
+        if limits.acceleration is None:  # without it no proof says that a stage begins and ends at rest
+            raise InputError("limits.acceleration: is missing in the stage's own limits")
         found = derived(
             scene,
             job=None,
