@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.job.world import link_pose
+from hdplan.planner.job.places import link_pose
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any, assert_never
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.job.line import as_constraints
+from hdplan.planner.job.places import fixed_link, link_pose, links_of, pose_of
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.linkage import rules_of
 from hdplan.planner.robot.robot import Robot
@@ -26,24 +27,19 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.job import TOOL, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stage_name
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.path_constraints import PathConstraints, Relative, Within
-from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import read_words
 from hdplan.scenes.robot_files.library import description_of, source_of
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
 Array = NDArray[np.float64]
 
 REACH = 5e-3  # [m] from what is to hold an object, beyond which it cannot be taken hold of
-SHORTEST = 1e-6  # [m] of a line
-LONGEST = 1.9  # [m] of a line, which `path.relative` must span to one side and the other
 
 
 @dataclass(frozen=True)
@@ -173,27 +169,11 @@ class World:
         return self._made(number, stage, fields)
 
     def _line(self, number: int, stage: Line) -> Scene:
-        """Return a scene with the line as two constraints on the whole way: the link's origin in a box around the line
-        whose corners are within the tolerance of it, its rotation that of the beginning."""
         robot = self._robot()
         link = end_effector(robot, "line") if stage.link is None else stage.link
         begins = link_pose(robot, self._q, link)
-        ends = self._line_end(stage, begins)
-        way = ends[:3, 3] - begins[:3, 3]
-        length = float(np.linalg.norm(way))
-        if not SHORTEST <= length <= LONGEST:
-            raise InputError(f"line: is {length:.3g} m long; {SHORTEST:g} to {LONGEST:g} m are allowed")
-        slack, turn = stage.position_tolerance / np.sqrt(3.0), stage.orientation_tolerance
-        middle = begins.copy()
-        middle[:3, 3] += 0.5 * way
-        box = np.eye(4)
-        box[:3, :3], box[:3, 3] = _along(way / length), middle[:3, 3]
-        size = (length + 2 * slack, 2 * slack, 2 * slack)
-        root, fixed = _fixed_link(robot)
-        relative = Relative(link, root, _pose(np.linalg.inv(fixed) @ middle), min(1.0, 0.5 * length + slack), turn)
-        target = PoseTarget(link, _pose(ends), stage.position_tolerance, turn, field="goal")
-        path = PathConstraints(position=Within(link, size, _pose(box)), relative=relative)
-        return self._of_arm(number, stage, goal=Goals((target,)), path=path)
+        goal, path = as_constraints(stage, robot, link, begins, self._line_end(stage, begins))
+        return self._of_arm(number, stage, goal=goal, path=path)
 
     def _line_end(self, stage: Line, begins: Array) -> Array:
         ends = begins.copy()
@@ -237,7 +217,7 @@ class World:
         if not stage.touch:
             return self.obstacles, self.held
         robot = self._robot()
-        links, held = set(_links(robot)), {each.name: each for each in self.held}
+        links, held = set(links_of(robot)), {each.name: each for each in self.held}
         standing = {each.name: each for each in self.obstacles}
         may: dict[
             str, list[str]
@@ -251,7 +231,7 @@ class World:
                 raise InputError(f"touch: '{one}' and '{other}' are links both; robot.ignore_pairs names such pairs")
             if other not in standing:  # two obstacles are not compared
                 may.setdefault(one, []).append(other)
-        root, fixed = _fixed_link(robot)
+        root, fixed = fixed_link(robot)
         attached = [
             replace(each, touch_links=tuple(dict.fromkeys((*each.touch_links, *may.get(each.name, ())))))
             for each in self.held
@@ -260,7 +240,7 @@ class World:
             obstacle = self._standing(name)
             if obstacle.clearance is not None:
                 raise InputError(f"touch: '{name}' has a clearance of its own, which nothing may fall below")
-            pose = _pose(np.linalg.inv(fixed) @ obstacle.pose.matrix)
+            pose = pose_of(np.linalg.inv(fixed) @ obstacle.pose.matrix)
             attached.append(Attached(name, root, _shape_of(obstacle), pose, may[name]))
         return tuple(each for each in self.obstacles if each.name not in may), tuple(attached)
 
@@ -293,11 +273,11 @@ class World:
         """Take hold of an object where it stands."""
         obstacle, robot = self._standing(name), self._robot()
         link = end_effector(robot, "grip") if stage.link is None else stage.link
-        if link not in _links(robot):
-            raise InputError(f"grip.link: unknown link '{link}'{nearest(link, _links(robot))}")
-        touching = [other for pair in stage.touch if name in pair for other in pair if other in _links(robot)]
+        if link not in links_of(robot):
+            raise InputError(f"grip.link: unknown link '{link}'{nearest(link, links_of(robot))}")
+        touching = [other for pair in stage.touch if name in pair for other in pair if other in links_of(robot)]
         self._check_reach(name, touching or [link])
-        pose = _pose(np.linalg.inv(link_pose(robot, self._q, link)) @ obstacle.pose.matrix)
+        pose = pose_of(np.linalg.inv(link_pose(robot, self._q, link)) @ obstacle.pose.matrix)
         held = Attached(name, link, _shape_of(obstacle), pose, tuple(dict.fromkeys(touching)), stage.mass)
         return replace(
             self, obstacles=tuple(each for each in self.obstacles if each is not obstacle), held=(*self.held, held)
@@ -329,7 +309,7 @@ class World:
         """Leave a held object where it is."""
         held = self._held(name)
         before = next((each for each in self.scene.obstacles if each.name == name), None)
-        pose = _pose(self._place(name))
+        pose = pose_of(self._place(name))
         left = Obstacle(name, held.shape, pose) if before is None else replace(before, pose=pose)
         others = tuple(each for each in self.held if each is not held)
         return replace(self, obstacles=(*self.obstacles, left), held=others)
@@ -359,29 +339,6 @@ def stage_source(scene: Scene, number: int) -> str:
     return f"{scene.source}: job[{number}] ({scene.job.names[number]})"
 
 
-def link_pose(robot: Robot, q: Array, link: str) -> Array:
-    """Return the pose (4, 4) of a link in the world at joint values q (n,), by Pinocchio. Raises InputError."""
-    links = _links(robot)
-    if link not in links:
-        raise InputError(f"unknown link '{link}'{nearest(link, links)}")
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.pin_q(q))
-    return np.asarray(pin.updateFramePlacement(robot.model, data, links[link]).homogeneous)
-
-
-def _links(robot: Robot) -> dict[str, int]:
-    frames = robot.model.frames
-    return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
-
-
-def _fixed_link(robot: Robot) -> tuple[str, Array]:
-    """Return a link that stands fast in the world, and its pose (4, 4) there."""
-    for link, index in _links(robot).items():
-        if robot.model.frames[index].parentJoint == 0:
-            return link, np.asarray(robot.model.frames[index].placement.homogeneous)
-    raise InputError(f"{robot.name} has no link that stands fast in the world, which lines and `touch` need")
-
-
 def _leaders(spec: RobotSpec) -> dict[str, str]:
     """Return the joints of a robot that follow another one, and which."""
     _, _, srdf, _ = description_of(spec)
@@ -407,16 +364,3 @@ def _of_fingers(limits: Limits) -> Limits:
     if found.acceleration is None:
         raise InputError("limits: the scene's acceleration is by joints of the arm: give the fingers' in this stage")
     return found
-
-
-def _along(direction: Array) -> Array:
-    """Return a rotation (3, 3) that takes the x axis to a unit vector."""
-    other = np.eye(3)[int(np.abs(direction).argmin())]
-    side = np.cross(direction, other)
-    side /= np.linalg.norm(side)
-    return np.stack([direction, side, np.cross(direction, side)], axis=1)
-
-
-def _pose(matrix: Array) -> Pose:
-    turn = scipy.spatial.transform.Rotation.from_matrix(matrix[:3, :3]).as_quat()
-    return Pose(matrix[:3, 3].tolist(), (turn / np.linalg.norm(turn)).tolist())
