@@ -173,10 +173,8 @@ def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
     stage, name = world.scene.job.stages[number], world.scene.job.names[number]
     if not stage.touch:
         return ()
-    begins, ends = (world.touched(number, q) for q in (curve.rows[0], curve.rows[-1]))
     notes = []
-    for (one, other), distance in begins.items():
-        least = min(distance, ends[one, other])
+    for (one, other), least in world.touched(number, curve.rows[[0, -1]]).items():
         if least > REACH:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
         elif least < -DEEP:

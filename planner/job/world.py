@@ -74,16 +74,21 @@ class World:
         found: tuple[Obstacle | Attached, ...] = (*self.obstacles, *self.held)
         return {each.name: each for each in found}
 
-    def touched(self, number: int, q: Array) -> dict[tuple[str, str], float]:
-        """Return the distance [m] of each pair that may touch in a stage, and that could be compared, at joint values q
-        of its scene's robot: negative where they overlap, infinite beyond REACH."""
+    def touched(self, number: int, rows: Array) -> dict[tuple[str, str], float]:
+        """Return the least distance [m] of each pair that may touch in a stage, and that could be compared, at some
+        configurations (k, n) of its scene's robot: negative where they overlap, infinite beyond REACH."""
         assert self.scene.job is not None
         stages = list(self.scene.job.stages)
         stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
         world = replace(self, scene=derived(self.scene, goal=None, job=Job(stages)))
         certifier = Certifier(Setup.of(world.stage_scene(number)))
-        near = {frozenset((place.link, place.other)): place.distance for place, _ in certifier.too_close(q, REACH)}
-        near |= {frozenset((each.link, each.other)): -each.depth for each in certifier.contacts(q)}
+        near: dict[frozenset[str], float] = {}
+        for q in rows:
+            found = [(each.link, each.other, each.distance) for each, _ in certifier.too_close(q, REACH)]
+            found += [(each.link, each.other, -each.depth) for each in certifier.contacts(q)]
+            for one, other, distance in found:
+                pair = frozenset((one, other))
+                near[pair] = min(distance, near.get(pair, np.inf))
         standing = {each.name for each in self.obstacles}
         return {pair: near.get(frozenset(pair), np.inf) for pair in stage.touch if not standing.issuperset(pair)}
 
