@@ -43,8 +43,8 @@ Examples:
 Shipped scenes are called by their bare names: baxter_bimanual_carry, empty,
 kinova_shelf, panda_bookshelf, panda_cable, panda_cage, panda_camera, panda_carry,
 panda_conveyor, panda_corridor, panda_cup, panda_fold, panda_gate, panda_grasp, panda_heavy,
-panda_table_pick, panda_vase, planar_arm, pr2_shelf, tiago_shelf, ur5_ceiling,
-ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
+panda_pick_place, panda_table_pick, panda_vase, planar_arm, pr2_shelf, tiago_shelf, ur5_ceiling,
+ur5_pallet, ur5_palletize, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 no certified motion was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (its results so far are written, marked as such); 2 bad input;
@@ -155,7 +155,8 @@ def prove(
     """Write down why a motion is free, for others to check.
 
     Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
-    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan.
+    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan. Of a job, scene,
+    motion and proof of every stage are written into a folder.
 
     Exit code 1 if the motion is not certified, or no planes are found.
     """

@@ -40,7 +40,8 @@ SAID = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that na
 require_fields(
     Scene,
     "obstacles self_collision limits path timing planner goal "  # are loosened or left out on trial
-    "robot attached payload start from_request name source notes",  # are what the problem is
+    "robot attached payload start from_request name source notes "  # are what the problem is
+    "job",  # is no single problem: `Setup` refuses it
 )
 
 

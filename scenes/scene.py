@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError, nearest
+from hdplan.scenes.job import Job
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, obstacles_of
 from hdplan.scenes.output import check_writable, write_output
@@ -47,7 +48,8 @@ class Scene(Checked):
     Pass arguments by name. `robot` is a name listed by `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
     shapes with a pose. `start` is a row of joint values in the robot's order [rad or m], a mapping from joint names to
     values, or the name of an SRDF state. `goal` is one of these too, or a Pose or PoseTarget, or a list of any of them,
-    each of which will do. The other arguments are the sections of a scene file.
+    each of which will do; with a `job` it is left out, and reads as the start. The other arguments are the sections of
+    a scene file.
 
     Raises InputError for any value that would be refused in a file, with the same message. Names of joints, links,
     states and robots, and what one section needs of another, are checked when the scene is planned.
@@ -68,6 +70,7 @@ class Scene(Checked):
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
+    job: Job | None = None  # in the place of a goal: stages, planned one after the other
     notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out
 
     if TYPE_CHECKING:
@@ -88,6 +91,7 @@ class Scene(Checked):
             payload: Payload | None = None,
             path: PathConstraints = PathConstraints(),
             timing: Timing | None = None,
+            job: Job | None = None,
             notes: Sequence[str] = (),
         ) -> None: ...
 
@@ -95,9 +99,12 @@ class Scene(Checked):
         """Check the fields; a copy of a scene that was read is no longer what its file says."""
         if isinstance(self.source, FileRead):
             object.__setattr__(self, "source", Path(f"the scene made from {self.source.stem}"))
+        if self.goal is None and self.job is not None:
+            object.__setattr__(self, "goal", self.start)
         super().__post_init__()
 
     def _check_whole(self) -> None:
+        self._check_job()
         if self.source == Path():
             object.__setattr__(self, "source", Path(self.name))
         taken: dict[str, str] = {}
@@ -117,10 +124,35 @@ class Scene(Checked):
         if self.robot.check_pairs and not self.self_collision.checked:
             raise FieldError("asks to check pairs, but self_collision: false checks none", "robot.check_pairs")
 
+    def _check_job(self) -> None:
+        """Refuse what a job says stage by stage, and what nobody could prove of one."""
+        if self.job is None:
+            return
+        if self.goal != self.start:
+            raise FieldError("the stages of the job say where it leads: leave it out", "goal")
+        if self.path != PathConstraints():
+            raise FieldError("holds in the stages of a job that name it: write it there", "path")
+        if self.timing is not None and self.timing.duration is not None:
+            raise FieldError("is of one motion, and a job has several: leave it out", "timing.duration")
+        if not self.self_collision.checked:
+            raise FieldError(
+                "false is not allowed with a job, whose objects are checked as links are", "self_collision"
+            )
+        if self.planner.objective == "energy":
+            raise FieldError(
+                "'energy' compares single motions; allowed with a job: time, smoothness", "planner.objective"
+            )
+        for i, obstacle in enumerate(self.obstacles):
+            if obstacle.motion is not None:
+                raise FieldError("moves by the time of one motion, which no job has", f"obstacles[{i}].motion")
+        if self.from_request:
+            raise FieldError("is of MoveIt's requests, which hold no job", "from_request")
+
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
         """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises
         InputError as `Scene` does."""
-        return dataclasses.replace(self, start=start)  # type: ignore[arg-type]
+        goal = {} if self.job is None else {"goal": None}  # which reads as the start
+        return dataclasses.replace(self, start=start, **goal)  # type: ignore[arg-type]
 
     def with_goal(self, goal: AnyGoal) -> Scene:
         """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`

@@ -31,7 +31,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     "planner.solvers.methods",
     "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
-    *("planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
+    *("planner.job", "planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked

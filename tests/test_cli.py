@@ -25,7 +25,7 @@ import yaml
 
 from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.yaml_format.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
 
 ARM = Path(shipped_scenes()["planar_arm"]).parent
 COMMAND = [sys.executable, "-m", "hdplan.cli"]
@@ -705,7 +705,7 @@ def test_version_is_one_line_whatever_comes_after(hdplan: Callable[..., Done]) -
 
 def test_help_names_every_shipped_scene(hdplan: Callable[..., Done]) -> None:
     words = hdplan().out.replace(",", " ").replace(".", " ").split()
-    assert set(shipped_scenes()) <= set(words)
+    assert set(shipped_scenes() | shipped_jobs()) <= set(words)
 
 
 @pytest.mark.parametrize("arguments", [["explain", "planar_arm"], ["robots", "double_pendulum"]])

@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from hdplan import cli
-from hdplan.scenes.yaml_format.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = {
@@ -154,5 +154,5 @@ def test_every_file_that_is_named_exists(page: str) -> None:
 
 
 def test_every_shipped_scene_is_named() -> None:
-    for name in shipped_scenes():
+    for name in shipped_scenes() | shipped_jobs():
         assert f"`{name}`" in PAGES["docs/scene.md"]

@@ -142,6 +142,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: shapes.operations(Torus()),  # type: ignore[arg-type]
         lambda: shapes.operations(Rounded([0.1, 0.1, 0.1])),
     ),
+    ("planner/job/world.py", "_shape_of", "shape"): "refuses whatever is no shape",
     ("planner/pictures/scene.py", "_bodies", "seen"): (
         lambda: picture._bodies(OF_TORUS),
         lambda: picture._bodies(OF_LIDAR),
@@ -392,6 +393,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/certificate/torque_check.py": "is about torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",
     "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
+    "planner/job/world.py": "accelerations are needed; no torques are asked of fingers",
     "planner/pictures/rates.py": "the first panel has the legend",
     "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",

@@ -38,6 +38,8 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Event",
             "HdplanError",
         ),
+        *("Grip", "Job", "JobCertificate", "JobResult", "Line", "Move", "Release", "StageCertificate", "StageMark"),
+        *("Wait", "certify_job", "plan_job"),
         *(
             "Ignored",
             "InputError",
@@ -62,6 +64,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Relative",
             "Robot",
             "RobotSpec",
+            "Samples",
             "Scene",
         ),
         *(

@@ -120,6 +120,6 @@ def _outcome(said: dict[str, Any]) -> Outcome:
     if motion is not None:
         names = tuple(motion["joint_names"])
         arrays = {key: np.frombuffer(base64.b64decode(motion[key]), "<f8") for key in ARRAYS if key in motion}
-        shaped = {key: x if key == "times" else x.reshape(-1, len(names)) for key, x in arrays.items()}
+        shaped: dict[str, Any] = {key: x if key == "times" else x.reshape(-1, len(names)) for key, x in arrays.items()}
         motion = Trajectory(names, locked=motion["locked"], **shaped)
     return Outcome(**said, trajectory=motion)

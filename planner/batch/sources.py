@@ -18,7 +18,7 @@ from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import leads_nowhere, read_file
 from hdplan.scenes.number_text import read_number
 from hdplan.scenes.values import FilePath
-from hdplan.scenes.yaml_format.reader import SECTIONS, find_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import SECTIONS, find_scene, shipped_jobs, shipped_scenes
 
 TABLES = (".csv", ".parquet")
 SCENES = (".yaml", ".yml", ".scene")
@@ -48,7 +48,7 @@ def jobs_of(sources: Sequence[str], scene: str | None = None, seed: int = 0) -> 
             found += _rows(path, scene, seed)
         elif os.path.isdir(path):
             found += _folder(path, f"{path.absolute().name}/" if len(sources) > 1 else "", seed)
-        elif _is_there(source) or source in shipped_scenes():
+        elif _is_there(source) or source in shipped_scenes() | shipped_jobs():
             found.append(_of_file(path, path.stem, "", seed))
         else:
             files = sorted(Path(file) for file in glob.glob(source, recursive=True) if _is_there(file))

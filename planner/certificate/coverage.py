@@ -21,6 +21,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
@@ -37,7 +38,7 @@ ANY = "*"  # fields of a class each of which is asked by its own name
 FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the certificate knows, alone or by a check
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
-        "timing notes"
+        "timing job notes"  # a job is asked by its name, and no check of a single motion covers it
     ),
     RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
     PlanarBase: "x y yaw kind",
@@ -65,6 +66,8 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
         "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
+    Job: "stages",  # each of which has a scene of its own
+    **dict.fromkeys((Move, Line, Grip, Release, Wait), ANY),
     Pose: "position quaternion_xyzw",
     FixedArray: "array left_out",
 }
@@ -106,6 +109,8 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
         yield where
         yield from (f"{where}.{name}" for name in ("clearance", "motion") if getattr(obstacle, name) is not None)
     yield from (f"attached.{held.name}" for held in scene.attached)
+    if scene.job is not None:
+        yield "job"
     if scene.self_collision.checked:
         yield "self_collision"
         yield from (_of_pair(*pair) for pair in scene.robot.check_pairs)

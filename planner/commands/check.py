@@ -26,6 +26,10 @@ def run_check(
 ) -> int:
     """Certify a motion. Returns the exit code: 0 if it is certified, else 1."""
     problem = load_scene(scene, request=request, robot=robot)
+    if problem.job is not None:
+        from hdplan.planner.commands.job import run_check_job
+
+        return run_check_job(problem, trajectory, printed_as_json=as_json)
     motion = Trajectory.load(trajectory)
     with waiting("certifying", shown=not as_json):
         certifier = Certifier(Setup.of(problem))

@@ -73,6 +73,15 @@ def run_plan(
             problem = load_scene(scene, request=request, robot=robot)
             if distance is not None:
                 problem = derived(problem, planner=replace(problem.planner, distance=distance))
+            if problem.job is not None:
+                from hdplan.planner.commands.job import refuse_options, run_plan_job
+
+                refuse_options({"--plot": plot, "--proof": proof, "--diagnose": diagnosed})
+                if solver != "gauss_newton":
+                    refuse_options({"--solver": solver})
+                return run_plan_job(
+                    problem, output=output, seed=seed, time_limit=longest, printed_as_json=as_json, quiet=quiet
+                )
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
                 check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)

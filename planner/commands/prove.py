@@ -10,6 +10,7 @@ from hdplan.planner.terminal.tables import table
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.yaml_format.reader import load_scene
 
 ENDINGS = (".proof",)
 MOTIONS = (".json", ".csv")  # of which there can be proofs
@@ -19,7 +20,12 @@ WITH_ARGUMENTS = (
 
 
 def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
-    """Write the proof of a motion. Returns the exit code: 0 if there is one, else 1."""
+    """Write the proof of a motion, or of the stages of a job. Returns the exit code: 0 if there is one, else 1."""
+    asked = load_scene(scene, request=request, robot=robot)
+    if asked.job is not None:
+        from hdplan.planner.commands.job import run_prove_job
+
+        return run_prove_job(asked, trajectory, output)
     check_writable(output, ENDINGS)
     with waiting("proving", shown=True):
         proof = written_proof(scene, trajectory, request, robot, output)

@@ -72,7 +72,7 @@ require_fields(
     Scene,
     "robot obstacles attached self_collision limits "  # are kept; of the limits not those of torque
     "start goal path payload timing "  # are the task's, and are checked on the motion that was executed
-    "planner from_request name source notes",
+    "planner from_request name source notes job",  # a job is refused by `Setup`
 )
 
 

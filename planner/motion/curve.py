@@ -118,6 +118,13 @@ class Curve:
         """Return the positions (…, n) at times [s], or a derivative of that order."""
         return self.over_time(order).at_parameter(self.parameter_of(time))
 
+    def place_of(self, time: Array) -> tuple[Index, Array]:
+        """Return the intervals of a curve with times in which times (…) [s] from the first row to the last lie, the one
+        after a row, and the fractions within them: at rows 0 or 1 to the bit."""
+        assert self.times is not None
+        interval = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.control) - 1)
+        return interval, np.clip((time - self.times[interval]) / self.widths[interval], 0.0, 1.0)
+
     def parameter_of(self, time: ArrayLike) -> Array:
         """Return the path parameters at times [s]: 0 before the first row, 1 after the last."""
         rows = np.linspace(0.0, 1.0, len(self))

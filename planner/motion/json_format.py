@@ -28,6 +28,7 @@ KEYS = (
     "times",
     "velocities",
     "accelerations",
+    "stages",
     "verdict",
     "steps",
 )
@@ -44,6 +45,7 @@ def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -
         f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
         *timed,
         *(_rows(key, values) for key in ROW_RATES if (values := getattr(trajectory, key)) is not None),
+        *([f'"stages": {json.dumps([vars(mark) for mark in trajectory.stages])}'] if trajectory.stages else []),
         *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
@@ -75,7 +77,9 @@ def read_json(data: bytes) -> dict[str, Any]:
     rule = RULES[1 + 2 * sum(content.get(key) is not None for key in ROW_RATES)]
     if content.get("interpolation", rule) != rule:
         raise InputError(f"interpolation: '{content['interpolation']}', but the fields of its rows make it {rule}")
-    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *ROW_RATES)}
+    if not isinstance(content.setdefault("stages", []), list):
+        raise InputError("stages: a list of names and rows is expected")
+    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *ROW_RATES, "stages")}
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ Its files, hdplan's or another planner's, are those of `trajectory_files`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,19 +18,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, Curve
+from hdplan.planner.motion.samples import Samples
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
 from hdplan.scenes.timing import MOST_ROWS
-from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
+from hdplan.scenes.values import Named, Number, Row, Whole, checked, path_of, text
 
 SAME = 1e-9  # by which a path parameter may lie beyond its range, for rounding errors
 TIMES = "times"
+MOST_SAMPLES = 1e7
+
+
+@dataclass(frozen=True)
+class StageMark:
+    """Where a stage of a job begins."""
+
+    name: str
+    row: int  # of the trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Waypoints in joint space, and the curve through them.
+    """Waypoints in joint space, and the curve through them; of a job, with marks where its stages begin.
 
     Raises InputError if the shapes do not match, a joint name appears twice, a number is not finite, there are fewer
     than 2 rows, the times do not increase, or there are velocities without times or accelerations without velocities.
@@ -41,6 +52,7 @@ class Trajectory:
     times: NDArray[np.float64] | None = None  # (N,) of the waypoints, increasing [s]; None for a path without times
     velocities: NDArray[np.float64] | None = None  # (N, n) there [rad/s] or [m/s]
     accelerations: NDArray[np.float64] | None = None  # (N, n) there [rad/s²] or [m/s²]
+    stages: tuple[StageMark, ...] = ()  # of a job, in order, the first at row 0; each ends where the next one begins
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -79,6 +91,9 @@ class Trajectory:
             values.setflags(write=False)
             object.__setattr__(self, key, values)
 
+        if self.stages:
+            object.__setattr__(self, "stages", _marks(self.stages, len(positions), self.times is not None))
+
     def _check_small(self, rates: NDArray[np.float64], key: str) -> None:
         """Refuse rates that lead farther than FARTHEST within the interval before or after their row."""
         assert self.times is not None
@@ -109,7 +124,8 @@ class Trajectory:
                 raise InputError(f"joint_names: unknown joint '{name}'{nearest(name, self.joint_names)}")
         chosen = [self.joint_names.index(name) for name in names]
         rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
-        return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
+        velocities, accelerations = rates
+        return Trajectory(names, self.positions[:, chosen], locked, self.times, velocities, accelerations, self.stages)
 
     @property
     def duration(self) -> float | None:
@@ -135,6 +151,44 @@ class Trajectory:
         if not (np.abs(parameters - within) <= SAME).all():
             raise InputError("parameter: path parameters lie in [0, 1], from the first waypoint to the last")
         return self.curve.at_parameter(within)
+
+    def at_time(self, time: ArrayLike) -> Samples:
+        """Return positions, velocities and accelerations at a time [s], or at an array of times (…), counted as `times`
+        are. They are those of the executed curve up to rounding, and at a row the row's own to the bit.
+
+        Raises InputError for a path without times, and for times before its first row or after its last.
+        """
+        if self.times is None:
+            raise InputError("trajectory: a path without times has no place at a time; `at` takes path parameters")
+        times = _numbers(time, "time")
+        first, last = float(self.times[0]), float(self.times[-1])
+        within = np.asarray(np.clip(times, first, last))
+        if not (np.abs(times - within) <= SAME).all():
+            raise InputError(f"time: must be {first:g} to {last:g} [s], from the first waypoint to the last")
+        interval, fraction = self.curve.place_of(within)
+        found = (self.curve.over_time(order).at(interval.ravel(), fraction.ravel()) for order in range(3))
+        shape = (*within.shape, len(self.joint_names))
+        position, velocity, acceleration = (values.reshape(shape) for values in found)
+        return Samples(self.joint_names, within, position, velocity, acceleration, self.locked)
+
+    def sampled(self, rate: float) -> Samples:
+        """Return the motion at every 1/rate [s] from its beginning on, and at its end: what a controller that asks for
+        `rate` samples a second is to be sent. Raises InputError as `at_time`, and for more than 10 million samples."""
+        rate = checked(Number(above=0.0, unit="1/s"), rate, "rate")
+        if self.times is None or self.duration is None:
+            return self.at_time(0.0)  # refused
+        if not self.duration * rate <= MOST_SAMPLES:
+            raise InputError(f"rate: {self.duration * rate:.4g} samples, at most {MOST_SAMPLES:g} are made at once")
+        steps = np.arange(math.ceil(self.duration * rate * (1.0 - SAME)))
+        return self.at_time(np.append(self.times[0] + steps / rate, self.times[-1]))
+
+    def stage_at(self, time: float) -> str:
+        """Return the name of the stage of a job at a time [s]; where two meet, of the one that begins. Raises
+        InputError as `at_time`, and for a motion that is no job's."""
+        if not self.stages or self.times is None:
+            raise InputError("trajectory: has no stages, which the motion of a job has")
+        now = float(self.at_time(checked(Number(unit="s"), time, "time")).times)
+        return [mark.name for mark in self.stages if self.times[mark.row] <= now][-1]
 
     def save(
         self,
@@ -177,6 +231,22 @@ def _numbers(values: object, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError):  # rows of different lengths
         pass
     raise InputError(f"{name}: numbers are expected, the same number of them in each row")
+
+
+def _marks(value: object, rows: int, timed: bool) -> tuple[StageMark, ...]:
+    """Return the marks of stages, if each begins at a later row than the one before."""
+    if not timed:
+        raise InputError("stages: need times, which are missing")
+    found: list[StageMark] = []
+    for i, mark in enumerate(value if isinstance(value, list | tuple) else (None,)):
+        if isinstance(mark, Mapping) and mark.keys() == {"name", "row"}:
+            mark = StageMark(mark["name"], mark["row"])
+        if not isinstance(mark, StageMark):
+            raise InputError(f"stages[{i}]: a name and a row are expected")
+        name = checked(text, mark.name, f"stages[{i}].name")
+        row = checked(Whole(found[-1].row + 1 if found else 0, rows - 2 if found else 0), mark.row, f"stages[{i}].row")
+        found.append(StageMark(name, row))
+    return tuple(found)
 
 
 def _check_finite(values: NDArray[np.float64], key: str, names: tuple[str, ...]) -> None:

@@ -44,7 +44,7 @@ require_fields(
     Scene,
     "obstacles self_collision path limits "  # have terms
     "robot attached payload start goal from_request timing planner "  # are in the setup, the query or the samples
-    "name source notes",
+    "name source notes job",  # a job is no single problem: `Setup` refuses it
 )
 
 

@@ -53,6 +53,12 @@ class Setup:
 
     def __post_init__(self) -> None:
         """Read the files that the scene names. Raises InputError for one that cannot be used."""
+        if self.scene.job is not None:
+            raise InputError(
+                f"{self.scene.source}: job: holds several motions, and here one is asked for; `hdplan plan` and "
+                "hdplan.plan_job plan it, hdplan.certify_job checks it, and each stage of what they return has a scene "
+                "of its own"
+            )
         object.__setattr__(self, "asked", self.asked or self.scene)
         object.__setattr__(self, "scene", opened(self.scene))
 

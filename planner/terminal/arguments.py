@@ -162,7 +162,9 @@ Diagnose = Annotated[
 ]
 
 # prove, verify
-Proof = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.proof", help="Where the proof goes.")]
+Proof = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE.proof", help="Where the proof goes; of a job, a new folder.")
+]
 ProofToCheck = Annotated[
     Path, typer.Argument(metavar="PROOF", help="A proof, as `hdplan prove` and `hdplan plan --proof` write it.")
 ]

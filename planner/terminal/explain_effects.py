@@ -25,7 +25,7 @@ from hdplan.scenes.values import require_fields
 require_fields(
     Scene,
     "obstacles self_collision attached payload goal robot path timing limits "  # are effects
-    "start planner from_request name source notes",  # are shown in other parts of the explanation
+    "start planner from_request name source notes job",  # are shown in other parts of the explanation
 )
 
 

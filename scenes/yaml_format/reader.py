@@ -33,6 +33,7 @@ from hdplan.scenes.yaml_format.effects import (
     read_self_collision,
     read_timing,
 )
+from hdplan.scenes.yaml_format.job import read_job
 from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.settings import read_settings
 from hdplan.scenes.yaml_format.shapes import read_shape
@@ -54,6 +55,7 @@ SECTIONS = (
     "path",
     "timing",
     "planner",
+    "job",
 )
 SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
@@ -110,8 +112,13 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Return the scenes shipped with hdplan, by their bare names."""
+    """Return the scenes of single motions shipped with hdplan, by their bare names."""
     return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped").glob("*.yaml"))}
+
+
+def shipped_jobs() -> dict[str, Path]:
+    """Return the scenes shipped with hdplan that hold a job, by their bare names."""
+    return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped" / "jobs").glob("*.yaml"))}
 
 
 def find_scene(path: FilePath) -> Path:
@@ -123,7 +130,7 @@ def find_scene(path: FilePath) -> Path:
     file = Path(path)
     if os.path.exists(file) or leads_nowhere(file):  # unlike Path.exists, no error for names that are too long
         return file
-    shipped = shipped_scenes()
+    shipped = shipped_scenes() | shipped_jobs()
     if str(file) in shipped:
         return shipped[str(file)]
     close = difflib.get_close_matches(file.stem, shipped, n=1)
@@ -171,7 +178,9 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     version = keys["hdplan"]
     if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
         raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
-    top.mapping(SECTIONS, required=["start", "goal"])
+    top.mapping(SECTIONS, required=["start"] if "job" in keys else ["start", "goal"])
+    if "job" in keys and "goal" in keys:
+        raise keys["goal"].error("the stages of the job say where it leads: leave it out")
     written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
     spec = robot or written
     if spec is None:
@@ -184,7 +193,7 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
         attached=_attached(keys["attached"]) if "attached" in keys else (),
         start=read_target(keys["start"]),
-        goal=read_goal(keys["goal"]),
+        goal=read_goal(keys["goal"]) if "goal" in keys else None,
         from_request=keys["from_request"].boolean() if "from_request" in keys else False,
         planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
         self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
@@ -192,6 +201,7 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         payload=read_payload(keys["payload"]) if "payload" in keys else None,
         path=read_path(keys["path"]) if "path" in keys else PathConstraints(),
         timing=read_timing(keys["timing"]) if "timing" in keys else None,
+        job=read_job(keys["job"]) if "job" in keys else None,
         notes=tuple(top.document.notes),
     )
     top.make(scene.check_effects)

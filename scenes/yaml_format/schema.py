@@ -17,6 +17,7 @@ from typing import Any
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
 from hdplan.scenes.depth_images import DepthImage, measured, pinhole
+from hdplan.scenes.job import KINDS, MOST_STAGES, Wait, fingers_of, touching
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
@@ -61,6 +62,7 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     body_inertia: Row(Number(unit="kg m²"), 6),
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
+    fingers_of: Named(JointValue),
     pair: Row(text, 2),
     span: Row(JointValue, 2),
     group_of: (text, Row(text)),
@@ -79,6 +81,15 @@ PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
     absolute_path: TEXT,
+    touching: {
+        "type": "array",
+        "items": {
+            "type": "array",
+            "items": [TEXT, {"anyOf": [TEXT, {"type": "array", "items": TEXT}]}],
+            "minItems": 2,
+            "maxItems": 2,
+        },
+    },
     argument: {
         "anyOf": [TEXT, {"const": ""}, {"type": "boolean"}, {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}]
     },
@@ -103,7 +114,7 @@ def scene_schema() -> Schema:
                 "obstacles": _nullable(_list(_obstacle())),
                 "attached": _nullable(_list(_section(Attached, pose=_pose(), shape=_shape()))),
                 "start": _one_key({"joints": _joints(), "state": TEXT}),
-                "goal": _one_key(_goal()),
+                "goal": {"anyOf": [_one_key(_goal()), {"type": "null"}]},
                 "from_request": {"type": ["boolean", "null"]},
                 "self_collision": {
                     "anyOf": [{"type": ["boolean", "null"]}, _some(_section(SelfCollision, without=("checked",)))]
@@ -113,10 +124,12 @@ def scene_schema() -> Schema:
                 "path": _nullable(_some(_path())),
                 "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
+                "job": _nullable({**_list(_stage()), "minItems": 1, "maxItems": MOST_STAGES}),
             },
-            required=("hdplan", "start", "goal"),
+            required=("hdplan", "start"),
             about="One planning problem.",
         ),
+        "oneOf": [_given("goal"), _given("job")],
     }
 
 
@@ -158,6 +171,25 @@ def _path() -> Schema:
         "relative": _section(Relative, pose=_pose()),
     }
     return _object({name: _nullable(schema) for name, schema in constraints.items()})
+
+
+def _stage() -> Schema:
+    """Return one stage of a job: its kind, and what every stage may have."""
+    limits, path = _some(_section(Limits, position=_some(_value(ranges)))), _nullable(_some(_path()))
+    common = _section(Wait, without=("seconds",), limits=limits)["properties"]
+    own = {
+        "move": _one_key(_goal()),
+        **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "grip", "release")},
+        "wait": _value(checks_of(Wait)["seconds"]),
+    }
+    some = {"type": "object", "properties": {"joints": {"type": "object", "minProperties": 1}}, "required": ["joints"]}
+    bare = {"not": {"anyOf": [_given("link"), _given("mass")]}}
+    own["grip"] = {**own["grip"], "anyOf": [_given("object"), {**some, **bare}]}
+    own["release"] = {**own["release"], "anyOf": [_given("object"), some]}
+    own["line"] = {**own["line"], "oneOf": [_given("by"), _given("to")]}
+    kinds: dict[str, Schema] = {kind: {"anyOf": [schema, {"type": "null"}]} for kind, schema in own.items()}
+    alone = {"anyOf": [_given("move"), {"not": _given("path")}]}
+    return {**_object({**kinds, **common, "path": path}), "oneOf": [_given(kind) for kind in own], "allOf": [alone]}
 
 
 def _robot() -> Schema:

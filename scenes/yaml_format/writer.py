@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
+from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
@@ -23,6 +24,7 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import require_fields
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
+from hdplan.scenes.yaml_format.job import stage_entry
 from hdplan.scenes.yaml_format.seen import seen_entry
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
@@ -31,7 +33,7 @@ VERSION = 1
 WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes itself by its fields is not listed
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
-        "timing notes"
+        "timing job notes"
     ),
     RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
     PlanarBase: "x y yaw kind",
@@ -53,6 +55,12 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
     Timing: "duration scale rate",
+    Job: "stages",
+    Move: "name touch limits speed goal path",
+    Line: "name touch limits speed by to frame link position_tolerance orientation_tolerance",
+    Grip: "name touch limits speed joints object link mass",
+    Release: "name touch limits speed joints object",
+    Wait: "name touch limits speed seconds",
 }
 for _kind, _known in WRITTEN.items():
     require_fields(_kind, _known)
@@ -84,9 +92,8 @@ def scene_text(scene: Scene) -> str:
         lines[-1] += " []"
     if scene.attached:
         lines += ["attached:", *(f"  - {flow_style(_attached(held))}" for held in scene.attached)]
-    lines += [
-        f"{name}: {flow_style(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))
-    ]
+    ends = {"start": scene.start, **({"goal": scene.goal} if scene.job is None else {})}
+    lines += [f"{name}: {flow_style(_target(target))}" for name, target in ends.items()]
     if scene.from_request:
         lines.append("from_request: true")
     lines += [f"{name}: {flow_style(section)}" for name, section in _effects(scene).items()]
@@ -94,6 +101,9 @@ def scene_text(scene: Scene) -> str:
     changed = {name: value for name, value in settings.items() if value != type(scene.planner).__dict__[name]}
     if changed:
         lines.append(f"planner: {flow_style(changed)}")
+    if scene.job is not None:
+        stages = (stage_entry(stage, _target, _own_effects) for stage in scene.job.stages)
+        lines += ["job:", *(f"  - {flow_style(stage)}" for stage in stages)]
     return "\n".join(lines) + "\n"
 
 
@@ -131,18 +141,25 @@ def _effects(scene: Scene) -> dict[str, Any]:
     if own != SelfCollision():
         sections["self_collision"] = {"clearance": own.clearance} if own.checked else False
     if limits != Limits():
-        asked = {name: _joint_values(getattr(limits, name)) for name in QUANTITIES}
-        ranges = {joint: list(span) for joint, span in limits.position.items()}
-        sections["limits"] = {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
+        sections["limits"] = _own_effects(limits)
     if payload is not None:
         inertia = list(payload.inertia)
         sections["payload"] = {"link": payload.link, "mass": payload.mass, "com": list(payload.com), "inertia": inertia}
     if path != PathConstraints():
-        sections["path"] = {name.removeprefix("path."): _constraint(asked) for name, asked in path.asked.items()}
+        sections["path"] = _own_effects(path)
     if timing is not None:
         when = {"scale": timing.scale} if timing.duration is None else {"duration": timing.duration}
         sections["timing"] = {**when, "rate": timing.rate}
     return sections
+
+
+def _own_effects(given: Limits | PathConstraints) -> dict[str, Any]:
+    """Return a section of limits or of path constraints, a scene's or a stage's."""
+    if isinstance(given, PathConstraints):
+        return {name.removeprefix("path."): _constraint(asked) for name, asked in given.asked.items()}
+    asked = {name: _joint_values(getattr(given, name)) for name in QUANTITIES}
+    ranges = {joint: list(span) for joint, span in given.position.items()}
+    return {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
 
 
 def _constraint(asked: PathConstraint) -> dict[str, Any]:

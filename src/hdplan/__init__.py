@@ -41,7 +41,11 @@ if TYPE_CHECKING:
     from hdplan.planner.build import build
     from hdplan.planner.certificate.certifier import certify, check_configuration
     from hdplan.planner.certificate.verdict import Certificate
-    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.job.certify import JobCertificate, StageCertificate, certify_job
+    from hdplan.planner.job.planning import plan_job
+    from hdplan.planner.job.result import JobResult
+    from hdplan.planner.motion.samples import Samples
+    from hdplan.planner.motion.trajectory import StageMark, Trajectory
     from hdplan.planner.plan import plan
     from hdplan.planner.problem.own_term import OwnTerm
     from hdplan.planner.problem.problem import Problem
@@ -56,6 +60,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.clouds import Cloud, Ignored
     from hdplan.scenes.depth_images import DepthImage
     from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, UnsolvableError
+    from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
     from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
@@ -84,11 +89,17 @@ _HOMES = {  # of names, below hdplan
     "DepthImage": "scenes.depth_images",
     "Ellipsoid": "scenes.shapes",
     "Event": "planner.search.search",
+    "Grip": "scenes.job",
     "HdplanError": "scenes.errors",
     "Ignored": "scenes.clouds",
     "InputError": "scenes.errors",
+    "Job": "scenes.job",
+    "JobCertificate": "planner.job.certify",
+    "JobResult": "planner.job.result",
     "Limits": "scenes.limits",
+    "Line": "scenes.job",
     "Mesh": "scenes.shapes",
+    "Move": "scenes.job",
     "NotProvenError": "planner.proof.proof",
     "Obstacle": "scenes.obstacles",
     "OctoMap": "scenes.voxel_grids",
@@ -104,12 +115,16 @@ _HOMES = {  # of names, below hdplan
     "Problem": "planner.problem.problem",
     "Proof": "planner.proof.proof",
     "Relative": "scenes.path_constraints",
+    "Release": "scenes.job",
     "Robot": "planner.robot.robot",
     "RobotSpec": "scenes.robot_spec",
+    "Samples": "planner.motion.samples",
     "Scene": "scenes.scene",
     "SelfCollision": "scenes.obstacles",
     "Solution": "planner.solvers.solution",
     "Sphere": "scenes.shapes",
+    "StageCertificate": "planner.job.certify",
+    "StageMark": "planner.motion.trajectory",
     "SteadyMotion": "scenes.obstacles",
     "TimeLimitError": "scenes.errors",
     "TimedPoses": "scenes.obstacles",
@@ -118,14 +133,17 @@ _HOMES = {  # of names, below hdplan
     "UnsolvableError": "scenes.errors",
     "Upright": "scenes.path_constraints",
     "Voxels": "scenes.voxel_grids",
+    "Wait": "scenes.job",
     "Within": "scenes.path_constraints",
     "build": "planner.build",
     "certify": "planner.certificate.certifier",
+    "certify_job": "planner.job.certify",
     "check_configuration": "planner.certificate.certifier",
     "inverse_kinematics": "planner.search.inverse_kinematics",
     "load_robot": "planner.robot.robot",
     "load_scene": "scenes.yaml_format.reader",
     "plan": "planner.plan",
+    "plan_job": "planner.job.planning",
     "plan_many": "planner.batch.many",
     "prove": "planner.proof.proof",
     "solve": "planner.solvers",
@@ -144,11 +162,17 @@ __all__ = [
     "DepthImage",
     "Ellipsoid",
     "Event",
+    "Grip",
     "HdplanError",
     "Ignored",
     "InputError",
+    "Job",
+    "JobCertificate",
+    "JobResult",
     "Limits",
+    "Line",
     "Mesh",
+    "Move",
     "NotProvenError",
     "Obstacle",
     "OctoMap",
@@ -164,12 +188,16 @@ __all__ = [
     "Problem",
     "Proof",
     "Relative",
+    "Release",
     "Robot",
     "RobotSpec",
+    "Samples",
     "Scene",
     "SelfCollision",
     "Solution",
     "Sphere",
+    "StageCertificate",
+    "StageMark",
     "SteadyMotion",
     "TimeLimitError",
     "TimedPoses",
@@ -178,10 +206,12 @@ __all__ = [
     "UnsolvableError",
     "Upright",
     "Voxels",
+    "Wait",
     "Within",
     "__version__",
     "build",
     "certify",
+    "certify_job",
     "check_configuration",
     "control",
     "distance",
@@ -189,6 +219,7 @@ __all__ = [
     "load_robot",
     "load_scene",
     "plan",
+    "plan_job",
     "plan_many",
     "prove",
     "solve",

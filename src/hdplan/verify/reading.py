@@ -170,9 +170,11 @@ class Reader:
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """What links hold, and the pairs that may touch."""
         held, touching, at = list[Any](), set[frozenset[str]](), self.joints.at
-        for i, entry in enumerate(listing(self.top.get("attached"), "attached")):
+        entries = listing(self.top.get("attached"), "attached")
+        every = [mapping(x, f"attached[{i}]", "name link shape pose touch_links mass") for i, x in enumerate(entries)]
+        others = {scenes.word(said.get("name", f"attached{i}"), f"attached[{i}]") for i, said in enumerate(every)}
+        for i, said in enumerate(every):
             what = f"attached[{i}]"
-            said = mapping(entry, what, "name link shape pose touch_links mass")
             name, link = scenes.word(said.get("name", f"attached{i}"), what), scenes.word(said.get("link"), what)
             need(link in at and name not in at, f"{what}: its link is not known, or its name is taken")
             joint, pose = at[link]
@@ -180,7 +182,7 @@ class Reader:
             shape = scenes.shape_of(said.get("shape"), name, self.folder, self.files, self.told)
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
             near = listing(said.get("touch_links"), what)
-            need(all(x in at for x in near), f"{what}: touch_links: names a link that there is not")
+            need(all(x in at or x in others for x in near), f"{what}: touch_links: names a link that there is not")
             touching |= {frozenset((name, x)) for x in near}
         return held, touching
 

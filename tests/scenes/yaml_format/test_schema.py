@@ -15,7 +15,7 @@ import yaml
 from jsonschema import Draft7Validator
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.yaml_format.reader import SECTIONS, load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import SECTIONS, load_scene, shipped_jobs, shipped_scenes
 from hdplan.scenes.yaml_format.schema import scene_schema, schema_text
 
 SHIPPED = shipped_scenes()
@@ -28,7 +28,8 @@ ABOUT_MEANING = re.compile(
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
     r"|which has a length above 0|a whole number .* found -?[0-9]+\.0|keys must be names"
-    r"|must be another link than|unknown obstacle|names no link|has a pose already"
+    r"|the first smaller|two different bodies|must be another link than|unknown obstacle|names no link"
+    r"|has a pose already"
 )
 
 FULL = """
@@ -64,6 +65,20 @@ path:
   relative: {link: tool, to: a, pose: {position: [0, 0, 1], rpy: [0, 0, 1]}, position_tolerance: 0.01}
 timing: {duration: 2, rate: 50}
 planner: {waypoints: 40, clearance: 0.005, gamma: 3, swept: true, normals: sphere, distance: fcl}
+"""
+
+JOB = """
+hdplan: 1
+robot: {name: panda}
+start: {state: default}
+limits: {acceleration: 4}
+job:
+  - {name: above, move: {state: default}, path: {upright: {link: a}}, limits: {jerk: 5}, speed: 0.5}
+  - {line: {by: [0, 0, 1], frame: tool, link: a, position_tolerance: 0.01}, touch: [[a, b], [a, [c, d]]]}
+  - {line: {to: [0, 0, 1]}}
+  - {grip: {object: can, joints: {a: 1}, link: b, mass: 2}}
+  - {release: {joints: {a: 1}}}
+  - {wait: 0.5}
 """
 
 
@@ -108,17 +123,24 @@ def test_shipped_scenes_keep_to_it_and_say_so_to_editors(name: str) -> None:
     assert not list(VALIDATOR.iter_errors(yaml.safe_load(written)))
 
 
+@pytest.mark.parametrize("name", shipped_jobs())
+def test_shipped_jobs_keep_to_it(name: str) -> None:
+    written = shipped_jobs()[name].read_text(encoding="utf-8")
+    assert written.startswith("# yaml-language-server: $schema=../../scene.schema.json\n")
+    assert not list(VALIDATOR.iter_errors(yaml.safe_load(written)))
+
+
 def test_a_scene_with_everything_keeps_to_it(folder: Path) -> None:
     assert said(yaml.safe_load(FULL), folder) == (None, None)
+    assert said(yaml.safe_load(JOB), folder) == (None, None)
 
 
 def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
     """Unknown and missing keys, other types, numbers out of range, lists too long and too short: 200 that both refuse,
     none that the schema alone does, and what the reader alone does is about what values mean together."""
     rng = np.random.default_rng(14)
-    whole = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in SHIPPED.values()] + 20 * [
-        yaml.safe_load(FULL)
-    ]
+    whole = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in SHIPPED.values()]
+    whole += 20 * [yaml.safe_load(FULL)] + 10 * [yaml.safe_load(JOB)]
     both = 0
     while both < 200:
         broken = copy.deepcopy(whole[int(rng.integers(len(whole)))])
@@ -133,8 +155,12 @@ def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
 
 def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
     """At every place in turn both take it, or both refuse it; and so with an empty mapping."""
-    whole = yaml.safe_load(FULL)
-    for row, (_, name) in enumerate(containers(whole)):
+    every = [
+        (whole, row, name)
+        for whole in map(yaml.safe_load, (FULL, JOB))
+        for row, (_, name) in enumerate(containers(whole))
+    ]
+    for whole, row, name in every:
         for value in (None, {}):
             changed = copy.deepcopy(whole)
             place, key = list(containers(changed))[row]

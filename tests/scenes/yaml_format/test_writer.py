@@ -17,6 +17,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
@@ -327,6 +328,21 @@ class Maker:
         )
 
 
+def with_a_job() -> Scene:
+    """A job in which no field of a stage is at its default."""
+    every: dict[str, Any] = {"touch": [["a", ["b", "c"]]], "limits": Limits(acceleration=2.0), "speed": 0.5}
+    fine: dict[str, Any] = {"position_tolerance": 1e-4, "orientation_tolerance": 1e-3}
+    job = Job([
+        Move("default", PathConstraints(Upright("tool", "-z")), name="go", **every),
+        Line(by=[0.0, 0.1, 0.2], frame="tool", link="tool", name="down", **fine, **every),
+        Line(to=[0.0, 0.1, 0.2]),
+        Grip({"finger": 0.1}, "a", "tool", 2.0, name="take", **every),
+        Release({"finger": 0.1}, "a", name="leave", **every),
+        Wait(0.5, name="stand", **every),
+    ])  # fmt: skip
+    return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)  # type: ignore[arg-type]
+
+
 def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
     """And every field counts: a scene in which it differs is another scene, and written otherwise."""
     seen: dict[type, set[str]] = {}
@@ -349,6 +365,9 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
         scene = Maker(seed).scene()
         assert_same(scene, tmp_path)
         look(scene)
+    whole = with_a_job()
+    assert_same(whole, tmp_path)
+    look(whole)
     aside = {"source", "notes", "field", "scale", "kind"}  # of the file; timing.scale stands for a duration, below
     for kind in kinds:
         placed = {"name", "pose"} if issubclass(kind, Shape) else set()  # which the scene gives to the obstacle

@@ -1,0 +1,108 @@
+"""`hdplan plan`, `check` and `prove` with a scene that holds a job."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.text import Text
+
+from hdplan.planner.job.bundle import prove_job
+from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
+from hdplan.planner.job.planning import plan_job
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.proof import NotProvenError
+from hdplan.planner.terminal.console import printing, progress, say, waiting
+from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.output import check_new_folder, write_folder
+from hdplan.scenes.scene import Scene
+
+
+def refuse_options(given: Mapping[str, object]) -> None:
+    """Raise InputError for options that were given and that a job does not take."""
+    for option, value in given.items():
+        if value:
+            raise InputError(f"{option}: is about a single motion, and this scene holds a job: leave it out")
+
+
+def run_plan_job(
+    scene: Scene, *, output: Path | None, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
+) -> int:
+    """Plan a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
+        result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
+    if output is not None:
+        result.save(output)
+    if quiet:
+        return 0 if result.certified else 1
+    with printing() as show:
+        if printed_as_json:
+            show(json.dumps(result.summary()))
+        else:
+            show(Text(result.text, style="green" if result.certified else "red"))
+            rows = [("scene", scene.name), ("motion", result.trajectory.extent), ("time [s]", f"{result.seconds:.2f}")]
+            rows += [("note", note) for note in result.notes]
+            show(columns(stage_rows(result.certificate)))
+            show(table([*rows, *([("written", str(output))] if output is not None else [])]))
+    return 0 if result.certified else 1
+
+
+def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> int:
+    """Certify the motion of a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    motion = Trajectory.load(trajectory)
+    with waiting("certifying", shown=not printed_as_json), naming(trajectory):
+        certificate = certify_job(scene, motion)
+    with printing() as show:
+        if printed_as_json:
+            status = "certified" if certificate.certified else "not_certified"
+            stages = [dict(as_json(stage)) for stage in certificate.stages]
+            about = {"status": status, "text": certificate.text, "scene": scene.name, "trajectory": str(trajectory)}
+            show(json.dumps({**about, "stages": stages, "missing": list(certificate.missing)}))
+        else:
+            show(Text(certificate.text, style="green" if certificate.certified else "red"))
+            show(columns(stage_rows(certificate)))
+    return 0 if certificate.certified else 1
+
+
+def run_prove_job(scene: Scene, trajectory: Path, output: Path) -> int:
+    """Write the proofs of a job's stages into a new folder. Returns the exit code: 0 if there are, else 1."""
+    output = output.absolute()
+    check_new_folder(output)
+    motion = Trajectory.load(trajectory)
+    try:
+        with waiting("proving", shown=True), naming(trajectory):
+            files = prove_job(scene, motion)
+    except NotProvenError as error:
+        say(f"no proof: {error}", "red")
+        return 1
+    write_folder(output, files)
+    with printing() as show:
+        size = f"{sum(map(len, files.values())) / 1e3:.1f} kB"
+        show(f"{output}: scene, motion and proof of each of {len(motion.stages)} stages, {size}")
+    return 0
+
+
+def stage_rows(certificate: JobCertificate) -> Sequence[Mapping[str, object]]:
+    """Return a row for each stage: when it is, what is held and may touch, and the verdict, in full where it is not
+    certified."""
+    return [
+        {
+            "stage": stage.name,
+            "kind": stage.kind,
+            "begins": f"{stage.begins:.3f}",
+            "ends": f"{stage.ends:.3f}",
+            "held": ", ".join(stage.held) or "-",
+            "may_touch": ", ".join("-".join(pair) for pair in stage.touch) or "-",
+            "verdict": _verdict(stage),
+        }
+        for stage in certificate.stages
+    ]
+
+
+def _verdict(stage: StageCertificate) -> str:
+    certificate = stage.certificate
+    if not certificate.certified or certificate.clearance is None:
+        return certificate.text.partition(": ")[0] if certificate.certified else certificate.text
+    return f"certified, {certificate.clearance * 1e3:.3g} mm"

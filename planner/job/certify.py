@@ -1,0 +1,198 @@
+"""The certificate of a job: each stage by itself, from the job's scene and the motion that was driven, and nothing that
+planned them.
+
+What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
+held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row
+at which the last one ended, so positions and velocities are the same there; that each begins and ends at rest, the
+limits prove.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.planner.job.world import REACH, World
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.job import Grip, Release, Touch
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.values import instance
+
+DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
+
+
+@dataclass(frozen=True)
+class StageCertificate:
+    """What is proven of one stage."""
+
+    name: str
+    kind: str  # "move", "line", "grip", "release" or "wait"
+    begins: float  # [s]
+    ends: float  # [s]
+    held: tuple[str, ...]  # objects that are held in it
+    touch: Touch  # pairs that may touch in it
+    scene: Scene  # of its motion: one like any other
+    trajectory: Trajectory  # its part of the motion, at its own times
+    certificate: Certificate
+    notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
+
+
+@dataclass(frozen=True)
+class JobCertificate:
+    """The verdict on a whole job."""
+
+    job: str  # the scene's name
+    stages: tuple[StageCertificate, ...]  # as far as the motion goes
+    missing: tuple[str, ...] = ()  # the stages that the motion does not have
+
+    @property
+    def certified(self) -> bool:
+        """Whether all stages are there and proven."""
+        return not self.missing and all(stage.certificate.certified for stage in self.stages)
+
+    @property
+    def failed(self) -> StageCertificate | None:
+        """The first stage that is not proven; None if all that there are are proven."""
+        return next((stage for stage in self.stages if not stage.certificate.certified), None)
+
+    @property
+    def clearance(self) -> float | None:
+        """The least clearance that is proven over all stages [m]; None without obstacles or without proof."""
+        found = [stage.certificate.clearance for stage in self.stages if stage.scene.obstacles]
+        return None if None in found or not found or self.missing else min(each for each in found if each is not None)
+
+    @property
+    def text(self) -> str:
+        """One sentence: what was found."""
+        if (stage := self.failed) is not None:
+            return f"stage '{stage.name}': {stage.certificate.text}"
+        if self.missing:
+            return f"not whole: {len(self.stages)} stages are proven, '{self.missing[0]}' has no motion"
+        clearance = self.clearance
+        away = (
+            ""
+            if clearance is None
+            else f", at least {clearance * 1e3:.3g} mm to every obstacle that may not be touched"
+        )
+        duration = self.stages[-1].ends - self.stages[0].begins
+        return f"certified: all {len(self.stages)} stages, {duration:.3f} s{away}, each from rest to rest"
+
+    def __repr__(self) -> str:
+        """Say the verdict."""
+        return f"<JobCertificate: {self.text}>"
+
+
+def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
+    """Certify the motion of a job: return the verdict on every stage.
+
+    Args:
+        scene: one with a job.
+        trajectory: of all joints that the job moves, with marks where its stages begin (`Trajectory.stages`), as
+            `plan_job` returns it. One that has only the first stages is certified as far as it goes, which is not
+            whole.
+
+    Raises:
+        InputError: a scene without a job, or in which none can be done; a motion without marks, or with other stages
+            than the job's; an object that is taken out of reach, or released without being held.
+    """
+    instance(scene, Scene, "scene")
+    instance(trajectory, Trajectory, "trajectory")
+    world = World.at_first(scene)
+    assert scene.job is not None
+    names = scene.job.names
+    marks = tuple(mark.name for mark in trajectory.stages)
+    if not marks:
+        raise InputError("trajectory: has no marks of stages; a job is checked with the JSON file that was planned")
+    if marks != names[: len(marks)]:
+        wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
+        asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
+        raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {asked}")
+    found = []
+    for number in range(len(marks)):
+        part = stage_motion(trajectory, number)
+        stage, world = certified_stage(world, number, part)
+        found.append(stage)
+    return JobCertificate(scene.name, tuple(found), names[len(marks) :])
+
+
+def stage_motion(trajectory: Trajectory, number: int) -> Trajectory:
+    """Return the part of a job's motion that is one stage, at its own times."""
+    rows = [*(mark.row for mark in trajectory.stages), len(trajectory) - 1]
+    kept = slice(rows[number], rows[number + 1] + 1)
+    parts = (
+        None if each is None else each[kept]
+        for each in (trajectory.times, trajectory.velocities, trajectory.accelerations)
+    )
+    times, velocities, accelerations = parts
+    positions = trajectory.positions[kept]
+    return Trajectory(trajectory.joint_names, positions, trajectory.locked, times, velocities, accelerations)
+
+
+def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageCertificate, World]:
+    """Certify the motion of one stage from what there is before it; also return what there is after it."""
+    assert world.scene.job is not None
+    stage, name = world.scene.job.stages[number], world.scene.job.names[number]
+    scene = world.stage_scene(number)
+    certifier = Certifier(Setup.of(scene))
+    with naming(f"stage '{name}'"):
+        certificate = certifier.certify(part)
+        curve = curve_of(certifier.robot, part)
+    still = stage.kind == "wait" or (isinstance(stage, Grip | Release) and not stage.joints)
+    if still and np.ptp(curve.control, axis=(0, 1)).any():
+        text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: the robot moves where it is to stand still"
+        certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
+    times = part.times
+    assert times is not None
+    found = StageCertificate(
+        name,
+        stage.kind,
+        float(times[0]),
+        float(times[-1]),
+        tuple(each.name for each in world.held),
+        stage.touch,
+        scene,
+        part,
+        certificate,
+        _on_touch(world, number, curve),
+    )
+    return found, world.after(number, curve.rows[-1])
+
+
+def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
+    """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
+    those that overlap there, which no proof looks at."""
+    assert world.scene.job is not None
+    stage, name = world.scene.job.stages[number], world.scene.job.names[number]
+    if not stage.touch:
+        return ()
+    notes = []
+    for (one, other), least in world.touched(number, curve.rows[[0, -1]]).items():
+        if least > REACH:
+            notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
+        elif least < -DEEP:
+            notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")
+    return tuple(notes)
+
+
+def as_json(stage: StageCertificate) -> Mapping[str, object]:
+    """Return a stage's verdict for JSON."""
+    return {
+        "stage": stage.name,
+        "kind": stage.kind,
+        "begins_s": stage.begins,
+        "ends_s": stage.ends,
+        "held": list(stage.held),
+        "touch": [list(pair) for pair in stage.touch],
+        "status": stage.certificate.status.value,
+        "text": stage.certificate.text,
+        "clearance_m": stage.certificate.clearance,
+        "notes": [*stage.certificate.notes, *stage.notes],
+    }

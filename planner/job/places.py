@@ -1,0 +1,52 @@
+"""Where links are, as matrices and as poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.lazy_imports import scipy
+from hdplan.scenes.poses import Pose
+
+Array = NDArray[np.float64]
+
+
+def link_pose(robot: Robot, q: Array, link: str) -> Array:
+    """Return the pose (4, 4) of a link in the world at joint values q (n,), by Pinocchio. Raises InputError."""
+    links = links_of(robot)
+    if link not in links:
+        raise InputError(f"unknown link '{link}'{nearest(link, links)}")
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.pin_q(q))
+    return np.asarray(pin.updateFramePlacement(robot.model, data, links[link]).homogeneous)
+
+
+def links_of(robot: Robot) -> dict[str, int]:
+    """Return the frames of all links in the model, by name, the root first."""
+    frames = robot.model.frames
+    return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
+
+
+def fixed_link(robot: Robot) -> tuple[str, Array]:
+    """Return a link that stands fast in the world, and its pose (4, 4) there."""
+    for link, index in links_of(robot).items():
+        if robot.model.frames[index].parentJoint == 0:
+            return link, np.asarray(robot.model.frames[index].placement.homogeneous)
+    raise InputError(f"{robot.name} has no link that stands fast in the world, which lines and `touch` need")
+
+
+def along(direction: Array) -> Array:
+    """Return a rotation (3, 3) that takes the x axis to a unit vector."""
+    other = np.eye(3)[int(np.abs(direction).argmin())]
+    side = np.cross(direction, other)
+    side /= np.linalg.norm(side)
+    return np.stack([direction, side, np.cross(direction, side)], axis=1)
+
+
+def pose_of(matrix: Array) -> Pose:
+    """Return a homogeneous matrix (4, 4) as a pose."""
+    turn = scipy.spatial.transform.Rotation.from_matrix(matrix[:3, :3]).as_quat()
+    return Pose(matrix[:3, 3].tolist(), (turn / np.linalg.norm(turn)).tolist())

@@ -1,0 +1,310 @@
+"""Planning of a job: stage after stage, each from where the last one ended, with another choice further back where one
+cannot be done.
+
+A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
+after the other, the most promising first; before a motion to one is planned, the stages up to the next move of the arm
+are tried from there, which costs little. The first choice that leads to the end is taken. Lines, grips and waits leave
+no choice.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.job.certify import certify_job
+from hdplan.planner.job.following import NotFollowedError, along_line
+from hdplan.planner.job.result import JobResult
+from hdplan.planner.job.world import World
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.goals import goal_choice
+from hdplan.planner.search.search import Event
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
+from hdplan.scenes.job import Grip, Line, Move, Release, Wait, stage_name
+from hdplan.scenes.scene import Scene, derived
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
+from hdplan.scenes.values import Number, Whole, checked, instance
+
+PLACES = (48, 192)  # along a line: more of them where the motion between them leaves its tolerance
+SHARE = 0.3  # of the time left, for one motion where there are others to try
+HAND_PLACES = 5
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The motion of one stage, and what there is after it."""
+
+    motion: Trajectory
+    after: World
+    notes: tuple[str, ...] = ()
+
+
+class _StageFailedError(Exception):
+    """A stage that cannot be done, and why."""
+
+
+def plan_job(
+    scene: Scene,
+    *,
+    seed: int = 0,
+    time_limit: float = 60.0,
+    report: Callable[[Event], None] = lambda event: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> JobResult:
+    """Plan a job: find motions for all its stages, and certify each as it was driven.
+
+    Args:
+        scene: one with a job.
+        seed: of random first guesses and configurations; the same seed gives the same result, as far as the time limit
+            allows.
+        time_limit: [s] for everything. What was planned by then comes back, and says which stage is missing, and why.
+        report: called with every step and every certificate of the motions that are planned.
+        stop: called at every step; once it returns True, what was planned so far comes back.
+
+    Raises:
+        InputError: for a scene without a job, and for errors in the scene, its robot or a stage, which it names.
+        TimeLimitError: a `deadline.time_limit` passed before there was a motion.
+    """
+    instance(scene, Scene, "scene")
+    seed = checked(Whole(0, 2**63 - 1), seed, "seed")
+    time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
+    began = time.perf_counter()
+    first = World.at_first(scene)
+    search = _Search(scene, seed, began + time_limit, report, stop)
+    pieces = search.run(first)
+    assert scene.job is not None
+    names = scene.job.names
+    refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
+    if not pieces and not search.refused:
+        ended = f"the time limit of {time_limit:g} s passed, or it was stopped, before the first stage was planned"
+        raise TimeLimitError(f"{scene.source}: {ended}")
+    if not pieces:
+        number, why = search.refused[0]
+        raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
+    trajectory = joined(pieces, names)
+    certificate = certify_job(scene, trajectory)
+    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
+    said = (
+        *(note for piece in pieces for note in piece.notes),
+        *(note for each in certificate.stages for note in each.notes),
+    )
+    notes = tuple(dict.fromkeys((*scene.notes, *said, *refused)))
+    return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
+
+
+def _failure(search: _Search, names: Sequence[str], done: int) -> str:
+    """Say which stage stopped the job, why, and what would help."""
+    found = [why for number, why in search.refused if number == done]
+    if not found:
+        return f"stage '{names[done]}' was not reached within the time limit; more time may help"
+    times = f" (the last of {len(found)} tries)" if len(found) > 1 else ""
+    return f"stage '{names[done]}'{times}: {found[-1]}"
+
+
+class _Search:
+    """Depth first over the choices of all stages."""
+
+    def __init__(
+        self, scene: Scene, seed: int, deadline: float, report: Callable[[Event], None], stop: Callable[[], bool]
+    ) -> None:
+        assert scene.job is not None
+        self.stages, self.seed, self.deadline = scene.job.stages, seed, deadline
+        self.report, self.stop = report, stop
+        self.refused: list[tuple[int, str]] = []  # the stage, and why a choice for it was given up
+        self._made: dict[int, list[tuple[World, Piece | str]]] = {}  # what leaves no choice, by stage
+
+    def run(self, world: World) -> list[Piece]:
+        """Return the pieces of all stages, or of the most that were done one after the other."""
+        best: list[Piece] = []
+        pieces: list[Piece] = []
+        open_ = [self._choices(world, 0)]
+        while open_ and not self._late():
+            piece = next(open_[-1], None)
+            if piece is None:
+                open_.pop()
+                if pieces:
+                    pieces.pop()
+                continue
+            pieces.append(piece)
+            if len(pieces) > len(best):
+                best = [*pieces]
+            if len(pieces) == len(self.stages):
+                return pieces
+            open_.append(self._choices(piece.after, len(pieces)))
+        return best
+
+    def _late(self) -> bool:
+        return time.perf_counter() >= self.deadline or self.stop()
+
+    def _choices(self, world: World, number: int) -> Iterator[Piece]:
+        """Yield ways to do a stage, the most promising first."""
+        stage = self.stages[number]
+        if not isinstance(stage, Move):
+            if isinstance(found := self._only(world, number), Piece):
+                yield found
+            else:
+                self.refused.append((number, found))
+            return
+        scene = world.stage_scene(number)
+        try:
+            goals = self._goals(scene)
+        except UnsolvableError as error:
+            self.refused.append((number, _cause(error, scene)))
+            return
+        for goal in goals:
+            if self._late():
+                return
+            try:
+                if len(goals) > 1:
+                    self._look_ahead(world, number, goal)
+                yield self._moved(world, number, scene, goal, len(goals) > 1)
+            except _StageFailedError as failed:
+                self.refused.append((number, str(failed)))
+
+    def _goals(self, scene: Scene) -> tuple[JointTarget, ...]:
+        """Return the configurations to which a stage may lead."""
+        if isinstance(scene.goal, JointTarget):
+            return (scene.goal,)
+        return goal_choice(Certifier(Setup.of(scene)), self.seed).goals
+
+    def _look_ahead(self, world: World, number: int, goal: JointTarget) -> None:
+        """Try the stages up to the next move of the arm from a configuration. Raises _StageFailedError."""
+        assert goal.positions is not None
+        there = world.after(number, np.array(goal.positions))
+        for after in range(number + 1, len(self.stages)):
+            if isinstance(self.stages[after], Move):
+                return
+            found = self._only(there, after)
+            if isinstance(found, str):
+                name = stage_name(self.stages[after], after)
+                raise _StageFailedError(f"given up, as stage '{name}' cannot follow it: {found}")
+            there = found.after
+
+    def _moved(self, world: World, number: int, scene: Scene, goal: JointTarget, others: bool) -> Piece:
+        """Plan a move of the arm to one configuration. Raises _StageFailedError."""
+        left = max(0.0, self.deadline - time.perf_counter())
+        aimed = derived(scene, goal=goal)
+        try:
+            result = plan(
+                aimed, seed=self.seed, time_limit=left * (SHARE if others else 1.0), report=self.report, stop=self.stop
+            )
+        except (UnsolvableError, TimeLimitError) as error:
+            raise _StageFailedError(_cause(error, scene)) from None
+        if not result.certified:
+            raise _StageFailedError(result.certificate.text)
+        rows = curve_of(Setup.of(aimed).robot, result.trajectory).rows
+        return Piece(result.trajectory, world.after(number, rows[-1]), result.notes)
+
+    def _only(self, world: World, number: int) -> Piece | str:
+        """Do a stage that leaves no choice, or say why it cannot be done; what was found once is kept."""
+        kept = self._made.setdefault(number, [])
+        for before, found in kept:
+            if before == world:
+                return found
+        try:
+            made: Piece | str = self._done(world, number)
+        except _StageFailedError as failed:
+            made = str(failed)
+        kept.append((world, made))
+        return made
+
+    def _done(self, world: World, number: int) -> Piece:
+        stage, scene = self.stages[number], world.stage_scene(number)
+        setup = Setup.of(scene)
+        robot = setup.robot
+        start = robot.configuration(scene.start)
+        match stage:
+            case Line():
+                assert isinstance(scene.goal, Goals)
+                (target,) = scene.goal.targets
+                assert isinstance(target, PoseTarget)
+                motion = self._followed(setup, start, target)
+            case Grip() | Release() if stage.joints:
+                assert isinstance(scene.goal, JointTarget)
+                way = np.linspace(start, robot.configuration(scene.goal), HAND_PLACES)
+                motion = self._timed(setup, way)
+            case Grip() | Release():
+                motion = _standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
+            case Wait():
+                motion = _standing(robot, start, stage.seconds)
+            case _:
+                raise TypeError(f"{stage.kind} leaves a choice")
+        certificate = Certifier(setup).certify(motion)
+        if not certificate.certified:
+            raise _StageFailedError(certificate.text)
+        rows = curve_of(robot, motion).rows
+        return Piece(motion, world.after(number, rows[-1]), certificate.notes)
+
+    def _followed(self, setup: Setup, start: Array, target: PoseTarget) -> Trajectory:
+        certifier = Certifier(setup)
+        for count in PLACES:
+            try:
+                motion = self._timed(setup, along_line(setup.robot, start, target, count))
+            except NotFollowedError as error:
+                raise _StageFailedError(str(error)) from None
+            if certifier.certify(motion).status is not Status.OFF_PATH:
+                break
+        return motion
+
+    def _timed(self, setup: Setup, waypoints: Array) -> Trajectory:
+        from hdplan.planner.timing.retiming import Retimer
+
+        path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
+        return Retimer(setup)(path).trajectory
+
+
+def _standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
+    still = np.zeros((2, robot.n))
+    return Trajectory(robot.joint_names, np.stack([q, q]), robot.locked, np.array([0.0, seconds]), still, still)
+
+
+def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:
+    return str(error).removeprefix(f"{scene.source}: ")
+
+
+def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
+    """Return one motion of all joints that the pieces move, one piece after the other, with marks where they begin. A
+    piece begins with the row with which the last one ended; there everything rests."""
+    joints = tuple(dict.fromkeys(joint for piece in pieces for joint in piece.motion.joint_names))
+    held = [piece.motion.locked for piece in pieces]
+    at = {
+        joint: next(each[joint] for each in held if joint in each)
+        for joint in joints
+        if joint not in pieces[0].motion.joint_names
+    }
+    blocks, marks, times, begins, row = [], [], [], 0.0, 0
+    for i, (piece, name) in enumerate(zip(pieces, names, strict=False)):
+        motion = piece.motion
+        assert motion.times is not None
+        rows = np.zeros((3, len(motion), len(joints)))
+        for column, joint in enumerate(joints):
+            if joint in motion.joint_names:
+                own = motion.joint_names.index(joint)
+                values = (motion.positions, motion.velocities, motion.accelerations)
+                for block, given in zip(rows, values, strict=True):
+                    block[:, column] = 0.0 if given is None else given[:, own]
+                at[joint] = float(motion.positions[-1, own])
+            else:
+                rows[0, :, column] = at[joint]
+        rows[1:, [0, -1]] = 0.0  # at rest: what is left there is rounding
+        first = 0 if i == 0 else 1
+        blocks.append(rows[:, first:])
+        times.append((begins + (motion.times - motion.times[0]))[first:])
+        marks.append(StageMark(name, row))
+        row += len(motion) - 1
+        begins = float(times[-1][-1])
+    positions, velocities, accelerations = np.concatenate(blocks, axis=1)
+    last = {joint: value for joint, value in held[-1].items() if joint not in joints}
+    steady = {joint: value for joint, value in last.items() if all(each.get(joint) == value for each in held)}
+    return Trajectory(joints, positions, steady, np.concatenate(times), velocities, accelerations, stages=tuple(marks))

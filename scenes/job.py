@@ -1,0 +1,259 @@
+"""A job: stages that a robot does one after the other, each beginning where the last one ended.
+
+A stage moves the arm (`Move`, `Line`), moves the fingers and takes hold of an object or lets go of it (`Grip`,
+`Release`), or waits (`Wait`). What each names is looked up when the job is planned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, get_args
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Vector3
+from hdplan.scenes.targets import AnyGoal, Goals, JointTarget, goal_of
+from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, Numbers, Row, is_row, text, wrong
+
+WORLD, TOOL = "world", "tool"  # frames of a shift, beside the names of objects
+MOST_STAGES = 1000
+
+Touch = tuple[tuple[str, str], ...]
+AnyTouch = Sequence[Sequence[str | Sequence[str]]]
+
+
+def touching(value: object) -> Touch:
+    """Return pairs of names that may touch, each given as ``[one, other]`` or ``[one, [other, ..]]``."""
+    found: dict[tuple[str, str], None] = {}
+    for i, entry in enumerate(Row(_as_it_is, of="pairs")(value)):
+        if not is_row(entry) or len(entry) != 2:
+            raise wrong("two names that may touch, the second maybe a list of them", entry).within(f"[{i}]")
+        try:
+            one = text(entry[0])
+            others = Row(text, of="names")(entry[1]) if is_row(entry[1]) else (text(entry[1]),)
+            if one in others:
+                raise FieldError(f"must name two different bodies, found {one!r} twice")
+        except FieldError as error:
+            raise error.within(f"[{i}]") from None
+        found |= dict.fromkeys((one, other) for other in others)
+    return tuple(found)
+
+
+def _as_it_is(value: object) -> object:
+    return value
+
+
+def fingers_of(value: object) -> dict[str, float]:
+    """Return the values of joints by name."""
+    return Named(JointValue)(value)
+
+
+@dataclass(frozen=True, repr=False)
+class _Stage(Checked):
+    """What every stage has."""
+
+    name: Name | None = field(default=None, kw_only=True)  # in messages and marks; None: its kind and number
+    touch: Annotated[Touch, touching] = field(default=(), kw_only=True)
+    """Pairs of names that may touch in this stage alone: links, held objects, obstacles."""
+    limits: Limits | None = field(default=None, kw_only=True)  # in this stage; None: the scene's
+    speed: Annotated[float, Number(high=1.0, above=0.0)] = field(default=1.0, kw_only=True)
+    """Share of the speed that the limits allow."""
+
+    @property
+    def kind(self) -> str:
+        """Its key in a file: "move"."""
+        return type(self).__name__.lower()
+
+
+@dataclass(frozen=True, repr=False)
+class Move(_Stage):
+    """The arm moves to a goal, in any form that a scene's goal has."""
+
+    goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
+    path: PathConstraints = field(default_factory=PathConstraints)  # in this stage
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            goal: AnyGoal = NEEDED,
+            path: PathConstraints = PathConstraints(),
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+
+@dataclass(frozen=True, repr=False)
+class Line(_Stage):
+    """A link's frame moves on a straight line without turning: `by` a shift, or `to` a position. All along, its origin
+    stays within `position_tolerance` of the line, and its rotation within `orientation_tolerance` of the one at which
+    the line begins."""
+
+    by: Annotated[Vector3, Row(Number(unit="m"), 3)] | None = None  # in `frame` [m]
+    to: Annotated[Vector3, Row(Number(unit="m"), 3)] | None = None  # in the world [m]
+    frame: Name = WORLD  # of `by`: "world", "tool", as it is at the beginning, or an object's name
+    link: Name | None = None  # None: the end effector
+    position_tolerance: Annotated[float, Number(high=0.1, above=0.0, unit="m")] = 1e-3  # [m]
+    orientation_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="rad")] = 1e-2  # [rad]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            by: Numbers | None = None,
+            to: Numbers | None = None,
+            frame: str = WORLD,
+            link: str | None = None,
+            position_tolerance: float = 1e-3,
+            orientation_tolerance: float = 1e-2,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if (self.by is None) == (self.to is None):
+            found = "neither" if self.by is None else "both"
+            raise FieldError(f"must have either 'by' or 'to', found {found}")
+        if self.by is None and self.frame != WORLD:
+            raise FieldError("goes with 'by': 'to' is a position in the world", "frame")
+        if self.by is not None and not any(self.by):
+            raise FieldError("has no length: give a shift that is not 0", "by")
+
+
+@dataclass(frozen=True, repr=False)
+class _Hand(_Stage):
+    """Fingers move to `joints` while the arm stands still."""
+
+    joints: Annotated[Mapping[str, float], fingers_of] = field(default_factory=dict)
+    """Of the fingers, which the arm's stages hold [rad] or [m]; none for a hand without, such as a suction cup."""
+    object: Name | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            joints: Mapping[str, float] = {},
+            object: str | None = None,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if not self.joints and self.object is None:
+            raise FieldError("must have 'joints', 'object' or both, found neither")
+
+
+@dataclass(frozen=True, repr=False)
+class Grip(_Hand):
+    """Fingers close on an `object`, which is held by `link` afterwards, as it then stands; without an object they just
+    move. What the object may touch of the hand by `touch`, it may touch until it is released."""
+
+    link: Name | None = None  # that carries the object; None: the end effector
+    mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None  # of the object; where torques are limited [kg]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            joints: Mapping[str, float] = {},
+            object: str | None = None,
+            link: str | None = None,
+            mass: float | None = None,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        super()._check_whole()
+        for key in ("link", "mass"):
+            if self.object is None and getattr(self, key) is not None:
+                raise FieldError("goes with 'object', which is missing", key)
+
+
+@dataclass(frozen=True, repr=False)
+class Release(_Hand):
+    """Fingers open and let go of an `object`, which stays where it is; without an object they just move."""
+
+
+@dataclass(frozen=True, repr=False)
+class Wait(_Stage):
+    """The robot stands still."""
+
+    seconds: Annotated[float, Number(high=1e4, above=0.0, unit="s")] = NEEDED  # [s]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            seconds: float,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+
+Stage = Move | Line | Grip | Release | Wait
+KINDS: Mapping[str, type[Stage]] = {kind.__name__.lower(): kind for kind in get_args(Stage)}
+
+
+def stages_of(value: object) -> tuple[Stage, ...]:
+    """Return stages, each with a name of its own."""
+    if not is_row(value) or not len(value):
+        raise wrong("a list of one or more stages", value)
+    if len(value) > MOST_STAGES:
+        raise FieldError(f"has {len(value)} stages, at most {MOST_STAGES} are allowed")
+    names: dict[str, int] = {}
+    for i, stage in enumerate(value):
+        if not isinstance(stage, get_args(Stage)):
+            raise wrong(f"a stage: {', '.join(kind.__name__ for kind in get_args(Stage))}", stage).within(f"[{i}]")
+        name = stage_name(stage, i)
+        if name in names:
+            raise FieldError(f"the name {name!r} is that of stage {names[name]} too; names must differ", f"[{i}]")
+        names[name] = i
+    return tuple(value)
+
+
+def stage_name(stage: Stage, number: int) -> str:
+    """Return a stage's own name, or its kind and number, counted from 0."""
+    return stage.name if stage.name is not None else f"{stage.kind} {number}"
+
+
+@dataclass(frozen=True, repr=False)
+class Job(Checked):
+    """Stages that are done one after the other.
+
+        job = hdplan.Job([
+            hdplan.Move(hdplan.Pose.from_rpy([0.5, 0.0, 0.4], [3.1416, 0.0, 0.0])),
+            hdplan.Line(by=[0.0, 0.0, -0.1]),
+            hdplan.Wait(0.5),
+        ])
+
+    Raises InputError for no stages, something else than stages, and two of one name.
+    """
+
+    stages: Annotated[tuple[Stage, ...], stages_of] = NEEDED
+
+    if TYPE_CHECKING:
+
+        def __init__(self, stages: Sequence[Stage]) -> None: ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the stages."""
+        return tuple(stage_name(stage, i) for i, stage in enumerate(self.stages))

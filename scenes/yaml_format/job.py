@@ -1,0 +1,95 @@
+"""The `job` section: a list of stages, each a mapping with one of the keys of `KINDS` and, beside it, what every stage
+may have."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, assert_never
+
+from hdplan.scenes.fields import Field
+from hdplan.scenes.job import KINDS, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stages_of
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.values import checks_of
+from hdplan.scenes.yaml_format.effects import read_limits, read_path
+from hdplan.scenes.yaml_format.targets import read_goal
+
+COMMON = ("name", "touch", "limits", "speed")
+LINE = ("by", "to", "frame", "link", "position_tolerance", "orientation_tolerance")
+GRIP = ("joints", "object", "link", "mass")
+RELEASE = ("joints", "object")
+
+
+def read_job(section: Field) -> Job:
+    """Read the stages. Raises InputError for unknown kinds and keys, and for values that are not allowed."""
+    return Job(section.checked(stages_of, [_stage(entry) for entry in section.items(of="stages")]))
+
+
+def _stage(entry: Field) -> Stage:
+    keys = entry.mapping((*KINDS, *COMMON, "path"))
+    given = [kind for kind in KINDS if kind in keys]
+    if len(given) != 1:
+        found = f"has more than one of {', '.join(given)}" if given else f"has none of the keys {', '.join(KINDS)}"
+        raise entry.error(f"{found}: a stage is of one kind")
+    kind, said = given[0], keys[given[0]]
+    values: dict[str, Any] = {key: keys[key] for key in COMMON if key in keys}
+    if "limits" in keys:
+        values["limits"] = read_limits(keys["limits"])
+    if "path" in keys:
+        if kind != "move":
+            raise keys["path"].error("goes with 'move' alone")
+        values["path"] = read_path(keys["path"])
+    match kind:
+        case "move":
+            return entry.make(Move, goal=read_goal(said), **values)
+        case "line":
+            return _made(entry, kind, Line, said.mapping(LINE), values)
+        case "grip":
+            return _made(entry, kind, Grip, said.mapping(GRIP), values)
+        case "release":
+            return _made(entry, kind, Release, said.mapping(RELEASE), values)
+        case _:
+            seconds = said.checked(checks_of(Wait)["seconds"], said.value)
+            return entry.make(Wait, seconds=seconds, **values)
+
+
+def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Field], common: dict[str, Any]) -> Stage:
+    """Return a stage made of its own keys, at which errors are reported, and of those that every stage has."""
+    bare = Field(entry.value, f"{entry.key}.{kind}", entry.document).make(make, **own)
+    return entry.make(lambda **given: dataclasses.replace(bare, **given), **common)
+
+
+def stage_entry(stage: Stage, target: Callable[[Any], Any], effects: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+    """Return a stage as it is written; `target` writes a goal, `effects` the sections limits and path of what has such
+    fields."""
+    match stage:
+        case Move():
+            said: Any = target(stage.goal)
+        case Line() | Grip() | Release():
+            keys = {Line: LINE, Grip: GRIP, Release: RELEASE}[type(stage)]
+            written = {key: getattr(stage, key) for key in keys}
+            said = {key: _plain(value) for key, value in written.items() if value is not None and value != {}}
+            if said.get("frame") == WORLD:
+                del said["frame"]
+        case Wait():
+            said = stage.seconds
+        case _:
+            assert_never(stage)
+    entry: dict[str, Any] = {stage.kind: said}
+    if stage.name is not None:
+        entry["name"] = stage.name
+    if stage.touch:
+        entry["touch"] = [list(pair) for pair in stage.touch]
+    if stage.limits is not None:
+        entry["limits"] = effects(stage.limits)
+    if isinstance(stage, Move) and stage.path != PathConstraints():
+        entry["path"] = effects(stage.path)
+    if stage.speed != 1.0:
+        entry["speed"] = stage.speed
+    return entry
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return list(value)
+    return dict(value) if hasattr(value, "items") else value

@@ -1,0 +1,77 @@
+"""The commands, with a scene that holds a job: plan and check take it, all others refuse it in one line."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from hdplan import cli
+
+SCENE = """
+hdplan: 1
+robot: {name: panda}
+start: {state: default}
+limits: {acceleration: 4}
+job:
+  - {name: down, line: {by: [0, 0, -0.05]}}
+  - {name: stand, wait: 0.1}
+"""
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> object:
+    """Run a command in a folder with the scene; return code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    Path("job.yaml").write_text(SCENE, encoding="utf-8")
+
+    def run(line: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hdplan", *shlex.split(line)])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        said = capsys.readouterr()
+        return int(caught.value.code or 0), said.out, said.err
+
+    return run
+
+
+def test_commands_take_a_job_or_refuse_it(command: object) -> None:
+    assert callable(command)
+    code, out, _ = command("plan job.yaml -o motion.json --json")
+    said = json.loads(out)
+    assert (code, said["status"], [each["stage"] for each in said["stages"]]) == (0, "certified", ["down", "stand"])
+    code, out, _ = command("check job.yaml motion.json")
+    assert (code, out.splitlines()[0]) == (0, f"{said['text']}")
+    for line in (
+        "follow job.yaml motion.json",
+        "simulate job.yaml motion.json",
+        "plot job.yaml motion.json -o sheet.png",
+        "view job.yaml motion.json --record page.html",
+        "explain job.yaml",
+        "codegen job.yaml -o folder",
+        "sample job.yaml -o table.csv",
+    ):
+        code, out, err = command(line)
+        assert (code, out) == (2, ""), line
+        assert "job: holds several motions" in err, line
+    for option in ("--diagnose", "--plot sheet.png", "--proof a.proof", "--solver ipopt"):
+        code, _, err = command(f"plan job.yaml -o other.json {option}")
+        assert code == 2, option
+        assert "is about a single motion" in err
+    assert not Path("other.json").exists()
+
+
+def test_a_stage_that_fails_keeps_what_was_planned(command: object) -> None:
+    assert callable(command)
+    Path("job.yaml").write_text(SCENE + "  - {name: away, line: {by: [1, 0, 0]}}\n", encoding="utf-8")
+    code, out, _ = command("plan job.yaml -o motion.json")
+    assert code == 1
+    assert out.startswith("not certified: stage 'away': panda_hand_tcp cannot be brought along")
+    code, out, _ = command("check job.yaml motion.json")
+    assert code == 1
+    assert out.startswith("not whole: 2 stages are proven, 'away' has no motion")
+    assert command("prove job.yaml motion.json -o proofs")[0] == 1
+    assert not Path("proofs").exists()
