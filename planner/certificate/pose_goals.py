@@ -42,9 +42,20 @@ class Miss(NamedTuple):
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
     """Return how far configuration q (n,) misses the target, exact to rounding. Raises InputError as `link_frame`."""
+    return misses_of(robot, target, q[None])[0]
+
+
+def misses_of(robot: Robot, target: PoseTarget, q: Array) -> list[Miss]:
+    """The same for configurations q (B, n)."""
     frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
-    found, wanted = data.oMf[frame], target.pose.matrix
+    wanted, found = target.pose.matrix, []
+    for values in robot.pin_q(q):
+        pin.framesForwardKinematics(robot.model, data, values)
+        found.append(_miss(target, data.oMf[frame], wanted))
+    return found
+
+
+def _miss(target: PoseTarget, found: pin.SE3, wanted: Array) -> Miss:
     off = float(np.linalg.norm(found.translation - wanted[:3, 3]))
     if target.free_rotation == "all":
         return Miss(off, 0.0)

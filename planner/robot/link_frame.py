@@ -24,7 +24,7 @@ def link_frame(robot: Robot, link: str | None, field: str) -> int:
     Raises InputError, naming the scene's `field` (if any), for a link that the robot does not have or that does not
     move, and as `end_effector`.
     """
-    name = end_effector(robot, field) if link is None else link
+    name = end_effector(robot, field or "link") if link is None else link
     where = f"{field}.link" if field else "link"
     index = _frame(robot, name, where)
     if robot.model.frames[index].parentJoint == 0:

@@ -15,22 +15,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.pose_goals import Miss, miss_of
+from hdplan.planner.certificate.pose_goals import Miss, misses_of
 from hdplan.planner.kinematics.inverse import LONGEST, Aim, damped_step, self_motion
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.errors import FieldError
+from hdplan.scenes.errors import FieldError, naming
 from hdplan.scenes.poses import AnyPose
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, PoseTarget
-from hdplan.scenes.values import Whole, checked, instance, text
+from hdplan.scenes.values import boolean, checked, wrong
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
 
 STARTS = 128  # the scene's start, and random configurations
+FEW, AROUND = 24, 1.0  # starts around a seed, and their standard deviation [rad or m]
 STEPS, MANY = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
 ARRIVED = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
@@ -40,50 +43,79 @@ APART = 0.6  # [rad] or [m] in some joint between two configurations that count 
 
 
 def inverse_kinematics(
-    robot: Robot,
-    link: str,
+    robot: Robot | Scene,
     pose: AnyPose,
+    link: str | None = None,
     *,
+    seed: ArrayLike | None = None,
+    all_branches: bool = False,
     position_tolerance: float = PoseTarget.position_tolerance,
     orientation_tolerance: float = PoseTarget.orientation_tolerance,
     free_rotation: str = PoseTarget.free_rotation,
-    near: ArrayLike | None = None,
-    seed: int = 0,
 ) -> Array:
-    """Return configurations (K, n) that bring a link to a pose [rad or m], nearest to `near` first; K may be 0.
+    """Return configurations (K, n) that bring a link to a pose [rad or m]: the one nearest to `seed` (K is 1 or 0), or
+    those of all branches that are found, nearest first (K may be 0). A seed that reaches the pose is itself the first.
 
     For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
     the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
-    leads there, or that no other configurations exist: the search has 128 starts and may miss some or all. Any two
-    differ by more than 0.6 rad (or m) in some joint.
+    leads there, or that no other configurations exist, nearer ones included: they are found by search, from 24 starts
+    around the seed and, where these lead nowhere or all branches are asked for, from 128 all over the limits, which may
+    miss some or all. Any two differ by more than 0.6 rad (or m) in some joint. An arm with more joints than the pose
+    asks for has families of configurations in place of single ones; of each it gives a few members. The same arguments
+    give the same configurations.
 
     Args:
-        robot: what load_robot returns.
-        link: a link that moves, with or without geometry.
+        robot: what load_robot returns; or a scene, whose robot it is, with what it holds and its position limits.
         pose: of the link's frame, in the world.
+        link: a link that moves, with or without geometry; by default the end effector.
+        seed: a configuration (n,); by default the scene's start, or the middle of the robot's joint limits, 0 for a
+            joint without limits.
+        all_branches: whether to look for all of them.
         position_tolerance: how far the link's origin may be away [m].
         orientation_tolerance: how far it may be rotated away, apart from free rotations [rad].
         free_rotation: "none", the axis of the link about which it may rotate freely ("x", "y", "z"), or "all".
-        near: a configuration (n,); by default the middle of the joint limits, 0 for a joint without limits.
-        seed: of the random starts; the same seed gives the same configurations.
 
     Raises:
-        InputError: an unknown link or one that is fixed to the world, or a value that is refused in a scene's goal too.
+        InputError: an unknown link or one that is fixed to the world, none where the robot has no one end effector, a
+            robot or a start that cannot be used, or a value that is refused in a scene's goal too.
     """
-    instance(robot, Robot, "robot")
-    link = checked(text, link, "link")
+    if not isinstance(robot, Robot | Scene):
+        raise wrong("a Robot or a Scene", robot).within("robot")
     try:
         target = PoseTarget(link, pose, position_tolerance, orientation_tolerance, free_rotation, field="")
     except FieldError as error:  # of an argument here
         raise FieldError(error.problem, error.where) from None
+    every = checked(boolean, all_branches, "all_branches")
+    arm = load_scene_robot(robot) if isinstance(robot, Scene) else robot
+    start = _default_seed(robot) if seed is None else joint_numbers("seed", seed, arm.joint_names)
+    met = _proven(arm, target, start[None])
+    for look in (_near, reaching):
+        if every or not len(met):
+            found, _ = look(arm, target, start, np.random.default_rng(0))
+            met = _distinct(np.concatenate([met, _proven(arm, target, found)]), start)
+    return met if every else met[:1]
+
+
+def _default_seed(robot: Robot | Scene) -> Array:
+    """A scene's start; the middle of a robot's limits, 0 for a joint without limits."""
+    if isinstance(robot, Scene):
+        with naming(robot.source):
+            return load_scene_robot(robot).configuration(robot.start, robot.from_request)
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     middle = np.where(bounded, 0.5 * (np.where(bounded, robot.lower, 0.0) + np.where(bounded, robot.upper, 0.0)), 0.0)
-    start = np.clip(middle, robot.lower, robot.upper)
-    if near is not None:
-        start = joint_numbers("near", near, robot.joint_names)
-    rng = np.random.default_rng(checked(Whole(0, 2**63 - 1), seed, "seed"))
-    found, _ = reaching(robot, target, start, rng)
-    return found[[miss_of(robot, target, q).within(target) for q in found]] if len(found) else found
+    return np.clip(middle, robot.lower, robot.upper)
+
+
+def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
+    """The rows within the limits that reach the target by the certificate's own kinematics."""
+    within = np.all((robot.lower <= q) & (q <= robot.upper), axis=1)
+    return q[within][[miss.within(target) for miss in misses_of(robot, target, q[within])]]
+
+
+def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
+    """Return what `reaching` returns, from few starts around `start`: most often the nearest of all are among these."""
+    wide = np.minimum(AROUND, 0.5 * (robot.upper - robot.lower))
+    return _reached(Aim.at(robot, target), start + wide * rng.normal(size=(FEW - 1, robot.n)), start)
 
 
 def reaching(
@@ -92,9 +124,14 @@ def reaching(
     """Return configurations (K, n) that reach a pose, or poses of several links together, APART from each other and
     nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
     do not decide the result."""
-    aim = Aim.at(robot, target)
+    return _reached(Aim.at(robot, target), robot.draw(rng, STARTS - 1), start, path)
+
+
+def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
+    """The same from `start` and from what was drawn (B, n)."""
     check_time("looking for configurations that reach the goal")
-    q = _approached(aim, np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)]), path)
+    robot = aim.robot
+    q = _approached(aim, np.clip(np.vstack([start, draws]), robot.lower, robot.upper), path)
     error, _ = aim.linearized(q)
     sizes = aim.sizes(error)
     best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]

@@ -205,7 +205,8 @@ def test_a_pose_of_a_link_that_followers_carry_is_reached(tmp_path: Path) -> Non
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.array(START)))
         frame = data.oMf[robot.model.getFrameId(link)]
-        found = inverse_kinematics(robot, link, hdplan.Pose(tuple(frame.translation.tolist())), free_rotation="all")
+        place = hdplan.Pose(tuple(frame.translation.tolist()))
+        found = inverse_kinematics(robot, place, link, all_branches=True, free_rotation="all")
         assert len(found)
         for q in found:
             pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))

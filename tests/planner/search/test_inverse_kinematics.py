@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -12,10 +13,13 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.planner.search.inverse_kinematics import APART, reaching
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search.inverse_kinematics import APART, inverse_kinematics, reaching
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import AllOf, PoseTarget
+from hdplan.scenes.yaml_format.reader import load_scene
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently
@@ -67,3 +71,69 @@ def test_out_of_reach_nothing_is_found_and_the_miss_is_true(compiled: bool, monk
     found, (miss,) = reaching(robot, target, np.zeros(6), np.random.default_rng(0))
     assert found.shape == (0, 6)
     assert 2.0 - 1.3 < miss.position < 2.0 + 1.3
+
+
+@pytest.mark.parametrize(("name", "least"), [("panda", 6), ("ur5", 6), ("z1", 1)])
+def test_what_is_found_is_true_and_nearest_first(name: str, least: int) -> None:
+    """By Pinocchio's kinematics; whatever pose a random configuration has, one is found."""
+    robot = load_robot(name)
+    rng, counts = np.random.default_rng(3), []
+    for q in robot.draw(rng, 12):
+        link = robot.links[-1]
+        pose, seed = pose_of(robot, link, q), robot.draw(rng, 1)[0]
+        one = inverse_kinematics(robot, pose, link, seed=seed)
+        found = inverse_kinematics(robot, pose, link, seed=seed, all_branches=True)
+        assert one.shape == (1, robot.n)
+        assert found.tobytes() == inverse_kinematics(robot, pose, link, seed=seed, all_branches=True).tobytes()
+        for row in (*one, *found):
+            off = np.linalg.inv(pose.matrix) @ pose_of(robot, link, row).matrix
+            assert np.linalg.norm(off[:3, 3]) <= 1e-3 + 1e-9
+            assert np.linalg.norm(pin.log3(off[:3, :3])) <= 1e-2 + 1e-9
+            assert np.all((robot.lower <= row) & (row <= robot.upper))
+        far = np.linalg.norm(found - seed, axis=1)
+        assert np.all(np.diff(far) >= 0.0)
+        assert far[0] <= np.linalg.norm(one - seed, axis=1)[0]
+        assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+        counts.append(len(found))
+    assert np.median(counts) >= least
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_seed_that_reaches_the_pose_is_the_first(name: str) -> None:
+    """To the bit; one beyond the limits is no answer."""
+    robot = load_robot(name)
+    for q in robot.draw(np.random.default_rng(8), 5):
+        for every in (False, True):
+            pose = pose_of(robot, robot.links[-1], q)
+            found = inverse_kinematics(robot, pose, robot.links[-1], seed=q, all_branches=every)
+            assert found[0].tobytes() == q.tobytes()
+    turned = q + 4 * np.pi
+    found = inverse_kinematics(robot, pose, robot.links[-1], seed=turned)
+    assert len(found)
+    assert np.all((robot.lower <= found) & (found <= robot.upper))
+
+
+def test_beyond_reach_there_is_nothing() -> None:
+    robot = load_robot("ur5")
+    rng = np.random.default_rng(2)
+    for place in ((2.0, 0.0, 0.0), (0.0, 0.0, 1e6), (0.0, 0.0, 0.0892)):  # the last one inside the shoulder
+        for every in (False, True):
+            pose = Pose(place, tuple(pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs().tolist()))
+            found = inverse_kinematics(robot, pose, seed=robot.draw(rng, 1)[0], all_branches=every)
+            assert found.shape == (0, 6)
+
+
+def test_a_scene_gives_robot_limits_and_seed() -> None:
+    scene = load_scene("panda_cage")
+    bare, robot = load_robot("panda"), load_scene_robot(scene)
+    start = robot.configuration(scene.start)
+    pose = pose_of(bare, "panda_hand", start)
+    np.testing.assert_array_equal(inverse_kinematics(scene, pose, "panda_hand"), [start])
+    seed = start + 0.2
+    narrow = dataclasses.replace(
+        scene, limits=Limits(position={"panda_joint1": (float(start[0]) - 0.1, float(start[0]) + 0.1)})
+    )
+    found = inverse_kinematics(narrow, pose, "panda_hand", seed=seed, all_branches=True)
+    free = inverse_kinematics(bare, pose, "panda_hand", seed=seed, all_branches=True)
+    assert np.abs(found[:, 0] - start[0]).max() <= 0.1
+    assert np.abs(free[:, 0] - start[0]).max() > 0.1
