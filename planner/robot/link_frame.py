@@ -104,10 +104,9 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
 
 
 def _frame(robot: Robot, link: str, field: str) -> int:
-    links = _links(robot)
-    if link not in links:
-        raise InputError(f"{field}: unknown link '{link}'{nearest(link, links)}")
-    return links[link]
+    if not robot.model.existFrame(link, pin.FrameType.BODY):
+        raise InputError(f"{field}: unknown link '{link}'{nearest(link, _links(robot))}")
+    return int(robot.model.getFrameId(link, pin.FrameType.BODY))
 
 
 def _links(robot: Robot) -> dict[str, int]:

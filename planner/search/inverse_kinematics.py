@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, misses_of
 from hdplan.planner.kinematics.inverse import LONGEST, Aim, damped_step, self_motion
+from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import FieldError, naming
@@ -58,11 +59,11 @@ def inverse_kinematics(
 
     For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
     the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
-    leads there, or that no other configurations exist, nearer ones included: they are found by search, from 24 starts
-    around the seed and, where these lead nowhere or all branches are asked for, from 128 all over the limits, which may
-    miss some or all. Any two differ by more than 0.6 rad (or m) in some joint. An arm with more joints than the pose
-    asks for has families of configurations in place of single ones; of each it gives a few members. The same arguments
-    give the same configurations.
+    leads there, or that no other configurations exist, nearer ones included: they are found by search, from the seed,
+    from 24 starts around it and, where these lead nowhere or all branches are asked for, from 128 all over the
+    limits, which may miss some or all. Any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An
+    arm with more joints than the pose asks for has families of configurations in place of single ones; of each it
+    gives a few members. The same arguments give the same configurations.
 
     Args:
         robot: what load_robot returns; or a scene, whose robot it is, with what it holds and its position limits.
@@ -92,7 +93,8 @@ def inverse_kinematics(
     for look in (_near, reaching):
         if every or not len(met):
             found, _ = look(arm, target, start, np.random.default_rng(0))
-            met = _distinct(np.concatenate([met, _proven(arm, target, found)]), start)
+            met = _distinct(np.concatenate([met, _proven(arm, target, found)]), start, _circling(arm))
+    check_as_loaded(arm)
     return met if every else met[:1]
 
 
@@ -113,9 +115,15 @@ def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
 
 
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` returns, from few starts around `start`: most often the nearest of all are among these."""
+    """Return what `reaching` returns, from `start` alone where that leads to what hardly differs from it, or else from
+    few starts around it, among which the nearest of all most often is."""
+    aim = Aim.at(robot, target)
+    found, least = _reached(aim, np.empty((0, robot.n)), start)
+    if len(found) and np.abs(found[0] - start).max() <= APART:
+        return found, least
     wide = np.minimum(AROUND, 0.5 * (robot.upper - robot.lower))
-    return _reached(Aim.at(robot, target), start + wide * rng.normal(size=(FEW - 1, robot.n)), start)
+    middle = np.clip(start, robot.lower, robot.upper)
+    return _reached(aim, middle + wide * rng.normal(size=(FEW - 1, robot.n)), start)
 
 
 def reaching(
@@ -206,15 +214,23 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
 
 def _fewest_turns(robot: Robot, q: Array, start: Array) -> Array:
     """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
-    turns = robot.turning & ~robot.followed
     nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
-    return np.where(turns & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
+    return np.where(_circling(robot) & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
 
 
-def _distinct(q: Array, start: Array) -> Array:
-    """The rows nearest to `start` first, those that are APART from all before them."""
+def _circling(robot: Robot) -> Mask:
+    """The joints (n,) a whole turn of which changes no placement."""
+    return np.asarray(robot.turning & ~robot.followed)
+
+
+def _distinct(q: Array, start: Array, circling: Mask | None = None) -> Array:
+    """The rows nearest to `start` first, those that are APART from all before them, apart from whole turns of joints
+    that are said to circle."""
     left, kept = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")], []
     while len(left):
         kept.append(left[0])
-        left = left[np.abs(left - left[0]).max(axis=1) > APART]
+        way = left - left[0]
+        if circling is not None:
+            way = np.where(circling, way - 2 * math.pi * np.round(way / (2 * math.pi)), way)
+        left = left[np.abs(way).max(axis=1) > APART]
     return np.array(kept).reshape(-1, q.shape[1])

@@ -15,6 +15,7 @@ from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.inverse_kinematics import APART, inverse_kinematics, reaching
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -23,6 +24,11 @@ from hdplan.scenes.yaml_format.reader import load_scene
 
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 SAME = 1e-6  # [rad] between configurations after some forty steps that each round a little differently
+
+
+def turned(way: np.ndarray) -> np.ndarray:
+    """The same turns without whole ones."""
+    return (way + np.pi) % (2 * np.pi) - np.pi
 
 
 def pose_of(robot: Robot, link: str, q: np.ndarray) -> Pose:
@@ -93,7 +99,7 @@ def test_what_is_found_is_true_and_nearest_first(name: str, least: int) -> None:
         far = np.linalg.norm(found - seed, axis=1)
         assert np.all(np.diff(far) >= 0.0)
         assert far[0] <= np.linalg.norm(one - seed, axis=1)[0]
-        assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+        assert all(np.abs(turned(a - b)).max() > APART for a, b in itertools.combinations(found, 2))
         counts.append(len(found))
     assert np.median(counts) >= least
 
@@ -107,10 +113,34 @@ def test_a_seed_that_reaches_the_pose_is_the_first(name: str) -> None:
             pose = pose_of(robot, robot.links[-1], q)
             found = inverse_kinematics(robot, pose, robot.links[-1], seed=q, all_branches=every)
             assert found[0].tobytes() == q.tobytes()
-    turned = q + 4 * np.pi
-    found = inverse_kinematics(robot, pose, robot.links[-1], seed=turned)
+    beyond = q + 4 * np.pi
+    found = inverse_kinematics(robot, pose, robot.links[-1], seed=beyond)
     assert len(found)
     assert np.all((robot.lower <= found) & (found <= robot.upper))
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_from_a_seed_close_by_the_arm_hardly_moves(name: str) -> None:
+    robot = load_robot(name)
+    rng, further = np.random.default_rng(5), []
+    for q in robot.draw(rng, 40):
+        seed = np.clip(q + rng.uniform(-0.2, 0.2, robot.n), robot.lower, robot.upper)
+        (found,) = inverse_kinematics(robot, pose_of(robot, robot.links[-1], q), robot.links[-1], seed=seed)
+        further.append(np.linalg.norm(found - seed) - np.linalg.norm(q - seed))
+    assert np.quantile(further, 0.9) <= 0.02
+
+
+def test_a_branch_is_no_other_after_a_whole_turn() -> None:
+    """A UR5 has eight; here some of them turn a joint by half a turn, either way."""
+    robot = load_robot(RobotSpec("ur5", base=Pose.from_rpy([0, 0, 2], [np.pi, 0, 0])))
+    assert len(inverse_kinematics(robot, [0.4, 0.2, 1.5], all_branches=True)) == 8
+
+
+def test_a_changed_robot_is_refused() -> None:
+    robot = load_robot("ur5")
+    robot.model.jointPlacements[2] = pin.SE3.Random()
+    with pytest.raises(InputError, match="was changed after the robot was loaded"):
+        inverse_kinematics(robot, [0.4, 0.2, 0.5], free_rotation="all")
 
 
 def test_beyond_reach_there_is_nothing() -> None:
