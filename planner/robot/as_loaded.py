@@ -48,19 +48,21 @@ class AsLoaded:
             item.geometry.computeLocalAABB()  # coal's distances would do it, and its comparison sees it
         return cls(model, carriers, (robot.collision, robot.collision.clone()), others)
 
-    def changed(self, robot: Robot) -> str | None:
-        """Name the field of a robot that is not as it was; None if all are."""
+    def changed(self, robot: Robot, shapes: bool = True) -> str | None:
+        """Name the field of a robot that is not as it was; None if all are. Its meshes, which take milliseconds, are
+        compared with `shapes` alone."""
         if robot.model != self.model[1] or _carriers(robot.model) != self.carriers:
             return "model"
-        if robot.collision != self.collision[1]:
+        if shapes and robot.collision != self.collision[1]:
             return "collision"
         same = {name: getattr(robot, name) == kept for name, (_, kept) in self.others.items()}
         return next((name for name, each in same.items() if not np.all(each)), None)
 
 
-def check_as_loaded(robot: Robot) -> None:
-    """Raise InputError for a robot that was changed after it was loaded: what is proven would be about another one."""
-    if name := robot.as_loaded.changed(robot):
+def check_as_loaded(robot: Robot, shapes: bool = True) -> None:
+    """Raise InputError for a robot that was changed after it was loaded: what is proven would be about another one.
+    Where no geometry matters, that of the links need not be compared (`shapes`)."""
+    if name := robot.as_loaded.changed(robot, shapes):
         raise InputError(
             f"robot: {robot.name}.{name} was changed after the robot was loaded; robots are shared: change the URDF, "
             "or a copy (robot.model.copy())"
