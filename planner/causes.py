@@ -22,6 +22,7 @@ CAUSES = {
     "path_constraint": "a path constraint is not kept",
     "rates": "a limit of velocity, acceleration or jerk is not kept",
     "torque": "a limit of torque is not kept",
+    "stage_failed": "a stage of a job has no certified motion",
     "ended": "its process ended twice: a crash, or too much memory",
     "hung": "it did not return long after its time limit",
     "internal": "an internal error",

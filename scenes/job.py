@@ -199,7 +199,7 @@ class Wait(_Stage):
 
         def __init__(
             self,
-            seconds: float,
+            seconds: float = NEEDED,
             *,
             name: str | None = None,
             touch: AnyTouch = (),
@@ -251,7 +251,7 @@ class Job(Checked):
 
     if TYPE_CHECKING:
 
-        def __init__(self, stages: Sequence[Stage]) -> None: ...
+        def __init__(self, stages: Sequence[Stage] = NEEDED) -> None: ...
 
     @property
     def names(self) -> tuple[str, ...]:

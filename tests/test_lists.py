@@ -391,6 +391,7 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
 NAMED = {  # files that name one of them, and why no other one is passed over there
     "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
     "planner/certificate/torque_check.py": "is about torques",
+    "planner/control/braking.py": "keeps velocities, accelerations and jerks, and takes no torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",
     "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
     "planner/job/world.py": "accelerations are needed; no torques are asked of fingers",

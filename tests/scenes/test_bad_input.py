@@ -93,7 +93,7 @@ CASES = {
     "unknown section": (HEAD + ENDS + "obstacle: []\n", ["unknown key 'obstacle'", "'obstacles'"]),
     "unknown section, nothing near": (
         HEAD + ENDS + "xyz: 1\n",
-        ["unknown key 'xyz'", "allowed: attached, from_request, goal, hdplan, limits, obstacles"],
+        ["unknown key 'xyz'", "allowed: attached, from_request, goal, hdplan, job, limits, obstacles"],
     ),
     "no robot": ("hdplan: 1\n" + ENDS, ["'robot' is missing"]),
     "no start": (HEAD + "goal: {joints: [1]}\n", ["'start' is missing"]),

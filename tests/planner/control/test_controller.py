@@ -31,7 +31,7 @@ from hdplan.planner.control.barrier_safety import (
     unshaped,
 )
 from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control.braking import Command
+from hdplan.planner.control.braking import KEPT, Command
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.program_rows import NEAR
@@ -357,8 +357,8 @@ def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
         slack = step.rows.gradient @ step.velocity + rates * (step.rows.value - margins)
         scale = np.maximum(np.linalg.norm(step.rows.gradient, axis=1), 1e-9)
         assert (slack / scale).min() > -1e-6
-        lower = np.maximum(-robot.model.velocityLimit, -settings.rate * (q - robot.lower))
-        upper = np.minimum(robot.model.velocityLimit, settings.rate * (robot.upper - q))
+        lower = np.maximum(-KEPT * robot.model.velocityLimit, -settings.rate * (q - robot.lower))
+        upper = np.minimum(KEPT * robot.model.velocityLimit, settings.rate * (robot.upper - q))
         assert ((step.velocity >= lower - 1e-6) & (step.velocity <= upper + 1e-6)).all()
         hessian, linear = task.objective(q, 0.0)
         near = np.flatnonzero(slack / scale < 1.0)

@@ -131,10 +131,10 @@ def random_scene(seed: int, varied: bool) -> Scene:
 @pytest.mark.parametrize("chunk", range(4))
 def test_random_scenes(chunk: int) -> None:
     seen = 0
-    for seed in range(10 * chunk, 10 * chunk + 10):
+    for seed in range(4 * chunk, 4 * chunk + 4):
         problem = build(random_scene(seed, varied=False))
         seen += agree(problem, [motion(problem, np.random.default_rng(seed), 0.6)]) > 0.0
-    assert seen >= 5
+    assert seen >= 2
 
 
 @pytest.mark.slow
