@@ -279,6 +279,7 @@ def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: Job
         (2, {"joints": {"panda_joint1": 0.03}}, "one of the arm's"),
         (2, {"joints": {"panda_finger_joint2": 0.03}}, "follows 'panda_finger_joint1'"),
         (2, {"link": "panda_hnd"}, "unknown link 'panda_hnd'"),
+        (2, {"link": "panda_link2"}, "panda_leftfinger., which holds it .`touch`., moves relative to that"),
         (1, {"limits": hdplan.Limits(jerk=5.0)}, r"job\[1\] \(descend\): limits.acceleration: is missing"),
         (4, {"limits": hdplan.Limits(velocity=1.0)}, r"limits.acceleration: is missing in the stage's own limits"),
         (1, {"frame": "tol"}, "line.frame: unknown 'tol'"),
