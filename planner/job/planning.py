@@ -28,7 +28,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
+from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError, naming
 from hdplan.scenes.job import Grip, Line, Move, Release, Wait, stage_name
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -222,7 +222,9 @@ class _Search:
         stage, scene = self.stages[number], world.stage_scene(number)
         setup = Setup.of(scene)
         robot = setup.robot
-        start = robot.configuration(scene.start)
+        with naming(scene.source):  # values that the stage's own limits do not allow
+            start = robot.configuration(scene.start)
+            goal = robot.configuration(scene.goal) if isinstance(scene.goal, JointTarget) else start
         match stage:
             case Line():
                 assert isinstance(scene.goal, Goals)
@@ -230,9 +232,7 @@ class _Search:
                 assert isinstance(target, PoseTarget)
                 motion = self._followed(setup, start, target)
             case Grip() | Release() if stage.joints:
-                assert isinstance(scene.goal, JointTarget)
-                way = np.linspace(start, robot.configuration(scene.goal), HAND_PLACES)
-                motion = self._timed(setup, way)
+                motion = self._timed(setup, np.linspace(start, goal, HAND_PLACES))
             case Grip() | Release():
                 motion = standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
             case Wait():

@@ -120,3 +120,8 @@ def test_what_limits_the_arm_by_joints_limits_no_fingers() -> None:
     asked = replace(scene(hdplan.Grip({FINGER: 0.01})), goal=None, limits=by_joints)
     with pytest.raises(InputError, match="scene's jerk is by joints of the arm"):
         hdplan.plan_job(asked)
+
+
+def test_fingers_that_may_not_go_so_far_say_in_which_stage() -> None:
+    with pytest.raises(InputError, match=r"job\[0\] \(grip 0\): goal: joint 'panda_finger_joint1' is 0.08, outside"):
+        hdplan.plan_job(scene(hdplan.Grip({FINGER: 0.08})))
