@@ -29,7 +29,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
-SAME_TIME = 1e-9  # [s] by which a wait may be shorter: rounding of times that are counted from the job's beginning
+SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
 @dataclass(frozen=True)

@@ -342,7 +342,11 @@ class World:
         before = next((each for each in self.scene.obstacles if each.name == name), None)
         pose = pose_of(self._place(name))
         left = Obstacle(name, held.shape, pose) if before is None else replace(before, pose=pose)
-        others = tuple(each for each in self.held if each is not held)
+        others = tuple(  # it is no held object any more that they may touch
+            replace(each, touch_links=tuple(link for link in each.touch_links if link != name))
+            for each in self.held
+            if each is not held
+        )
         return replace(self, obstacles=(*self.obstacles, left), held=others)
 
     def _place(self, name: str) -> Array:

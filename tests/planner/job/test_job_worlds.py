@@ -125,3 +125,13 @@ def test_what_limits_the_arm_by_joints_limits_no_fingers() -> None:
 def test_fingers_that_may_not_go_so_far_say_in_which_stage() -> None:
     with pytest.raises(InputError, match=r"job\[0\] \(grip 0\): goal: joint 'panda_finger_joint1' is 0.08, outside"):
         hdplan.plan_job(scene(hdplan.Grip({FINGER: 0.08})))
+
+
+def test_what_was_let_go_is_no_held_object_that_another_may_touch() -> None:
+    one = hdplan.Attached("one", "panda_hand", hdplan.Box([0.02, 0.02, 0.02]), [0.0, 0.0, 0.2], ["two"])
+    two = hdplan.Attached("two", "panda_hand", hdplan.Box([0.02, 0.02, 0.02]), [0.0, 0.0, 0.225], ["one"])
+    for up, certified in ((0.05, True), (-0.05, False)):
+        job = [hdplan.Release(object="two"), hdplan.Line(by=[0.0, 0.0, up], touch=[["two", "panda_link0"]])]
+        result = hdplan.plan_job(scene(*job, attached=[one, two]))
+        assert result.certified == certified, result.text
+        assert certified or "one and two overlap" in result.failure
