@@ -102,6 +102,8 @@ def plan(
     collision meshes and the scene's own shapes. Where the proof fails, planning continues from there or from another
     initial guess, until the time limit.
 
+    Of a scene with a job, all stages are planned, one after the other; exit code 1 if one of them cannot be done.
+
     Ctrl-C stops with the best motion found so far.
     """
     from hdplan.planner.commands.plan import run_plan
@@ -137,7 +139,7 @@ def check(
 
     Proves that the whole motion is collision-free and keeps the clearance that the scene asks for, or says where it
     does not. Between its waypoints the motion is straight, or the curve that the file's velocities define. Its ends
-    must be the scene's start and goal; its joints are matched by name.
+    must be the scene's start and goal; its joints are matched by name. Of a job, every stage is certified.
     """
     from hdplan.planner.commands.check import run_check
 

@@ -143,6 +143,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: shapes.operations(Rounded([0.1, 0.1, 0.1])),
     ),
     ("planner/job/world.py", "_shape_of", "shape"): "refuses whatever is no shape",
+    ("planner/job/world.py", "_as_seen", "seen"): "clouds alone ignore points",
     ("planner/pictures/scene.py", "_bodies", "seen"): (
         lambda: picture._bodies(OF_TORUS),
         lambda: picture._bodies(OF_LIDAR),

@@ -59,10 +59,16 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
             status = "certified" if certificate.certified else "not_certified"
             stages = [dict(as_json(stage)) for stage in certificate.stages]
             about = {"status": status, "text": certificate.text, "scene": scene.name, "trajectory": str(trajectory)}
-            show(json.dumps({**about, "stages": stages, "missing": list(certificate.missing)}))
+            show(
+                json.dumps(
+                    {**about, "stages": stages, "missing": list(certificate.missing), "notes": list(certificate.notes)}
+                )
+            )
         else:
             show(Text(certificate.text, style="green" if certificate.certified else "red"))
             show(columns(stage_rows(certificate)))
+            if certificate.notes:
+                show(table([("note", note) for note in certificate.notes]))
     return 0 if certificate.certified else 1
 
 

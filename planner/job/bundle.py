@@ -2,7 +2,8 @@
 hdplan.
 
 What the proofs do not say is that the scenes of the stages follow from one another: that an object is held as it was
-taken, and lies where it was let go. That `certify_job` derives, from the job's scene and the whole motion.
+taken, and lies where it was let go; nor that the arm is free where it stands while fingers move. That `certify_job`
+derives, from the job's scene and the whole motion.
 """
 
 from __future__ import annotations

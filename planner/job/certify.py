@@ -15,18 +15,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.world import REACH, World
+from hdplan.planner.certificate.verdict import Certificate, Status, proven
+from hdplan.planner.job.world import REACH, World, moves_fingers
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.job import Grip, Release, Touch
+from hdplan.scenes.job import Grip, Release, Touch, Wait
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
+SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class JobCertificate:
     job: str  # the scene's name
     stages: tuple[StageCertificate, ...]  # as far as the motion goes
     missing: tuple[str, ...] = ()  # the stages that the motion does not have
+    seen: tuple[str, ...] = ()  # notes on points of clouds that were left out where the job begins
 
     @property
     def certified(self) -> bool:
@@ -85,6 +89,12 @@ class JobCertificate:
         duration = self.stages[-1].ends - self.stages[0].begins
         return f"certified: all {len(self.stages)} stages, {duration:.3f} s{away}, each from rest to rest"
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on what was assumed, left out, and may touch, over all stages."""
+        said = (note for stage in self.stages for note in (*stage.certificate.notes, *stage.notes))
+        return tuple(dict.fromkeys((*self.seen, *said)))
+
     def __repr__(self) -> str:
         """Say the verdict."""
         return f"<JobCertificate: {self.text}>"
@@ -115,12 +125,12 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
         wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
         asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
         raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {asked}")
-    found = []
+    found, seen = [], world.notes
     for number in range(len(marks)):
         part = stage_motion(trajectory, number)
         stage, world = certified_stage(world, number, part)
         found.append(stage)
-    return JobCertificate(scene.name, tuple(found), names[len(marks) :])
+    return JobCertificate(scene.name, tuple(found), names[len(marks) :], seen)
 
 
 def stage_motion(trajectory: Trajectory, number: int) -> Trajectory:
@@ -145,12 +155,19 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     with naming(f"stage '{name}'"):
         certificate = certifier.certify(part)
         curve = curve_of(certifier.robot, part)
-    still = stage.kind == "wait" or (isinstance(stage, Grip | Release) and not stage.joints)
-    if still and np.ptp(curve.control, axis=(0, 1)).any():
-        text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: the robot moves where it is to stand still"
-        certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
     times = part.times
     assert times is not None
+    fingers = moves_fingers(stage)
+    if fingers and certificate.certified:
+        certificate = _with_the_arm(certificate, Setup.of(world.standing_scene(number)))
+    wrong = ""
+    if isinstance(stage, Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
+        wrong = "the robot moves where it is to stand still"
+    elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
+        wrong = f"the robot waits {times[-1] - times[0]:g} s, the job asks for {stage.seconds:g} s"
+    if wrong:
+        text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: {wrong}"
+        certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
     found = StageCertificate(
         name,
         stage.kind,
@@ -166,16 +183,38 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     return found, world.after(number, curve.rows[-1])
 
 
+def standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
+    """Return the motion of a robot that stands still."""
+    still = np.zeros((2, robot.n))
+    return Trajectory(robot.joint_names, np.stack([q, q]), robot.locked, np.array([0.0, seconds]), still, still)
+
+
+def _with_the_arm(certificate: Certificate, setup: Setup) -> Certificate:
+    """Return the certificate of a motion of the fingers with what is proven of the arm that stands still meanwhile, or
+    that of the arm if it is not certified."""
+    robot = setup.robot
+    arm = Certifier(setup).certify(standing(robot, robot.configuration(setup.scene.start), 1.0))
+    if not arm.certified:
+        return arm
+    both = [(each.clearance, each.self_clearance) for each in (certificate, arm)]
+    clearance, own = (
+        min((each for each in found if each is not None), default=None) for found in zip(*both, strict=True)
+    )
+    text = f"{Status.CERTIFIED.value}: {proven(clearance, own, (), ())}"
+    notes = tuple(dict.fromkeys((*certificate.notes, *arm.notes)))
+    return replace(certificate, text=text, clearance=clearance, self_clearance=own, notes=notes)
+
+
 def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
     """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
     those that overlap there, which no proof looks at."""
     assert world.scene.job is not None
     stage, name = world.scene.job.stages[number], world.scene.job.names[number]
-    if not stage.touch:
+    if not stage.touch and not (world.held and moves_fingers(stage)):
         return ()
     notes = []
     for (one, other), least in world.touched(number, curve.rows[[0, -1]]).items():
-        if least > REACH:
+        if least > REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
         elif least < -DEEP:
             notes.append(f"{name}: {one} and {other} may touch, and overlap by {-least * 1e3:.3g} mm")

@@ -17,19 +17,18 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.job.certify import certify_job
+from hdplan.planner.job.certify import certified_stage, certify_job, standing
 from hdplan.planner.job.following import NotFollowedError, along_line
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
+from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError, naming
 from hdplan.scenes.job import Grip, Line, Move, Release, Wait, stage_name
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -97,7 +96,7 @@ def plan_job(
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     said = (
         *(note for piece in pieces for note in piece.notes),
-        *(note for each in certificate.stages for note in each.notes),
+        *certificate.notes,
     )
     notes = tuple(dict.fromkeys((*scene.notes, *said, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
@@ -223,7 +222,9 @@ class _Search:
         stage, scene = self.stages[number], world.stage_scene(number)
         setup = Setup.of(scene)
         robot = setup.robot
-        start = robot.configuration(scene.start)
+        with naming(scene.source):  # values that the stage's own limits do not allow
+            start = robot.configuration(scene.start)
+            goal = robot.configuration(scene.goal) if isinstance(scene.goal, JointTarget) else start
         match stage:
             case Line():
                 assert isinstance(scene.goal, Goals)
@@ -231,20 +232,17 @@ class _Search:
                 assert isinstance(target, PoseTarget)
                 motion = self._followed(setup, start, target)
             case Grip() | Release() if stage.joints:
-                assert isinstance(scene.goal, JointTarget)
-                way = np.linspace(start, robot.configuration(scene.goal), HAND_PLACES)
-                motion = self._timed(setup, way)
+                motion = self._timed(setup, np.linspace(start, goal, HAND_PLACES))
             case Grip() | Release():
-                motion = _standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
+                motion = standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
             case Wait():
-                motion = _standing(robot, start, stage.seconds)
+                motion = standing(robot, start, stage.seconds)
             case _:
                 raise TypeError(f"{stage.kind} leaves a choice")
-        certificate = Certifier(setup).certify(motion)
-        if not certificate.certified:
-            raise _StageFailedError(certificate.text)
-        rows = curve_of(robot, motion).rows
-        return Piece(motion, world.after(number, rows[-1]), certificate.notes)
+        found, after = certified_stage(world, number, motion)
+        if not found.certificate.certified:
+            raise _StageFailedError(found.certificate.text)
+        return Piece(motion, after, found.certificate.notes)
 
     def _followed(self, setup: Setup, start: Array, target: PoseTarget) -> Trajectory:
         certifier = Certifier(setup)
@@ -262,11 +260,6 @@ class _Search:
 
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
         return Retimer(setup)(path).trajectory
-
-
-def _standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
-    still = np.zeros((2, robot.n))
-    return Trajectory(robot.joint_names, np.stack([q, q]), robot.locked, np.array([0.0, seconds]), still, still)
 
 
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:

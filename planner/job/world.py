@@ -25,6 +25,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.job import TOOL, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stage_name
 from hdplan.scenes.limits import QUANTITIES, Limits
@@ -51,6 +52,7 @@ class World:
     hand: tuple[tuple[str, float], ...]  # joints that are held, as far as the job says where
     obstacles: tuple[Obstacle, ...]
     held: tuple[Attached, ...]
+    notes: tuple[str, ...] = ()  # on points of clouds that were left out
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
@@ -61,12 +63,13 @@ class World:
             raise InputError(f"{scene.source}: limits.acceleration: is missing: a job is timed, and a URDF has none")
         bare = derived(scene, job=None)
         bare.check_effects()
-        robot = load_scene_robot(bare)
+        setup = Setup.of(bare)  # leaves out of clouds what they are to ignore: once, where the job begins
+        robot = setup.robot
         with naming(scene.source):
             q = robot.configuration(scene.start)
         named = {joint: robot.locked[joint] for joint in scene.start.by_name or () if joint in robot.locked}
         arm = tuple(zip(robot.joint_names, q.tolist(), strict=True))
-        return cls(scene, arm, tuple(named.items()), scene.obstacles, scene.attached)
+        return cls(scene, arm, tuple(named.items()), _as_seen(setup), scene.attached, setup.ignored)
 
     @property
     def things(self) -> dict[str, Obstacle | Attached]:
@@ -75,22 +78,29 @@ class World:
         return {each.name: each for each in found}
 
     def touched(self, number: int, rows: Array) -> dict[tuple[str, str], float]:
-        """Return the least distance [m] of each pair that may touch in a stage, and that could be compared, at some
-        configurations (k, n) of its scene's robot: negative where they overlap, infinite beyond REACH."""
+        """Return the least distance [m] of each pair that may touch in a stage, by its `touch` or as a finger that
+        moves and what is held, at some configurations (k, n) of its scene's robot: negative where they overlap,
+        infinite beyond REACH."""
         assert self.scene.job is not None
         stages = list(self.scene.job.stages)
         stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
-        world = replace(self, scene=derived(self.scene, goal=None, job=Job(stages)))
-        certifier = Certifier(Setup.of(world.stage_scene(number)))
+        held = tuple(replace(each, touch_links=()) for each in self.held)
+        world = replace(self, scene=derived(self.scene, goal=None, job=Job(stages)), held=held)
+        looked, pairs = [(world.stage_scene(number), rows)], stage.touch
+        if moves_fingers(stage):
+            looked.append((world.standing_scene(number), self._q[None]))
+            pairs += tuple((each.name, link) for each in self.held for link in each.touch_links)
         near: dict[frozenset[str], float] = {}
-        for q in rows:
-            found = [(each.link, each.other, each.distance) for each, _ in certifier.too_close(q, REACH)]
-            found += [(each.link, each.other, -each.depth) for each in certifier.contacts(q)]
-            for one, other, distance in found:
-                pair = frozenset((one, other))
-                near[pair] = min(distance, near.get(pair, np.inf))
+        for scene, configurations in looked:
+            certifier = Certifier(Setup.of(scene))
+            for q in configurations:
+                found = [(each.link, each.other, each.distance) for each, _ in certifier.too_close(q, REACH)]
+                found += [(each.link, each.other, -each.depth) for each in certifier.contacts(q)]
+                for one, other, distance in found:
+                    pair = frozenset((one, other))
+                    near[pair] = min(distance, near.get(pair, np.inf))
         standing = {each.name for each in self.obstacles}
-        return {pair: near.get(frozenset(pair), np.inf) for pair in stage.touch if not standing.issuperset(pair)}
+        return {pair: near.get(frozenset(pair), np.inf) for pair in pairs if not standing.issuperset(pair)}
 
     def stage_scene(self, number: int) -> Scene:
         """Return the scene of the motion of a stage. Raises InputError, naming the stage, for names that there are not,
@@ -112,6 +122,15 @@ class World:
                     return self._of_arm(number, stage, goal=self._start)
                 case _:
                     assert_never(stage)
+
+    def standing_scene(self, number: int) -> Scene:
+        """Return the scene in which the arm stands still when a stage of the fingers begins: theirs compares nothing
+        that does not move with them."""
+        assert self.scene.job is not None
+        stage = replace(self.scene.job.stages[number], limits=None)
+        with naming(stage_source(self.scene, number)):
+            scene = self._of_arm(number, stage, goal=self._start)
+        return derived(scene, limits=Limits(position=scene.limits.position), payload=None, timing=None)
 
     def after(self, number: int, q: Array) -> World:
         """Return what there is after a stage whose motion ends at joint values q of its own scene's robot. Raises
@@ -277,10 +296,17 @@ class World:
     def _taken(self, stage: Grip, name: str) -> World:
         """Take hold of an object where it stands."""
         obstacle, robot = self._standing(name), self._robot()
+        links, frames = links_of(robot), robot.model.frames
         link = end_effector(robot, "grip") if stage.link is None else stage.link
-        if link not in links_of(robot):
-            raise InputError(f"grip.link: unknown link '{link}'{nearest(link, links_of(robot))}")
-        touching = [other for pair in stage.touch if name in pair for other in pair if other in links_of(robot)]
+        if link not in links:
+            raise InputError(f"grip.link: unknown link '{link}'{nearest(link, links)}")
+        touching = [other for pair in stage.touch if name in pair for other in pair if other in links]
+        for other in touching:
+            if frames[links[other]].parentJoint != frames[links[link]].parentJoint:
+                raise InputError(
+                    f"grip.link: '{link}' is to carry '{name}', but '{other}', which holds it (`touch`), moves "
+                    "relative to that when the arm moves"
+                )
         self._check_reach(name, touching or [link])
         pose = pose_of(np.linalg.inv(link_pose(robot, self._q, link)) @ obstacle.pose.matrix)
         held = Attached(name, link, _shape_of(obstacle), pose, tuple(dict.fromkeys(touching)), stage.mass)
@@ -316,7 +342,11 @@ class World:
         before = next((each for each in self.scene.obstacles if each.name == name), None)
         pose = pose_of(self._place(name))
         left = Obstacle(name, held.shape, pose) if before is None else replace(before, pose=pose)
-        others = tuple(each for each in self.held if each is not held)
+        others = tuple(  # it is no held object any more that they may touch
+            replace(each, touch_links=tuple(link for link in each.touch_links if link != name))
+            for each in self.held
+            if each is not held
+        )
         return replace(self, obstacles=(*self.obstacles, left), held=others)
 
     def _place(self, name: str) -> Array:
@@ -338,10 +368,24 @@ class World:
         return load_scene_robot(derived(self.scene, robot=robot, start=self._start, goal=self._start, **bare))
 
 
+def moves_fingers(stage: Stage) -> bool:
+    """Whether the fingers move in a stage, while the arm stands still."""
+    return isinstance(stage, Grip | Release) and bool(stage.joints)
+
+
 def stage_source(scene: Scene, number: int) -> str:
     """Return where a stage stands, for error messages: "jobs.yaml: job[2] (descend)"."""
     assert scene.job is not None
     return f"{scene.source}: job[{number}] ({scene.job.names[number]})"
+
+
+def _as_seen(setup: Setup) -> tuple[Obstacle, ...]:
+    """Return obstacles whose clouds have nothing more to ignore: later, the robot and what it moves are elsewhere, and
+    what is near them there is no image of theirs."""
+    return tuple(
+        replace(each, shape=replace(each.shape, ignore_robot=0.0, ignore=())) if isinstance(each.shape, Cloud) else each
+        for each in setup.asked.obstacles
+    )
 
 
 def _leaders(spec: RobotSpec) -> dict[str, str]:
@@ -361,11 +405,11 @@ def _shape_of(obstacle: Obstacle) -> Solid:
 
 
 def _of_fingers(limits: Limits) -> Limits:
-    """Return what limits of the arm say of fingers: values that are for all joints. Raises InputError where there are
-    none of acceleration."""
+    """Return what limits of the arm say of fingers: values that are for all joints. Raises InputError for accelerations
+    and jerks that are not."""
     given = {name: getattr(limits, name) for name in QUANTITIES if name != "torque"}
     kept: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, float | str)}
-    found = Limits(**kept)
-    if found.acceleration is None:
-        raise InputError("limits: the scene's acceleration is by joints of the arm: give the fingers' in this stage")
-    return found
+    for name in ("acceleration", "jerk"):  # velocities are the URDF's then
+        if given[name] is not None and name not in kept:
+            raise InputError(f"limits: the scene's {name} is by joints of the arm: give the fingers' in this stage")
+    return Limits(**kept)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.planner.job.result import JobResult
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -81,10 +82,14 @@ def hanging() -> hdplan.Scene:
     return hdplan.Scene(robot=spec, obstacles=[hook, floor], start=start, limits=LIMITS, job=job)
 
 
-def test_a_mesh_that_is_not_convex_is_held_by_a_robot_that_hangs(hanging: hdplan.Scene) -> None:
-    result = hdplan.plan_job(hanging)
-    assert result.certified, result.text
-    lift, hold = result.certificate.stages[-2:]
+@pytest.fixture(scope="module")
+def hung(hanging: hdplan.Scene) -> JobResult:
+    return hdplan.plan_job(hanging)
+
+
+def test_a_mesh_that_is_not_convex_is_held_by_a_robot_that_hangs(hung: JobResult) -> None:
+    assert hung.certified, hung.text
+    lift, hold = hung.certificate.stages[-2:]
     assert lift.held == hold.held == ("hook",)
     assert hold.ends - hold.begins == pytest.approx(0.2, abs=1e-12)
     assert not np.ptp(hold.trajectory.positions, axis=0).any()
@@ -92,8 +97,8 @@ def test_a_mesh_that_is_not_convex_is_held_by_a_robot_that_hangs(hanging: hdplan
     assert isinstance(kept.shape, hdplan.Mesh)
 
 
-def test_meshes_that_are_held_are_compared_as_they_are(hanging: hdplan.Scene) -> None:
-    motion = hdplan.plan_job(hanging).trajectory
+def test_meshes_that_are_held_are_compared_as_they_are(hanging: hdplan.Scene, hung: JobResult) -> None:
+    motion = hung.trajectory
     peg = hdplan.Box([0.01, 0.01, 0.02], name="peg", pose=[0.45, 0.2 - 0.02, 0.25])
     found = hdplan.certify_job(replace(hanging, goal=None, obstacles=[*hanging.obstacles, peg]), motion)
     assert not found.certified
