@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Search
 
-CLOSER = 0.3  # of the activation
+CLOSER = 0.7  # of the activation: at 0.3 a motion costs 0.5 to 5 % less, and passes 4 to 8 mm closer
 CONVERGED = 1e-3  # relative decrease of the cost by a step
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
 WIDE = 0.3  # of the least cost: what costs more than it by this share may be a detour
