@@ -57,7 +57,7 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
     with printing() as show:
         if printed_as_json:
             status = "certified" if certificate.certified else "not_certified"
-            stages = [dict(as_json(stage)) for stage in certificate.stages]
+            stages = [as_json(stage) for stage in certificate.stages]
             about = {"status": status, "text": certificate.text, "scene": scene.name, "trajectory": str(trajectory)}
             show(
                 json.dumps(

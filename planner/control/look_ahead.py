@@ -87,9 +87,8 @@ class LookAhead(NamedTuple):
         path = self.window.way(velocity)
         times = self.time + period * np.arange(1, len(path) + 1, dtype=np.float64)
         sample, pair = barriers.doubtful(path, times, self.sight.needed)
-        soon = (sample == 0) | ~barriers.coming[
-            pair
-        ]  # what comes may reach a robot at rest, too: so only the next place
+        # what comes may reach a robot at rest, too: so only the next place
+        soon = (sample == 0) | ~barriers.coming[pair]
         sample, pair = sample[soon], pair[soon]
         found = self.sight.straight(barriers.along(path, times, sample, pair), pair, inside)
         close, row = (

@@ -9,7 +9,6 @@ limits prove.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -221,7 +220,7 @@ def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def as_json(stage: StageCertificate) -> Mapping[str, object]:
+def as_json(stage: StageCertificate) -> dict[str, object]:
     """Return a stage's verdict for JSON."""
     return {
         "stage": stage.name,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.planner.robot.link_frame import link_poses, links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
@@ -19,15 +19,8 @@ def link_pose(robot: Robot, q: Array, link: str) -> Array:
     links = links_of(robot)
     if link not in links:
         raise InputError(f"unknown link '{link}'{nearest(link, links)}")
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.pin_q(q))
-    return np.asarray(pin.updateFramePlacement(robot.model, data, links[link]).homogeneous)
-
-
-def links_of(robot: Robot) -> dict[str, int]:
-    """Return the frames of all links in the model, by name, the root first."""
-    frames = robot.model.frames
-    return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
+    (pose,) = link_poses(robot, q[None], links[link])
+    return np.asarray(pose)
 
 
 def fixed_link(robot: Robot) -> tuple[str, Array]:

@@ -49,7 +49,7 @@ class JobResult:
             "waypoints": len(self.trajectory),
             "duration_s": self.trajectory.duration,
             "clearance_m": self.certificate.clearance,
-            "stages": [dict(as_json(stage)) for stage in self.certificate.stages],
+            "stages": [as_json(stage) for stage in self.certificate.stages],
             "missing": list(self.certificate.missing),
             "time_s": round(self.seconds, 6),
             "seed": self.seed,

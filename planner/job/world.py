@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.line import as_constraints
-from hdplan.planner.job.places import fixed_link, link_pose, links_of, pose_of
-from hdplan.planner.robot.link_frame import end_effector
+from hdplan.planner.job.places import fixed_link, link_pose, pose_of
+from hdplan.planner.robot.link_frame import end_effector, links_of
 from hdplan.planner.robot.linkage import rules_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -243,9 +243,8 @@ class World:
         robot = self._robot()
         links, held = set(links_of(robot)), {each.name: each for each in self.held}
         standing = {each.name: each for each in self.obstacles}
-        may: dict[
-            str, list[str]
-        ] = {}  # a held object or an obstacle -> what it may touch, of what moves with the robot
+        # a held object or an obstacle -> what it may touch, of what moves with the robot
+        may: dict[str, list[str]] = {}
         for pair in stage.touch:
             for name in pair:
                 if name not in links and name not in self.things:

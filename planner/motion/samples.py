@@ -50,19 +50,13 @@ class Samples:
 
         Raises InputError for a link that the robot does not have or does not move, and for a motion of other joints.
         """
-        import pinocchio as pin
-
-        from hdplan.planner.robot.link_frame import link_frame
+        from hdplan.planner.robot.link_frame import link_frame, link_poses
         from hdplan.planner.robot.robot import Robot
 
         instance(robot, Robot, "robot")
         frame = link_frame(robot, link, "")
         q = self._of(robot, frame).reshape(-1, robot.n)
-        data, found = robot.model.createData(), np.empty((len(q), 4, 4))
-        for values, pose in zip(robot.pin_q(q), found, strict=True):
-            pin.forwardKinematics(robot.model, data, values)
-            pose[:] = pin.updateFramePlacement(robot.model, data, frame).homogeneous
-        return found.reshape(*self.times.shape, 4, 4)
+        return link_poses(robot, q, frame).reshape(*self.times.shape, 4, 4)
 
     def _of(self, robot: Robot, frame: int) -> Array:
         """Return the positions (…, n) of the robot's planned joints. Where held joints carry the frame, all that are

@@ -41,7 +41,7 @@ def end_effector(robot: Robot, field: str) -> str:
     """
     model = robot.model
     last = [joint for joint in range(1, model.njoints) if _moved_by_all(robot, joint)]
-    links = _links(robot)
+    links = links_of(robot)
     hands = {hand.link for hand in robot.semantics.end_effectors if hand.link in links}
     found = sorted(link for link in hands if model.frames[links[link]].parentJoint in last)
     if last and not found:
@@ -105,10 +105,20 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
 
 def _frame(robot: Robot, link: str, field: str) -> int:
     if not robot.model.existFrame(link, pin.FrameType.BODY):
-        raise InputError(f"{field}: unknown link '{link}'{nearest(link, _links(robot))}")
+        raise InputError(f"{field}: unknown link '{link}'{nearest(link, links_of(robot))}")
     return int(robot.model.getFrameId(link, pin.FrameType.BODY))
 
 
-def _links(robot: Robot) -> dict[str, int]:
+def link_poses(robot: Robot, q: Array, frame: int) -> Array:
+    """Return the poses (k, 4, 4) of a frame of the model in the world at joint values q (k, n), by Pinocchio."""
+    data, found = robot.model.createData(), np.empty((len(q), 4, 4))
+    for values, pose in zip(robot.pin_q(q), found, strict=True):
+        pin.forwardKinematics(robot.model, data, values)
+        pose[:] = pin.updateFramePlacement(robot.model, data, frame).homogeneous
+    return found
+
+
+def links_of(robot: Robot) -> dict[str, int]:
+    """Return the frames of all links in the model, by name, the root first."""
     frames = robot.model.frames
     return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
