@@ -294,7 +294,7 @@ def test_differentiable_gamma_times_along_a_step(gamma, gap, reach):
     block, box = ConvexBody.box([1.0, 1.0, 0.4]), ConvexBody.box([0.3, 0.3, 0.3])
     step = ConvexBody.union([block, _shifted(block, 0.9, 0.1, 0.0)])
     evaluate = evaluator("casadi", step, box, gamma=gamma, shaping_length=0.2)
-    times, twist = np.linspace(-reach, reach, 1201), np.array([1.0, 0.05, 0.0, 0.0, 0.0, 0.2])
+    times, twist = np.linspace(-reach, reach, 1201 if gamma == 3 else 601), np.array([1.0, 0.05, 0.0, 0.0, 0.0, 0.2])
     xi = np.concatenate([np.zeros(6), twist])
     generator = np.zeros((4, 4))
     generator[:3, :3] = np.cross(np.eye(3), -twist[3:])
@@ -304,10 +304,10 @@ def test_differentiable_gamma_times_along_a_step(gamma, gap, reach):
         found = evaluate(place(), place(0.3, 0.65 + gap) @ expm(at[:, None, None] * generator))
         return found.gradient @ xi, np.einsum("i,tij,j->t", xi, found.hessian, xi), found.value
 
-    value = derivatives(times)[2]
+    *rates, value = derivatives(times)
     assert (value.min() < 0.0 < value.max()) == (gap < 0.1)
     if gamma < 3:
-        highest = derivatives(times)[gamma - 1]
+        highest = rates[gamma - 1]
     else:
         near = 1e-6
         highest = (derivatives(times + near)[1] - derivatives(times - near)[1]) / (2 * near)
