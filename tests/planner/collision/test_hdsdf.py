@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4, 5, 7, 12, 32)  # gamma; 2 is compiled as a constant, the root is found in four ways
 ROUNDING = 1e-12
-COUNT = 400  # poses
+COUNT = 150  # poses
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
