@@ -131,10 +131,10 @@ def random_scene(seed: int, varied: bool) -> Scene:
 @pytest.mark.parametrize("chunk", range(4))
 def test_random_scenes(chunk: int) -> None:
     seen = 0
-    for seed in range(4 * chunk, 4 * chunk + 4):
+    for seed in range(2 * chunk, 2 * chunk + 2):
         problem = build(random_scene(seed, varied=False))
         seen += agree(problem, [motion(problem, np.random.default_rng(seed), 0.6)]) > 0.0
-    assert seen >= 2
+    assert seen >= 1
 
 
 @pytest.mark.slow

@@ -154,14 +154,14 @@ def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
 
 
 def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
-    """At every place in turn both take it, or both refuse it; and so with an empty mapping."""
+    """At every place in turn both take it, or both refuse it; and so with an empty mapping at every third."""
     every = [
         (whole, row, name)
         for whole in map(yaml.safe_load, (FULL, JOB))
         for row, (_, name) in enumerate(containers(whole))
     ]
     for whole, row, name in every:
-        for value in (None, {}):
+        for value in (None, {})[: 1 + (row % 3 == 0)]:
             changed = copy.deepcopy(whole)
             place, key = list(containers(changed))[row]
             place[key] = value
