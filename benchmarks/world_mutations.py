@@ -31,7 +31,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BPoly
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -120,11 +120,16 @@ class Judge:
             body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
             body = body if abs(load["mass"]) > 1e-100 else pin.Inertia.Zero()
             model.inertias[i + 1] = body
+        for i, track in enumerate(world["tracks"]):
+            way = np.array(track["way"], dtype=float)
+            kind = pin.JointModelRevoluteUnaligned if track["kind"] == "revolute" else pin.JointModelPrismaticUnaligned
+            model.addJoint(track["parent"] + 1, kind(way / np.linalg.norm(way)), pin.SE3.Identity(), f"t{i}")
         self.model, self.data = model, model.createData()
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
         self._move(world["motion"])
         self.frames = []
-        for q in self.q:
+        followed = [np.interp(self.at, x["times"], x["values"]) * np.linalg.norm(x["way"]) for x in world["tracks"]]
+        for q in np.column_stack([self.q, *followed]):
             pin.forwardKinematics(model, self.data, q)
             self.frames.append([x.copy() for x in self.data.oMi])
 
@@ -164,20 +169,7 @@ class Judge:
 
     def bodies(self, said: World) -> Any:
         """A body's frames (k, 4, 4) at all moments."""
-        motion = self.world["motions"].get(said["name"]) if said["kind"] == "obstacle" else None
-        if motion is None:
-            moved = np.array([x[said["joint"] + 1].homogeneous for x in self.frames])
-        elif "times" in motion:
-            times, poses = np.array(motion["times"], dtype=float), [se3(x) for x in motion["frames"]]
-            now, moved = np.clip(self.at, times[0], times[-1]), np.tile(np.eye(4), (len(self.at), 1, 1))
-            moved[:, :3, :3] = Slerp(times, Rotation.from_matrix([x.rotation for x in poses]))(now).as_matrix()
-            moved[:, :3, 3] = np.transpose([np.interp(now, times, [x.translation[i] for x in poses]) for i in range(3)])
-        else:
-            moved = np.tile(se3(motion).homogeneous, (len(self.at), 1, 1))
-            spun = Rotation.from_rotvec(self.at[:, None] * np.array(motion["spin"], dtype=float)).as_matrix()
-            moved[:, :3, :3] = spun @ moved[:, :3, :3]
-            moved[:, :3, 3] += self.at[:, None] * np.array(motion["velocity"], dtype=float)
-        return moved @ se3(said).homogeneous
+        return np.array([x[said["joint"] + 1].homogeneous for x in self.frames]) @ se3(said).homogeneous
 
     def too_close(self, head: World) -> str:
         """Bodies that are closer than stated, or within one another."""
@@ -199,7 +191,7 @@ class Judge:
                 if two["kind"] != "obstacle":
                     if frozenset((one["name"], two["name"])) in left_out:
                         continue
-                elif one["joint"] == -1 and two["name"] not in world["motions"]:
+                elif one["joint"] == two["joint"] == -1:
                     continue
                 else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
@@ -246,8 +238,10 @@ class Judge:
                 return name
         if "torque" in claims:
             most = np.array([np.inf if x is None else x for x in limits["torque"]], dtype=float)
+            rest = np.zeros(len(world["tracks"]))  # which carry nothing
             for q, v, a in zip(*self.values[:3], strict=True):
-                if (np.abs(pin.rnea(self.model, self.data, q, v, a)) > most * (1 + SLACK) + SLACK).any():
+                found = pin.rnea(self.model, self.data, *(np.append(x, rest) for x in (q, v, a)))
+                if (np.abs(found[: len(q)]) > most * (1 + SLACK) + SLACK).any():
                     return "torque"
         if (
             "duration" in claims
@@ -403,7 +397,7 @@ def number(case: Case, rng: Random) -> None:
 
 def geometry(case: Case, rng: Random) -> None:
     """Change a number of bodies, joints, motions or rows a little."""
-    holder, key, _ = chosen(rng, case.world, (float,), "bodies bodies joints motion motions")
+    holder, key, _ = chosen(rng, case.world, (float,), "bodies bodies joints motion tracks")
     holder[key] += float(10.0 ** rng.uniform(-5, -1) * rng.choice([-1, 1]))
 
 
@@ -435,7 +429,7 @@ def sign(case: Case, rng: Random) -> None:
 
 def signs(case: Case, rng: Random) -> None:
     """Turn an axis, a row of a rotation, a position or a velocity."""
-    holder, key, _ = chosen(rng, case.world, (list,), "joints bodies motions links path goal")
+    holder, key, _ = chosen(rng, case.world, (list,), "joints bodies tracks links path goal")
     if all(type(x) in (int, float) for x in holder[key]):
         holder[key] = [-x for x in holder[key]]
 

@@ -157,7 +157,7 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
 def obstacles(
     top: dict[str, Any], folder: Path, files: Files, told: Told
 ) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
-    """Bodies of the obstacles, their motions, and their own clearances."""
+    """Bodies of the obstacles, the motions of some, for `moving`, and their own clearances."""
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
@@ -185,9 +185,9 @@ def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
     if "times" in said or "poses" in said:
         need({*said} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")
         times = values(listing(said["times"], name), len(said["times"]), name).tolist()
-        return {"times": times, "frames": [frame(pose_of(x, name)) for x in listing(said["poses"], name)]}
+        return {"times": times, "poses": [pose_of(x, name) for x in listing(said["poses"], name)]}
     rates = {key: values(said.get(key, [0.0] * 3), 3, name).tolist() for key in ("velocity", "spin")}
-    return {**rates, **frame(pose)}
+    return {**rates, "pose": pose}
 
 
 def path_of(top: dict[str, Any]) -> list[Any]:

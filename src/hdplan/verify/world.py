@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, Pose, compose, dot, inverse, length, named, need, norm, stack, turn_of, unit, up
+from .balls import EPS, HERE, Ball, Pose, dot, inverse, length, named, need, norm, stack, unit, up
 
+VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
-LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less has a rotation that is off by as much
 RATES = ("velocities", "accelerations")
 RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
 REASONS = (  # for which pairs are not compared
@@ -26,6 +26,7 @@ REASONS = (  # for which pairs are not compared
     "the MJCF",
 )
 KINDS = ("link", "held", "obstacle")
+KINDS_OF_JOINTS = ("revolute", "prismatic")
 SHAPES = {  # and their sizes
     **{"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"},
     **{"capsule": "radius length", "points": "points", "mesh": "points triangles off"},
@@ -181,12 +182,11 @@ def box_centre(piece: Piece) -> Any:
     return (piece.corners.min(axis=0) + piece.corners.max(axis=0)) / 2
 
 
-def track(times: list[float], values: list[Ball], now: float) -> Ball:
+def track(times: Any, values: Ball, now: Any) -> Ball:
     """What is linear between times and constant outside of them."""
-    if not times[0] < now < times[-1]:
-        return values[0] if now <= times[0] else values[-1]
-    i = max(k for k, x in enumerate(times) if x <= now)
-    return values[i] + (values[i + 1] - values[i]) * ((Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i]))
+    i = np.clip(np.searchsorted(times, now, side="right") - 1, 0, len(times) - 2)
+    share = (Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i])
+    return values[i] + (values[i + 1] - values[i]) * Ball(np.clip(share.mid, 0.0, 1.0), share.rad)
 
 
 def blossom(control: Ball, start: Any, end: Any) -> Ball:
@@ -207,13 +207,13 @@ class World:
 
     def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
-        keys = "joints held links bodies motions not_compared clearances motion limits path start goal duration also"
+        keys = "joints held links bodies tracks not_compared clearances motion limits path start goal duration also"
         need(type(said) is dict, "the world: a mapping is expected")
-        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *rest, self.loads = keys_of(
+        version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads = keys_of(
             {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
-        need(version == 2, "the world is not of version 2")
+        need(version == VERSION, f"the world is not of version {VERSION}")
         self.joints, self.cuts = list[Joint](), cuts
         for i, each in enumerate(joints):
             self.add_joint(f"joints[{i}]", each, len(joints))
@@ -225,8 +225,9 @@ class World:
             name: self.carried_frame(keys_of(x, f"links.{name}", FRAME), f"links.{name}") for name, x in links.items()
         }
         self.read_motion(motion)
-        self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
-        self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
+        self.tracks = list[tuple[Any, Ball]]()  # of joints that follow the time: times, and values there
+        for i, each in enumerate(tracks):
+            self.add_track(f"tracks[{i}]", each)
         self.pieces, self.parts = list[Piece](), dict[str, Any]()
         self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
         for i, each in enumerate(bodies):
@@ -238,14 +239,14 @@ class World:
         self.usual, self.among = (number(x, "clearances") for x in (usual, among))
         self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
         obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
-        need({*motions} | {*own} <= obstacles, "motions, clearances.own: of no obstacle")
+        need({*own} <= obstacles, "clearances.own: of no obstacle")
 
     def add_joint(self, what: str, each: Any, count: int) -> None:
         name, parent, kind, rotation, position, axis, off, follows = keys_of(
             each, what, "name parent kind rotation position axis off follows"
         )
         good = type(name) is str and type(parent) is int and -1 <= parent < len(self.joints)
-        good = good and kind in ("revolute", "prismatic") and name not in self.held
+        good = good and kind in KINDS_OF_JOINTS and name not in self.held
         need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
         way = unit_vector(axis, off, what)
         if follows is not None:
@@ -256,10 +257,12 @@ class World:
         pose = frame([rotation, position, off], what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
-    def carried_frame(self, values: list[Any], what: str) -> tuple[int, Pose]:
-        """The joint that carries a frame, and the frame in the joint's, by the values of FRAME."""
+    def carried_frame(self, values: list[Any], what: str, timed: bool = False) -> tuple[int, Pose]:
+        """The joint that carries a frame, and the frame in the joint's, by the values of FRAME. Obstacles are carried
+        by joints that follow the time (`timed`), and nothing else is."""
         joint, *place = values
-        need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
+        good = type(joint) is int and -1 <= joint < len(self.joints)
+        need(good and (joint == -1 or (joint >= self.own) == timed), f"{what}.joint: no joint that may carry it")
         return joint, frame(place, what)
 
     def add_body(self, number: int, each: Any) -> None:
@@ -273,11 +276,7 @@ class World:
         need(as_said, f"{what}: '{name}' is a link, or is to be one")
         taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
         need(not taken, f"{what}: the name '{name}' is taken")
-        joint, pose = self.carried_frame(place, what)
-        if kind == "obstacle":
-            need(joint == -1, f"{what}: an obstacle is carried by no joint")
-            joint, turn = self.drifting.get(name, (-1, HERE[0]))
-            pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
+        joint, pose = self.carried_frame(place, what, kind == "obstacle")
         called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
@@ -331,59 +330,32 @@ class World:
         self.curve = self.control = stack(columns, 2)  # of the robot alone
         self.clock: Any = self.times
 
-    def drift(self, name: str, said: Any) -> tuple[int, Ball]:
-        """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
-        turn has one of its own, the last turn first. Returns the last joint, and the obstacle's rotation in its
-        frame."""
-        what = f"motions.{name}"
-        need(self.times is not None and type(said) is dict, f"{what}: moves, and the motion has no times")
-        tracks: list[tuple[Ball, list[float], list[Ball]]] = []  # of the turns: axis, and angles at two times
-        if "times" in said:
-            stamps, frames = keys_of(said, what, "times frames")
-            times = numbers(stamps, (-1,), what).tolist()
-            poses = [frame(keys_of(x, what, "rotation position off"), what) for x in frames]
-            need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"{what}: times must increase")
-            places = stack([at for _, at in poses], 1)
-            still = 0.0
-            for i in range(len(times) - 1):
-                change = dot("ij,kj->ik", poses[i + 1][0], poses[i][0])
-                over = change - np.eye(3)  # of length 2 sqrt(2) sin(angle / 2): above the angle
-                if norm(np.abs(over.mid).ravel()) <= LEAST_TURN:
-                    still += float(norm(over.size.ravel()))
-                else:
-                    axis, angle = turn_of(change)
-                    tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
-            first = Ball(poses[0][0].mid, up(poses[0][0].rad + still))
-        else:
-            velocity, spin, *place = keys_of(said, what, "velocity spin rotation position off")
-            velocity, spin = (numbers(x, (3,), what) for x in (velocity, spin))
-            times, (first, at) = [float(self.times[0]), float(self.times[-1])], frame(place, what)
-            places = stack([at + Ball(velocity) * x for x in times], 1)
-            if spin.any():
-                tracks.append((unit(spin), times, [length(spin) * x for x in times]))
-        self.tracks += [(times, [places[i, k] for k in range(len(times))]) for i in range(3)]
-        ways = [(Ball(x), False) for x in np.eye(3)] + [(axis, True) for axis, _, _ in reversed(tracks)]
-        for i, (axis, turns) in enumerate(ways):
-            self.joints.append(Joint(f"{name} moves", len(self.joints) - 1 if i else -1, HERE, axis, turns))
-        self.tracks += [(span, angles) for _, span, angles in reversed(tracks)]
-        return len(self.joints) - 1, first
+    def add_track(self, what: str, each: Any) -> None:
+        """Note a joint that follows the time: along or about `way`, by its length times values at times."""
+        name, parent, kind, way, times, values, off = keys_of(each, what, "name parent kind way times values off")
+        need(self.times is not None, f"{what}: moves, and the motion has no times")
+        before = type(parent) is int and (parent == -1 or self.own <= parent < len(self.joints))
+        need(before and type(name) is str and kind in KINDS_OF_JOINTS, f"{what}: name, kind or parent")
+        e, at = off_of(off, what), numbers(times, (-1,), what)
+        way, shares = Ball(numbers(way, (3,), what), e), Ball(numbers(values, at.shape, what), e)
+        need(len(at) > 1 and (np.diff(at) > 0).all(), f"{what}: times must increase")
+        self.joints.append(Joint(name, parent, HERE, unit(way), kind == "revolute"))
+        self.tracks.append((at, shares * length(way)))
 
     def lay_tracks(self) -> None:
         """Add what obstacles do to the motion, whose intervals end where that changes; note what each joint carries."""
-        knots = {x for span, _ in self.tracks for x in span}
+        rows_at, degree = self.times, self.control.mid.shape[1] - 1
         if self.tracks:
-            degree, inside = self.control.mid.shape[1] - 1, {x for x in knots if self.times[0] < x < self.times[-1]}
-            times, rows_at = np.array(sorted({*self.times.tolist(), *inside})), self.times
+            knots = np.concatenate([rows_at, *(span for span, _ in self.tracks)])
+            self.times = times = np.unique(knots[(knots >= rows_at[0]) & (knots <= rows_at[-1])])
             row: Any = np.searchsorted(rows_at, times[:-1], side="right") - 1
             share = inverse(Ball(rows_at[row + 1]) - rows_at[row])
             start, end = ((Ball(x) - rows_at[row]) * share for x in (times[:-1], times[1:]))
-            self.times = times
             columns = [blossom(self.control[row], start[:, None, None], end[:, None, None])]
             for span, values in self.tracks:
-                at = [track(span, values, x) for x in times.tolist()]
-                a, b = stack(at[:-1]), stack(at[1:])
-                rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
-                columns.append(stack(rows, 1)[:, :, None])
+                at = track(span, values, times)
+                steps = [(at[1:] - at[:-1]) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
+                columns.append(stack([at[:-1] + step for step in steps], 1)[:, :, None])
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)

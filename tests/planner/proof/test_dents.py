@@ -22,12 +22,16 @@ from hdplan.verify.kernel import NARROWEST, Motion, check_outside
 from hdplan.verify.world import Piece, World
 
 from .test_forged import files
-from .test_random_worlds import frame
 from .worlds import packed, unpacked
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
 Said = dict[str, Any]
+
+
+def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
+    return {"rotation": turn.as_matrix().ravel().tolist(), "position": np.asarray(at).tolist(), "off": off}
+
 
 STILL = frame(Rotation.identity(), [0.0] * 3, 0.0)
 QUAD = [[0, 1, 2], [0, 2, 3]]
@@ -48,7 +52,7 @@ def world(*bodies: Said, groups: int = 2) -> World:
     """Bodies of which the held ones slide a little, every mesh in several groups of triangles."""
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **STILL, "axis": [1.0, 0.0, 0.0], "follows": None}
     said = {
-        "hdplan_world": 2, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "motions": {},
+        "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "tracks": [],
         "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
         "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
         "start": [], "goal": [], "duration": None, "also": [],

@@ -358,12 +358,12 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
 
 def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
     _, said, *_ = honest
-    wide = put(put(said, "path", 0, "off", to=OFF), "motions", "p", "off", to=OFF)
+    wide = put(put(said, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
     tilt = said["path"][0]["tolerance"]  # a request's may be worked out
     check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 0.9 * OFF))
     with pytest.raises(RejectedError, match=r"the worlds differ: path\[0\]\.tolerance"):
         check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 1.1 * OFF))
-    for way in (("path", 0, "link"), ("motions", "p", "velocity", 0), ("motion", "positions", 1, 0)):
+    for way in (("path", 0, "link"), ("tracks", 0, "times", 1), ("motion", "positions", 1, 0)):
         value: Any = said
         for key in way:
             value = value[key]
@@ -561,7 +561,7 @@ def test_a_collada_file_is_rejected_or_has_the_triangles_of_hdplan_and_coal(kind
         np.testing.assert_allclose(np.sort(other.reshape(-1, 3), axis=0), found, atol=1e-6)
 
 
-@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 2}', "[]", ""])
+@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 3}', "[]", ""])
 def test_the_kernel_alone_rejects_worlds_that_are_none(
     world: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,11 +85,11 @@ def test_what_is_said_of_links_is_refused_of_obstacles(tmp_path: Path) -> None:
             wrong = put(said, "not_compared", to=[*said["not_compared"], [*pair, reason]])
             with pytest.raises(RejectedError, match=r"not_compared\[\d\]: two links or held objects, and a reason"):
                 World(wrong, {})
-    for wrong in (put(said, "clearances", "own", to={"base": 1.0}), put(said, "motions", to={"base": {}})):
-        with pytest.raises(RejectedError, match="motions"):
+    for wrong in (put(said, "clearances", "own", to={"base": 1.0}), put(said, "bodies", -1, "joint", to=0)):
+        with pytest.raises(RejectedError, match=r"of no obstacle|no joint that may carry it"):
             World(wrong, {})
-    old = {**said, "hdplan_world": 1}
-    with pytest.raises(RejectedError, match="the world is not of version 2"):
+    old = {**said, "hdplan_world": 2}
+    with pytest.raises(RejectedError, match="the world is not of version 3"):
         accept(old, forge(said, {}, []))
 
 
