@@ -245,5 +245,7 @@ class Reader:
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
-            said.append(f"not kept, timing.rate: rows are up to {gap:g} s apart, {rate:g} in a second are asked for")
+            said.append(
+                f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are asked for"
+            )
         return tuple(said)

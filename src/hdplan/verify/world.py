@@ -8,6 +8,7 @@ hulls of groups of its triangles, which a proof chooses: whatever the groups, th
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
@@ -19,8 +20,7 @@ from .balls import EPS, HERE, Ball, Pose, dot, inverse, length, named, need, nor
 VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
 OFF = 1e-6  # most that a number of a world may be off
-RATES = ("velocities", "accelerations")
-RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
+RULES, ROWS = ("linear", "cubic", "quintic"), ("positions", "velocities", "accelerations")  # of motions
 REASONS = (  # for which pairs are not compared
     *("self_collision: false", "moving as one", "robot.ignore_pairs", "the SRDF", "neighbours", "touch_links"),
     "the MJCF",
@@ -34,7 +34,16 @@ SHAPES = {  # and their sizes
 }
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 CUBE.flags.writeable = False
-FRAME = "joint rotation position off"
+FRAME = "rotation position off"
+VALUES = {  # of keys, wherever they stand: types, or how many numbers
+    **dict.fromkeys(("name", "kind", "link", "to", "free", "rule"), str),
+    **dict.fromkeys(("joint", "parent"), int),
+    **dict.fromkeys(
+        ("off", "mass", "tolerance", "position_tolerance", "orientation_tolerance", "obstacles", "self"), ()
+    ),
+    **dict.fromkeys(("position", "axis", "way", "point", "moment"), (3,)),
+    **{"inertia": (6,), "rotation": (9,), "radius": (), "length": ()},
+}
 
 
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
@@ -58,10 +67,19 @@ def number(value: Any, what: str) -> float:
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
-    """The values of a mapping that has just these keys."""
-    names = keys.split()
+    """The values of a mapping that has just these keys, each of its kind."""
+    names, found = keys.split(), list[Any]()
     need(type(value) is dict and {*value} == {*names}, f"{what}: a mapping with the keys {', '.join(names)}")
-    return [value[name] for name in names]
+    for name, kind in ((name, VALUES.get(name)) for name in names):
+        one = value[name]
+        if kind == ():
+            one = number(one, f"{what}.{name}")
+        elif type(kind) is tuple:
+            one = numbers(one, kind, f"{what}.{name}")
+        need(type(kind) is not type or type(one) is kind, f"{what}.{name}: is of another kind")
+        need(name != "off" or 0 <= one <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
+        found.append(one)
+    return found
 
 
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -80,27 +98,18 @@ def symmetric(six: Any) -> Any:
     return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
 
 
-def off_of(value: Any, what: str) -> float:
-    """By how much numbers may be wrong."""
-    off = number(value, f"{what}.off")
-    need(0 <= off <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
-    return off
-
-
-def unit_vector(axis: Any, off: Any, what: str) -> Ball:
+def unit_vector(axis: Any, off: float, what: str) -> Ball:
     """A direction: one of another length would be nearer to others, or farther from them, than it is turned."""
-    way = Ball(numbers(axis, (3,), what), off_of(off, what))
+    way = Ball(axis, off)
     need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
     return way
 
 
-def frame(place: list[Any], what: str) -> Pose:
+def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
-    rotation, position, off = place
-    r, at, e = numbers(rotation, (9,), what).reshape(3, 3), numbers(position, (3,), what), off_of(off, what)
-    slack = 20 * e + 1e-14
+    r, slack = rotation.reshape(3, 3), 20 * off + 1e-14
     need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
-    return Ball(r, e), Ball(at, e)
+    return Ball(r, off), Ball(position, off)
 
 
 def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
@@ -126,9 +135,9 @@ def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
         faces = numbers(rest[0], (-1, 3), what)
         good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
         need(good, f"{what}: has no triangles, or one with a point that is not there")
-        return points, faces.astype(int), off_of(rest[1], what), none
+        return points, faces.astype(int), rest[1], none
     three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
-    length = number(rest[0], what) if rest else 0.0
+    length = rest[0] if rest else 0.0
     need(three.min() >= 0 <= length, f"{what}: a size is negative")
     if kind == "box":
         return CUBE * three, None, 0.0, none
@@ -189,6 +198,21 @@ def track(times: Any, values: Ball, now: Any) -> Ball:
     return values[i] + (values[i + 1] - values[i]) * Ball(np.clip(share.mid, 0.0, 1.0), share.rad)
 
 
+def hermite(rows: list[Any], times: Any) -> Ball:
+    """Control points (N - 1, d + 1, n) of the polynomials of degree d = 2 m - 1 that have m rows of values (N, n), and
+    of their rates, at their ends: from either end, the i-th is the sum over k of binomials (i over k) times
+    (d - k)! / d! width^k times the k-th rate, which backwards has the sign of (-1)^k."""
+    degree, sides = 2 * len(rows) - 1, []
+    for side, sign in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
+        steps = [Ball(rows[0][side])]
+        for k, rate in enumerate(rows[1:], 1):
+            width = (Ball(times[1:]) - times[:-1])[:, None] * sign
+            steps.append(rate[side] * math.prod([width] * k, start=Ball(1 / math.perm(degree, k), EPS)))
+        for i in range(len(rows)):
+            sides.append(sum((math.comb(i, k) * steps[k] for k in range(1, i + 1)), start=steps[0]))
+    return stack([*sides[: len(rows)], *reversed(sides[len(rows) :])], 1)
+
+
 def blossom(control: Ball, start: Any, end: Any) -> Ball:
     """Control points (k, d + 1, n) of parts of polynomials from `start` to `end` (k, 1, 1): the values of their
     blossoms."""
@@ -222,7 +246,8 @@ class World:
         self.own = len(self.joints)  # joints of the robot; the others follow the time
         numbers(list(self.held.values()), (-1,), "held")
         self.links = {
-            name: self.carried_frame(keys_of(x, f"links.{name}", FRAME), f"links.{name}") for name, x in links.items()
+            name: self.carried_frame(f"links.{name}", *keys_of(x, f"links.{name}", f"joint {FRAME}"))
+            for name, x in links.items()
         }
         self.read_motion(motion)
         self.tracks = list[tuple[Any, Ball]]()  # of joints that follow the time: times, and values there
@@ -235,48 +260,42 @@ class World:
         self.lay_tracks()
         self.pair_up(apart)
         self.stack_up()
-        usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
-        self.usual, self.among = (number(x, "clearances") for x in (usual, among))
+        self.usual, own, self.among = keys_of(clearances, "clearances", "obstacles own self")
         self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
         obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
         need({*own} <= obstacles, "clearances.own: of no obstacle")
 
     def add_joint(self, what: str, each: Any, count: int) -> None:
-        name, parent, kind, rotation, position, axis, off, follows = keys_of(
-            each, what, "name parent kind rotation position axis off follows"
-        )
-        good = type(name) is str and type(parent) is int and -1 <= parent < len(self.joints)
-        good = good and kind in KINDS_OF_JOINTS and name not in self.held
+        name, parent, kind, axis, follows, *place = keys_of(each, what, f"name parent kind axis follows {FRAME}")
+        good = -1 <= parent < len(self.joints) and kind in KINDS_OF_JOINTS and name not in self.held
         need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
-        way = unit_vector(axis, off, what)
         if follows is not None:
             need(type(follows) is list and len(follows) == 3 and type(follows[0]) is int, f"{what}.follows")
             factor, add = numbers(follows[1:], (2,), what).tolist()
             need(0 <= follows[0] < count and factor, f"{what}.follows: no joint of the world, or by the factor 0")
             follows = (follows[0], factor, add)
-        pose = frame([rotation, position, off], what)
+        pose, way = frame(what, *place), unit_vector(axis, place[2], what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
-    def carried_frame(self, values: list[Any], what: str, timed: bool = False) -> tuple[int, Pose]:
-        """The joint that carries a frame, and the frame in the joint's, by the values of FRAME. Obstacles are carried
-        by joints that follow the time (`timed`), and nothing else is."""
-        joint, *place = values
-        good = type(joint) is int and -1 <= joint < len(self.joints)
-        need(good and (joint == -1 or (joint >= self.own) == timed), f"{what}.joint: no joint that may carry it")
-        return joint, frame(place, what)
+    def carried_frame(self, what: str, joint: int, *place: Any, timed: bool = False) -> tuple[int, Pose]:
+        """The joint that carries a frame, and the frame in the joint's. Obstacles are carried by joints that follow the
+        time (`timed`), and nothing else is."""
+        good = joint == -1 or (0 <= joint < len(self.joints) and (joint >= self.own) == timed)
+        need(good, f"{what}.joint: no joint that may carry it")
+        return joint, frame(what, *place)
 
     def add_body(self, number: int, each: Any) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles."""
         what = f"bodies[{number}]"
-        name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
-        need(type(name) is str and kind in KINDS, f"{what}: name or kind")
+        name, kind, shape, *place = keys_of(each, what, f"name kind shape joint {FRAME}")
+        need(kind in KINDS, f"{what}.kind: {', '.join(KINDS)}")
         last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
         need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
         as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
         need(as_said, f"{what}: '{name}' is a link, or is to be one")
         taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
         need(not taken, f"{what}: the name '{name}' is taken")
-        joint, pose = self.carried_frame(place, what, kind == "obstacle")
+        joint, pose = self.carried_frame(what, *place, timed=kind == "obstacle")
         called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
@@ -299,30 +318,18 @@ class World:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
         rule: Any = said.get("rule") if type(said) is dict else None
         need(rule in RULES, "motion.rule: linear, cubic or quintic")
-        names = ("positions", *RATES[: RULES[rule]])
+        names = ROWS[: RULES.index(rule) + 1]
         times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
         lead = [i for i, x in enumerate(self.joints) if x.follows is None]
         given = [numbers(x, (-1, len(lead)), f"motion.{name}") for x, name in zip(rows, names, strict=True)]
-        count = len(given[0])
-        good = (
-            count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given) and (times or rule == "linear")
-        )
-        need(good, "motion: too few rows, or too many joints, or rates without times")
-        a, b = Ball(given[0][:-1]), Ball(given[0][1:])
-        control, self.rows, self.lead = [a, b], given[0], lead
+        count, self.rows, self.lead = len(given[0]), given[0], lead
+        good = count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given)
+        need(good and (times or rule == "linear"), "motion: too few rows, or too many joints, or rates without times")
         self.times: Any = None
         if times is not None:
             self.times = numbers(times, (count,), "motion.times")
             need((np.diff(self.times) > 0).all(), "motion.times: must increase")
-            width = (Ball(self.times[1:]) - self.times[:-1])[:, None]
-        if len(given) == 2:
-            v, w = (x * (width * Ball(1 / 3, EPS)) for x in (given[1][:-1], given[1][1:]))
-            control = [a, a + v, b - w, b]
-        if len(given) == 3:
-            v, w = (x * (width * Ball(0.2, EPS)) for x in (given[1][:-1], given[1][1:]))
-            x, y = (x * (width * width * Ball(0.05, EPS)) for x in (given[2][:-1], given[2][1:]))
-            control = [a, a + v, a + 2.0 * v + x, b - 2.0 * w + y, b - w, b]
-        made, columns = stack(control, 1), []
+        made, columns = hermite(given, self.times), []
         for i, joint in enumerate(self.joints):
             other, factor, add = joint.follows or (i, 1.0, 0.0)
             column = made[:, :, lead.index(other)]
@@ -334,10 +341,10 @@ class World:
         """Note a joint that follows the time: along or about `way`, by its length times values at times."""
         name, parent, kind, way, times, values, off = keys_of(each, what, "name parent kind way times values off")
         need(self.times is not None, f"{what}: moves, and the motion has no times")
-        before = type(parent) is int and (parent == -1 or self.own <= parent < len(self.joints))
-        need(before and type(name) is str and kind in KINDS_OF_JOINTS, f"{what}: name, kind or parent")
-        e, at = off_of(off, what), numbers(times, (-1,), what)
-        way, shares = Ball(numbers(way, (3,), what), e), Ball(numbers(values, at.shape, what), e)
+        before = parent == -1 or self.own <= parent < len(self.joints)
+        need(before and kind in KINDS_OF_JOINTS, f"{what}: kind or parent")
+        at = numbers(times, (-1,), f"{what}.times")
+        way, shares = Ball(way, off), Ball(numbers(values, at.shape, f"{what}.values"), off)
         need(len(at) > 1 and (np.diff(at) > 0).all(), f"{what}: times must increase")
         self.joints.append(Joint(name, parent, HERE, unit(way), kind == "revolute"))
         self.tracks.append((at, shares * length(way)))

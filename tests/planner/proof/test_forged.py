@@ -20,7 +20,7 @@ from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.verify import RejectedError, kernel
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
-from hdplan.verify.effects import millimetres, statement
+from hdplan.verify.effects import digits, millimetres, statement
 from hdplan.verify.kernel import IN_PART, VERSION, Motion, accept, half
 from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
@@ -474,10 +474,20 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
     for length in [float(x) for each in lengths for x in (each, np.nextafter(each, 0))]:
         printed = Fraction(millimetres(length).removesuffix(" mm")) / 1000
         assert 0 <= Fraction(length) - printed < Fraction(1, 10**9)
-    world = World({**honest[1], "clearances": {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0}}, {})
+        assert float(digits(length)) == length
+        assert Fraction(digits(length, 1000)) == Fraction(digits(length)) * 1000
+    world = World(
+        {
+            **honest[1],
+            "held": {"a": 0.1234567890123},
+            "clearances": {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0},
+        },
+        {},
+    )
     text, _ = statement(world, {"clearance": 0.029999999999, "self_clearance": 0.0123456789, "claims": []})
     assert "at least 29.999999 mm from every obstacle; 123.456789 mm from obstacle o\n" in text
     assert "at least 12.345678 mm from one another\n" in text
+    assert "held: \"at rest\" at 0.1234567890123\n" in text
 
 
 def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
