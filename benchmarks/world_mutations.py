@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import itertools
 import json
 import pickle
 import sys
@@ -30,7 +31,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BPoly
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -59,31 +60,57 @@ def se3(said: World) -> pin.SE3:
     return pin.SE3(np.reshape(said["rotation"], (3, 3)).astype(float), np.array(said["position"], dtype=float))
 
 
-def triangles_of(shape: World) -> Any:
-    """The triangles (F, 3, 3) of a mesh, or of the hull of points; None for any other shape."""
-    if shape["type"] == "mesh":
-        return np.array(shape["points"], dtype=float)[np.array(shape["triangles"], dtype=int)]
-    if shape["type"] == "points":
-        points = np.array(shape["points"], dtype=float)
-        return points[ConvexHull(points).simplices]
+BALL = Rotation.random(400, rng=np.random.default_rng(0)).apply([0.0, 0.0, 1.0])
+
+
+def primitive_of(shape: World) -> Any:
+    """coal's box, ball, ellipsoid, capsule or cylinder for a shape that is one; None for any other."""
+    points, sweep = np.array(shape["points"], dtype=float), np.array(shape["sweep"][0], dtype=float)
+    half, r = np.abs(points[0]), sweep[0]
+    corners = [[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (-half[2], half[2])]
+    if shape["parts"] is not None:
+        return None
+    if len(points) == 8 and not sweep.any() and (points == corners).all():
+        return coal.Box(*(2 * half))
+    if len(points) == 1 and not half.any() and sweep.all():
+        return coal.Ellipsoid(*sweep) if (sweep != r).any() else coal.Sphere(r)
+    along = len(points) == 2 and (points[0] == -points[1]).all() and not half[:2].any() and r == sweep[1] > 0
+    if along and sweep[2] in (0.0, r):
+        return (coal.Capsule if sweep[2] else coal.Cylinder)(r, 2 * half[2])
     return None
+
+
+def triangles_of(shape: World) -> Any:
+    """The triangles (F, 3, 3) of a mesh, or of a hull within that of other points, swept or not; None for what coal has
+    itself."""
+    if primitive_of(shape) is not None:
+        return None
+    points, sweep = np.array(shape["points"], dtype=float), np.array(shape["sweep"], dtype=float)
+    if shape["parts"] is not None:
+        parts = np.array(shape["parts"], dtype=int)
+        ways = (
+            [*itertools.combinations_with_replacement(range(parts.shape[1]), 3)] if parts.shape[1] != 3 else [range(3)]
+        )
+        return np.concatenate([points[parts[:, [*way]]] for way in ways])
+    if sweep.any():
+        points = (points[:, None] + BALL * sweep[0]).reshape(-1, 3)
+    try:
+        return points[ConvexHull(points).simplices]
+    except QhullError:  # flat, or a line
+        return points[[*itertools.combinations_with_replacement(range(min(len(points), 20)), 3)]]
 
 
 def geometry_of(shape: World) -> Any:
     """coal's geometry of a shape."""
-    kind, r, length = shape["type"], shape.get("radius"), shape.get("length")
-    if (corners := triangles_of(shape)) is not None:
-        mesh = coal.BVHModelOBBRSS()
-        mesh.beginModel(len(corners), 3 * len(corners))
-        for one, two, three in corners:
-            mesh.addTriangle(one, two, three)
-        mesh.endModel()
-        return mesh
-    if kind == "box":
-        return coal.Box(*map(float, shape["size"]))
-    if kind == "ellipsoid":
-        return coal.Ellipsoid(*map(float, shape["radii"]))
-    return coal.Sphere(r) if kind == "sphere" else getattr(coal, kind.capitalize())(r, length)
+    corners = triangles_of(shape)
+    if corners is None:
+        return primitive_of(shape)
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(corners), 3 * len(corners))
+    for one, two, three in corners:
+        mesh.addTriangle(one, two, three)
+    mesh.endModel()
+    return mesh
 
 
 def inside(point: Any, corners: Any) -> bool:
@@ -416,7 +443,7 @@ def resized(case: Case, rng: Random) -> None:
     """Make a shape larger or smaller."""
     shape = case.world["bodies"][int(rng.integers(len(case.world["bodies"])))]["shape"]
     factor = 1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-5, 0)
-    for key in ("size", "radius", "radii", "length", "points"):
+    for key in ("points", "sweep") if rng.random() < 0.7 else ("sweep",):
         if key in shape:
             shape[key] = (np.array(shape[key]) * factor).tolist()
 

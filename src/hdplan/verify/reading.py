@@ -131,7 +131,7 @@ class Reader:
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
-        return {"type": kind, **sizes}
+        return scenes.solid(kind, sizes)
 
     # --- the world ---
 

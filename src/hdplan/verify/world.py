@@ -27,13 +27,6 @@ REASONS = (  # for which pairs are not compared
 )
 KINDS = ("link", "held", "obstacle")
 KINDS_OF_JOINTS = ("revolute", "prismatic")
-SHAPES = {  # and their sizes
-    **{"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"},
-    **{"capsule": "radius length", "points": "points", "mesh": "points triangles off"},
-    **{"balls": "points radii", "boxes": "low high"},
-}
-CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-CUBE.flags.writeable = False
 FRAME = "rotation position off"
 VALUES = {  # of keys, wherever they stand: types, or how many numbers
     **dict.fromkeys(("name", "kind", "link", "to", "free", "rule"), str),
@@ -42,7 +35,7 @@ VALUES = {  # of keys, wherever they stand: types, or how many numbers
         ("off", "mass", "tolerance", "position_tolerance", "orientation_tolerance", "obstacles", "self"), ()
     ),
     **dict.fromkeys(("position", "axis", "way", "point", "moment"), (3,)),
-    **{"inertia": (6,), "rotation": (9,), "radius": (), "length": ()},
+    **{"inertia": (6,), "rotation": (9,)},
 }
 
 
@@ -112,36 +105,18 @@ def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
     return Ball(r, off), Ball(position, off)
 
 
-def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
-    """Points (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, which points each part
-    has (F, c): the corners of triangles and boxes, or the centres of balls, with an ellipsoid for each."""
-    kind: Any = value.get("type") if type(value) is dict else None
-    need(kind in SHAPES, f"{what}: a shape of a kind that is not known")
-    _, first, *rest = keys_of(value, what, f"type {SHAPES[kind]}")
-    none = np.zeros(3)
-    if kind in ("points", "balls", "boxes", "mesh"):
-        points = numbers(first, (-1, 3), what)
-        every = np.arange(len(points))[:, None]
-        need(len(points), f"{what}: has no points")
-        if kind == "points":
-            return points, None, 0.0, none
-        if kind == "balls":
-            radii = numbers(rest[0], (len(points),), what)
-            need(radii.min() >= 0, f"{what}: a radius is negative")
-            return points, every, 0.0, np.repeat(radii[:, None], 3, axis=1)
-        if kind == "boxes":
-            corners = np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None])
-            return corners.reshape(-1, 3), 8 * every + np.arange(8), 0.0, none
-        faces = numbers(rest[0], (-1, 3), what)
-        good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
-        need(good, f"{what}: has no triangles, or one with a point that is not there")
-        return points, faces.astype(int), rest[1], none
-    three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
-    length = rest[0] if rest else 0.0
-    need(three.min() >= 0 <= length, f"{what}: a size is negative")
-    if kind == "box":
-        return CUBE * three, None, 0.0, none
-    return CUBE[:2] * [0, 0, length], None, 0.0, three * [1, 1, kind != "cylinder"]
+def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
+    """Points (m, 3), the numbers of those of each part (F, c), the semi-axes of the ellipsoid that sweeps each of these
+    (F, 3), and the points' error."""
+    points, parts, sweep, off = keys_of(value, what, "points parts sweep off")
+    points, sweep = (numbers(x, (-1, 3), f"{what}.{key}") for x, key in ((points, "points"), (sweep, "sweep")))
+    parts = [[*range(len(points))]] if parts is None else parts  # as a whole
+    found = numbers(parts, (-1, -1), f"{what}.parts")
+    good = found.size and (found % 1 == 0).all() and found.min() >= 0 and found.max() < len(points)
+    good = good and (found.shape[1] != 3 or not sweep.any())  # or else what encloses would be larger than a surface
+    need(good, f"{what}: has no parts, or one with a point that is not there")
+    need(sweep.min(initial=0) >= 0 and len(sweep) in (1, len(found)), f"{what}: sizes for all, or each, of its parts")
+    return points, found.astype(int), np.broadcast_to(sweep, (len(found), 3)), off
 
 
 @dataclass(eq=False)
@@ -300,18 +275,14 @@ class World:
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
         own, key = (name, kind, number, called, joint, pose), str(number)
-        points, parts, off, sweep = shape_of(shape, what)
-        if parts is None:
-            self.pieces.append(Piece(*own, points, off, sweep))
-            return
+        points, parts, sweep, off = shape_of(shape, what)
         self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
         need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
         labels, inverse = np.unique(groups, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
-            size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
-            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
-        if shape["type"] == "mesh" and len(labels) > 1:
+            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, sweep[rows].max(axis=0)))
+        if parts.shape[1] == 3 and len(labels) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
     def read_motion(self, said: Any) -> None:

@@ -19,6 +19,7 @@ from hdplan.verify import RejectedError
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
 from hdplan.verify.kernel import NARROWEST, Motion, check_outside
+from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
 from .test_forged import files
@@ -39,8 +40,8 @@ QUAD = [[0, 1, 2], [0, 2, 3]]
 
 def mesh(points: Any, triangles: Any, off: float = 0.0) -> Said:
     return {
-        "type": "mesh", "points": np.asarray(points, dtype=float).tolist(),
-        "triangles": np.asarray(triangles).tolist(), "off": off,
+        "points": np.asarray(points, dtype=float).tolist(), "parts": np.asarray(triangles).tolist(),
+        "sweep": [[0.0] * 3], "off": off,
     }  # fmt: skip
 
 
@@ -57,13 +58,13 @@ def world(*bodies: Said, groups: int = 2) -> World:
         "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
         "start": [], "goal": [], "duration": None, "also": [],
     }  # fmt: skip
-    meshes = {str(i): len(x["shape"]["triangles"]) for i, x in enumerate(bodies) if x["shape"]["type"] == "mesh"}
+    meshes = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
     return World(said, {key: np.arange(count) % groups for key, count in meshes.items()})
 
 
 def dot_at(point: Any) -> Said:
     """A small ball that is held."""
-    return body("dot", "held", {"type": "sphere", "radius": 1e-4}, frame(Rotation.identity(), point, 0.0))
+    return body("dot", "held", hull([[0.0] * 3], *[1e-4] * 3), frame(Rotation.identity(), point, 0.0))
 
 
 def clear(found: World, ways: Any, row: int = 0) -> list[bool]:

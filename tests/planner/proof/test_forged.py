@@ -476,18 +476,12 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
         assert 0 <= Fraction(length) - printed < Fraction(1, 10**9)
         assert float(digits(length)) == length
         assert Fraction(digits(length, 1000)) == Fraction(digits(length)) * 1000
-    world = World(
-        {
-            **honest[1],
-            "held": {"a": 0.1234567890123},
-            "clearances": {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0},
-        },
-        {},
-    )
+    least = {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0}
+    world = World({**honest[1], "held": {"at rest": 0.1234567890123}, "clearances": least}, {})
     text, _ = statement(world, {"clearance": 0.029999999999, "self_clearance": 0.0123456789, "claims": []})
     assert "at least 29.999999 mm from every obstacle; 123.456789 mm from obstacle o\n" in text
     assert "at least 12.345678 mm from one another\n" in text
-    assert "held: \"at rest\" at 0.1234567890123\n" in text
+    assert 'held: "at rest" at 0.1234567890123\n' in text
 
 
 def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:

@@ -26,6 +26,7 @@ from hdplan.verify.balls import HERE, Ball, dot
 from hdplan.verify.kernel import Motion
 from hdplan.verify.moving import joints_of
 from hdplan.verify.scene import frame as frame_of
+from hdplan.verify.scene import hull
 from hdplan.verify.world import World
 
 from .worlds import read, read_and_planned
@@ -207,7 +208,7 @@ def test_turns_of_any_angle_are_enclosed() -> None:
     """Of an obstacle between poses that are hardly turned, or far."""
     rng, nothing = np.random.default_rng(5), frame_of(HERE)
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **nothing, "axis": [0.0, 0.0, 1.0], "follows": None}
-    body = {"name": "o", "kind": "obstacle", "shape": {"type": "sphere", "radius": 0.1}}
+    body = {"name": "o", "kind": "obstacle", "shape": hull([[0.0] * 3], 0.1, 0.1, 0.1)}
     for _ in range(200):
         turns = [Rotation.random(rng=rng)]
         for power in rng.uniform(-18, 0.48, 3):
