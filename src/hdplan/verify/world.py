@@ -19,6 +19,7 @@ from .balls import EPS, HERE, Ball, Pose, dot, inverse, length, named, need, nor
 
 VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
+LARGEST = 1e9  # of numbers
 OFF = 1e-6  # most that a number of a world may be off
 RULES, ROWS = ("linear", "cubic", "quintic"), ("positions", "velocities", "accelerations")  # of motions
 REASONS = (  # for which pairs are not compared
@@ -28,12 +29,11 @@ REASONS = (  # for which pairs are not compared
 KINDS = ("link", "held", "obstacle")
 KINDS_OF_JOINTS = ("revolute", "prismatic")
 FRAME = "rotation position off"
-VALUES = {  # of keys, wherever they stand: types, or how many numbers
-    **dict.fromkeys(("name", "kind", "link", "to", "free", "rule"), str),
+VALUES: dict[str, Any] = {  # of keys, wherever they stand: types, or how many numbers
+    **dict.fromkeys(("name", "kind", "link", "to", "free"), str),
     **dict.fromkeys(("joint", "parent"), int),
-    **dict.fromkeys(
-        ("off", "mass", "tolerance", "position_tolerance", "orientation_tolerance", "obstacles", "self"), ()
-    ),
+    **dict.fromkeys(("off", "mass", "tolerance", "obstacles", "self"), float),
+    **dict.fromkeys(("position_tolerance", "orientation_tolerance"), float),
     **dict.fromkeys(("position", "axis", "way", "point", "moment"), (3,)),
     **{"inertia": (6,), "rotation": (9,)},
 }
@@ -42,36 +42,38 @@ VALUES = {  # of keys, wherever they stand: types, or how many numbers
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
-        flat = value if shape else [value]
+        flat = value
         for _ in shape[1:]:
             flat = list(chain.from_iterable(flat))
         found, kinds = np.array(value, dtype=np.float64), {*map(type, flat)}
-        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < 1e9).all())
+        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < LARGEST).all())
         good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
     except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
-    need(good, f"{what}: {shape or 'one'} finite numbers are expected")
+    need(good, f"{what}: {shape} finite numbers are expected")
     return found
 
 
 def number(value: Any, what: str) -> float:
     """A finite number."""
-    return float(numbers(value, (), what))
+    need(type(value) in (int, float) and abs(value) < LARGEST, f"{what}: a finite number is expected")
+    return float(value)
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
     """The values of a mapping that has just these keys, each of its kind."""
     names, found = keys.split(), list[Any]()
     need(type(value) is dict and {*value} == {*names}, f"{what}: a mapping with the keys {', '.join(names)}")
-    for name, kind in ((name, VALUES.get(name)) for name in names):
-        one = value[name]
-        if kind == ():
+    for name in names:
+        one, kind = value[name], VALUES.get(name)
+        if kind is float:
             one = number(one, f"{what}.{name}")
         elif type(kind) is tuple:
             one = numbers(one, kind, f"{what}.{name}")
-        need(type(kind) is not type or type(one) is kind, f"{what}.{name}: is of another kind")
-        need(name != "off" or 0 <= one <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
+        elif kind is not None:
+            need(type(one) is kind, f"{what}.{name}: is of another kind")
         found.append(one)
+    need("off" not in value or 0 <= value["off"] <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
     return found
 
 
@@ -101,22 +103,23 @@ def unit_vector(axis: Any, off: float, what: str) -> Ball:
 def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
     r, slack = rotation.reshape(3, 3), 20 * off + 1e-14
-    need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
+    need((np.abs(r @ r.T - HERE[0].mid) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
     return Ball(r, off), Ball(position, off)
 
 
 def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
-    """Points (m, 3), the numbers of those of each part (F, c), the semi-axes of the ellipsoid that sweeps each of these
-    (F, 3), and the points' error."""
+    """Points (m, 3), the numbers of those of each part (F, c), the semi-axes of the ellipsoids that sweep these (F, 3),
+    or of one for all, and the points' error."""
     points, parts, sweep, off = keys_of(value, what, "points parts sweep off")
     points, sweep = (numbers(x, (-1, 3), f"{what}.{key}") for x, key in ((points, "points"), (sweep, "sweep")))
-    parts = [[*range(len(points))]] if parts is None else parts  # as a whole
-    found = numbers(parts, (-1, -1), f"{what}.parts")
-    good = found.size and (found % 1 == 0).all() and found.min() >= 0 and found.max() < len(points)
-    good = good and (found.shape[1] != 3 or not sweep.any())  # or else what encloses would be larger than a surface
-    need(good, f"{what}: has no parts, or one with a point that is not there")
+    found = np.arange(len(points))[None]
+    if parts is not None:
+        found = numbers(parts, (-1, -1), f"{what}.parts")
+        good = found.size and (found % 1 == 0).all() and found.min() >= 0 and found.max() < len(points)
+        need(good, f"{what}: has no parts, or one with a point that is not there")
+    need(found.shape[1] != 3 or not sweep.any(), f"{what}: triangles are not swept")  # as more would be enclosed
     need(sweep.min(initial=0) >= 0 and len(sweep) in (1, len(found)), f"{what}: sizes for all, or each, of its parts")
-    return points, found.astype(int), np.broadcast_to(sweep, (len(found), 3)), off
+    return points, found.astype(int), sweep, off
 
 
 @dataclass(eq=False)
@@ -159,11 +162,6 @@ class Bond:
     most: float
     turns: bool = False
     along: Ball | None = None
-
-
-def box_centre(piece: Piece) -> Any:
-    """The middle (3,) of the box around a piece's corners, nearly."""
-    return (piece.corners.min(axis=0) + piece.corners.max(axis=0)) / 2
 
 
 def track(times: Any, values: Ball, now: Any) -> Ball:
@@ -278,11 +276,12 @@ class World:
         points, parts, sweep, off = shape_of(shape, what)
         self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
         need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
-        labels, inverse = np.unique(groups, return_inverse=True)
-        order = np.argsort(inverse, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
-            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, sweep[rows].max(axis=0)))
-        if parts.shape[1] == 3 and len(labels) > 1:
+        order = np.argsort(groups, kind="stable")
+        together = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+        for rows in together:
+            size = sweep[rows].max(axis=0) if len(sweep) > 1 else sweep[0]
+            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
+        if parts.shape[1] == 3 and len(together) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
     def read_motion(self, said: Any) -> None:
@@ -384,10 +383,11 @@ class World:
         self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
         self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
         self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
-        self.size, middle = of(lambda x: np.abs(x.corners).max(axis=0), 3), of(box_centre, 3)
+        self.size = of(lambda x: np.abs(x.corners).max(axis=0), 3)
+        middle = of(lambda x: (x.corners.min(axis=0) + x.corners.max(axis=0)) / 2, 3)
         self.centers = dot("gij,gj->gi", self.turn, middle) + self.at
-        away = of(lambda x: norm(up(np.abs(x.corners - box_centre(x)) + x.off)).max())
-        self.radii = up(away + self.sweep.max(axis=1))
+        away = [norm(up(np.abs(x.corners - y) + x.off)).max() for x, y in zip(self.pieces, middle, strict=True)]
+        self.radii = up(np.array(away) + self.sweep.max(axis=1))
         self.movers = np.flatnonzero(self.joint >= 0)  # the pieces that move
         self.slot = np.cumsum(self.joint >= 0) - 1  # of each of these among them
 
