@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import itertools
 import json
 import pickle
 import sys
@@ -30,8 +31,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BPoly
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -59,31 +60,57 @@ def se3(said: World) -> pin.SE3:
     return pin.SE3(np.reshape(said["rotation"], (3, 3)).astype(float), np.array(said["position"], dtype=float))
 
 
-def triangles_of(shape: World) -> Any:
-    """The triangles (F, 3, 3) of a mesh, or of the hull of points; None for any other shape."""
-    if shape["type"] == "mesh":
-        return np.array(shape["points"], dtype=float)[np.array(shape["triangles"], dtype=int)]
-    if shape["type"] == "points":
-        points = np.array(shape["points"], dtype=float)
-        return points[ConvexHull(points).simplices]
+BALL = Rotation.random(400, rng=np.random.default_rng(0)).apply([0.0, 0.0, 1.0])
+
+
+def primitive_of(shape: World) -> Any:
+    """coal's box, ball, ellipsoid, capsule or cylinder for a shape that is one; None for any other."""
+    points, sweep = np.array(shape["points"], dtype=float), np.array(shape["sweep"][0], dtype=float)
+    half, r = np.abs(points[0]), sweep[0]
+    corners = [[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (-half[2], half[2])]
+    if shape["parts"] is not None:
+        return None
+    if len(points) == 8 and not sweep.any() and (points == corners).all():
+        return coal.Box(*(2 * half))
+    if len(points) == 1 and not half.any() and sweep.all():
+        return coal.Ellipsoid(*sweep) if (sweep != r).any() else coal.Sphere(r)
+    along = len(points) == 2 and (points[0] == -points[1]).all() and not half[:2].any() and r == sweep[1] > 0
+    if along and sweep[2] in (0.0, r):
+        return (coal.Capsule if sweep[2] else coal.Cylinder)(r, 2 * half[2])
     return None
+
+
+def triangles_of(shape: World) -> Any:
+    """The triangles (F, 3, 3) of a mesh, or of a hull within that of other points, swept or not; None for what coal has
+    itself."""
+    if primitive_of(shape) is not None:
+        return None
+    points, sweep = np.array(shape["points"], dtype=float), np.array(shape["sweep"], dtype=float)
+    if shape["parts"] is not None:
+        parts = np.array(shape["parts"], dtype=int)
+        ways = (
+            [*itertools.combinations_with_replacement(range(parts.shape[1]), 3)] if parts.shape[1] != 3 else [range(3)]
+        )
+        return np.concatenate([points[parts[:, [*way]]] for way in ways])
+    if sweep.any():
+        points = (points[:, None] + BALL * sweep[0]).reshape(-1, 3)
+    try:
+        return points[ConvexHull(points).simplices]
+    except QhullError:  # flat, or a line
+        return points[[*itertools.combinations_with_replacement(range(min(len(points), 20)), 3)]]
 
 
 def geometry_of(shape: World) -> Any:
     """coal's geometry of a shape."""
-    kind, r, length = shape["type"], shape.get("radius"), shape.get("length")
-    if (corners := triangles_of(shape)) is not None:
-        mesh = coal.BVHModelOBBRSS()
-        mesh.beginModel(len(corners), 3 * len(corners))
-        for one, two, three in corners:
-            mesh.addTriangle(one, two, three)
-        mesh.endModel()
-        return mesh
-    if kind == "box":
-        return coal.Box(*map(float, shape["size"]))
-    if kind == "ellipsoid":
-        return coal.Ellipsoid(*map(float, shape["radii"]))
-    return coal.Sphere(r) if kind == "sphere" else getattr(coal, kind.capitalize())(r, length)
+    corners = triangles_of(shape)
+    if corners is None:
+        return primitive_of(shape)
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(corners), 3 * len(corners))
+    for one, two, three in corners:
+        mesh.addTriangle(one, two, three)
+    mesh.endModel()
+    return mesh
 
 
 def inside(point: Any, corners: Any) -> bool:
@@ -120,11 +147,16 @@ class Judge:
             body = pin.Inertia.FromDynamicParameters(np.array([load["mass"], *load["moment"], xx, xy, yy, xz, yz, zz]))
             body = body if abs(load["mass"]) > 1e-100 else pin.Inertia.Zero()
             model.inertias[i + 1] = body
+        for i, track in enumerate(world["tracks"]):
+            way = np.array(track["way"], dtype=float)
+            kind = pin.JointModelRevoluteUnaligned if track["kind"] == "revolute" else pin.JointModelPrismaticUnaligned
+            model.addJoint(track["parent"] + 1, kind(way / np.linalg.norm(way)), pin.SE3.Identity(), f"t{i}")
         self.model, self.data = model, model.createData()
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
         self._move(world["motion"])
         self.frames = []
-        for q in self.q:
+        followed = [np.interp(self.at, x["times"], x["values"]) * np.linalg.norm(x["way"]) for x in world["tracks"]]
+        for q in np.column_stack([self.q, *followed]):
             pin.forwardKinematics(model, self.data, q)
             self.frames.append([x.copy() for x in self.data.oMi])
 
@@ -164,20 +196,7 @@ class Judge:
 
     def bodies(self, said: World) -> Any:
         """A body's frames (k, 4, 4) at all moments."""
-        motion = self.world["motions"].get(said["name"]) if said["kind"] == "obstacle" else None
-        if motion is None:
-            moved = np.array([x[said["joint"] + 1].homogeneous for x in self.frames])
-        elif "times" in motion:
-            times, poses = np.array(motion["times"], dtype=float), [se3(x) for x in motion["frames"]]
-            now, moved = np.clip(self.at, times[0], times[-1]), np.tile(np.eye(4), (len(self.at), 1, 1))
-            moved[:, :3, :3] = Slerp(times, Rotation.from_matrix([x.rotation for x in poses]))(now).as_matrix()
-            moved[:, :3, 3] = np.transpose([np.interp(now, times, [x.translation[i] for x in poses]) for i in range(3)])
-        else:
-            moved = np.tile(se3(motion).homogeneous, (len(self.at), 1, 1))
-            spun = Rotation.from_rotvec(self.at[:, None] * np.array(motion["spin"], dtype=float)).as_matrix()
-            moved[:, :3, :3] = spun @ moved[:, :3, :3]
-            moved[:, :3, 3] += self.at[:, None] * np.array(motion["velocity"], dtype=float)
-        return moved @ se3(said).homogeneous
+        return np.array([x[said["joint"] + 1].homogeneous for x in self.frames]) @ se3(said).homogeneous
 
     def too_close(self, head: World) -> str:
         """Bodies that are closer than stated, or within one another."""
@@ -199,7 +218,7 @@ class Judge:
                 if two["kind"] != "obstacle":
                     if frozenset((one["name"], two["name"])) in left_out:
                         continue
-                elif one["joint"] == -1 and two["name"] not in world["motions"]:
+                elif one["joint"] == two["joint"] == -1:
                     continue
                 else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
@@ -246,8 +265,10 @@ class Judge:
                 return name
         if "torque" in claims:
             most = np.array([np.inf if x is None else x for x in limits["torque"]], dtype=float)
+            rest = np.zeros(len(world["tracks"]))  # which carry nothing
             for q, v, a in zip(*self.values[:3], strict=True):
-                if (np.abs(pin.rnea(self.model, self.data, q, v, a)) > most * (1 + SLACK) + SLACK).any():
+                found = pin.rnea(self.model, self.data, *(np.append(x, rest) for x in (q, v, a)))
+                if (np.abs(found[: len(q)]) > most * (1 + SLACK) + SLACK).any():
                     return "torque"
         if (
             "duration" in claims
@@ -403,7 +424,7 @@ def number(case: Case, rng: Random) -> None:
 
 def geometry(case: Case, rng: Random) -> None:
     """Change a number of bodies, joints, motions or rows a little."""
-    holder, key, _ = chosen(rng, case.world, (float,), "bodies bodies joints motion motions")
+    holder, key, _ = chosen(rng, case.world, (float,), "bodies bodies joints motion tracks")
     holder[key] += float(10.0 ** rng.uniform(-5, -1) * rng.choice([-1, 1]))
 
 
@@ -422,7 +443,7 @@ def resized(case: Case, rng: Random) -> None:
     """Make a shape larger or smaller."""
     shape = case.world["bodies"][int(rng.integers(len(case.world["bodies"])))]["shape"]
     factor = 1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-5, 0)
-    for key in ("size", "radius", "radii", "length", "points"):
+    for key in ("points", "sweep") if rng.random() < 0.7 else ("sweep",):
         if key in shape:
             shape[key] = (np.array(shape[key]) * factor).tolist()
 
@@ -435,7 +456,7 @@ def sign(case: Case, rng: Random) -> None:
 
 def signs(case: Case, rng: Random) -> None:
     """Turn an axis, a row of a rotation, a position or a velocity."""
-    holder, key, _ = chosen(rng, case.world, (list,), "joints bodies motions links path goal")
+    holder, key, _ = chosen(rng, case.world, (list,), "joints bodies tracks links path goal")
     if all(type(x) in (int, float) for x in holder[key]):
         holder[key] = [-x for x in holder[key]]
 

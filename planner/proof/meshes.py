@@ -19,10 +19,10 @@ MOST_GROUPS = 1 << 16  # as a proof writes their numbers
 def groups_of(shape: dict[str, Any]) -> Rows | None:
     """Return the group of each ball of a world's cloud, those in one cube of a grid, or of each box of a map, which is
     alone. None for other shapes, which are divided only where that is needed."""
-    if shape["type"] == "boxes":
-        return np.arange(len(shape["low"])) % MOST_GROUPS
-    if shape["type"] != "balls":
+    if shape["parts"] is None or len(shape["parts"][0]) == 3:
         return None
+    if len(shape["parts"][0]) > 1:
+        return np.arange(len(shape["parts"])) % MOST_GROUPS
     order, first = grouped(np.array(shape["points"]), CELL)
     found = np.empty(len(order), dtype=np.int64)
     found[order] = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(order)))) % MOST_GROUPS

@@ -32,7 +32,7 @@ from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import need
 from hdplan.verify.checking import verdict_of
-from hdplan.verify.compare import check_equal, digest
+from hdplan.verify.compare import check_equal, digest, triangles
 from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
@@ -209,13 +209,13 @@ class _Writer:
         for body, other in zip(self.planned["bodies"], self.reading.world["bodies"], strict=True):
             own, read = body["shape"], other["shape"]
             taken = own is read or own.get("points") is read.get("points")  # from hdplan's world, not from a file
-            same = own["type"] == read["type"] == "mesh" and not taken and _numbers(own) == _numbers(read)
+            same = triangles(own) and triangles(read) and not taken and _numbers(own) == _numbers(read)
             bodies.append({**body, "shape": digest(own)} if same else body)
         return {**self.planned, "bodies": bodies}
 
 
 def _numbers(mesh: dict[str, Any]) -> tuple[Any, Any]:
-    return mesh["points"], mesh["triangles"]
+    return mesh["points"], mesh["parts"]
 
 
 def _less(clearance: float | None, asked: float) -> float:

@@ -8,7 +8,7 @@ really planned.
 from __future__ import annotations
 
 import itertools
-from typing import Any, assert_never
+from typing import Any
 
 import coal
 import numpy as np
@@ -19,6 +19,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world_task import plain_goal, plain_path, plain_start
+from hdplan.planner.proof.world_tracks import tracks_of
 from hdplan.planner.proof.world_values import (
     Plain,
     bounds,
@@ -39,13 +40,11 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.once import made_once
-from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.robot_files.link_pairs import link_pair
 from hdplan.scenes.scene import Scene
 
-WORLD = 2  # the version of the form
+WORLD = 3  # the version of the form
 
 
 def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
@@ -55,13 +54,14 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     """
     scene, robot = setup.scene, setup.robot
     check_as_loaded(robot)
+    around, tracks = _obstacles(setup, trajectory)
     return {
         "hdplan_world": WORLD,
         "joints": [_joint(robot, index) for index in range(1, robot.model.njoints)],
         "held": dict(robot.locked),
         "links": _links(robot),
-        "bodies": [*_links_bodies(robot), *_held_bodies(robot), *map(_obstacle, scene.obstacles)],
-        "motions": {each.name: _motion_of(each) for each in scene.moving},
+        "bodies": [*_links_bodies(robot), *_held_bodies(robot), *around],
+        "tracks": tracks,
         "not_compared": not_compared(setup),
         "clearances": {
             "obstacles": scene.planner.clearance,
@@ -170,26 +170,18 @@ def _loads(setup: Setup) -> Plain:
 # --- obstacles and pairs ----------------------------------------------------------------------------------------------
 
 
-def _obstacle(obstacle: Obstacle) -> Plain:
-    """Return the body of an obstacle; of one that moves in its own frame."""
-    place = frame_of(obstacle.pose if obstacle.motion is None else IDENTITY)
-    return {"name": obstacle.name, "kind": "obstacle", "joint": -1, **place, "shape": plain_shape(obstacle.shape)}
-
-
-def _motion_of(obstacle: Obstacle) -> Plain:
-    match motion := obstacle.motion:
-        case SteadyMotion():
-            return {
-                "velocity": numbers(motion.velocity),
-                "spin": numbers(motion.spin),
-                **frame_of(obstacle.pose),
-            }
-        case TimedPoses():
-            return {"times": numbers(motion.times), "frames": [frame_of(pose) for pose in motion.poses]}
-        case None:
-            raise ValueError(f"{obstacle.name} does not move")
-        case _:
-            assert_never(motion)
+def _obstacles(setup: Setup, trajectory: Trajectory) -> tuple[list[Plain], list[Plain]]:
+    """Return the bodies of the obstacles, and the joints that carry those that move."""
+    count, bodies, tracks = setup.robot.model.njoints - 1, list[Plain](), list[Plain]()
+    for each in setup.scene.obstacles:
+        place = {"joint": -1, **frame_of(each.pose)}
+        if each.motion is not None:
+            if trajectory.times is None:
+                raise InputError(f"{setup.scene.source}: {each.name} moves, and the motion has no times")
+            own, place = tracks_of(each, count + len(tracks), trajectory.times)
+            tracks += own
+        bodies.append({"name": each.name, "kind": "obstacle", **place, "shape": plain_shape(each.shape)})
+    return bodies, tracks
 
 
 def not_compared(setup: Setup) -> list[list[str]]:

@@ -8,6 +8,7 @@ largest number, where what it was made from was not far larger.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -18,16 +19,17 @@ from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.geometry.voxel_grids import boxes_in
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.poses import IDENTITY, Pose
-from hdplan.scenes.shapes import Shape, own_fields
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 Plain = dict[str, Any]
 
 BOUND = 2e-11
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a box
 
 
 def numbers(values: Any) -> Any:
@@ -65,15 +67,39 @@ def plain_shape(shape: Shape | Seen) -> Plain:
     """Return the shape of an obstacle or a held object whose file was read."""
     if isinstance(shape, Cloud):
         balls = balls_in(shape).array
-        return {"type": "balls", "points": numbers(balls[:, :3]), "radii": numbers(balls[:, 3])}
+        return _swept(balls[:, :3], np.repeat(balls[:, 3:], 3, axis=1), np.arange(len(balls))[:, None])
     if isinstance(shape, Voxels | OctoMap):
         boxes = boxes_in(shape).array
-        return {"type": "boxes", "low": numbers(boxes[:, :3]), "high": numbers(boxes[:, 3:])}
+        corners = np.where(CORNERS > 0, boxes[:, None, 3:], boxes[:, None, :3])
+        return _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
     operations(shape)  # refuses what it does not know
-    if isinstance(shape, ReadMesh):
-        return plain_mesh(ordered(shape.mesh))
-    sizes = {name: numbers(value) for name, value in own_fields(shape).items()}
-    return {"type": type(shape).__name__.lower(), **sizes}
+    match shape:
+        case ReadMesh():
+            return plain_mesh(ordered(shape.mesh))
+        case Box():
+            return _swept(CORNERS * np.array(shape.size) / 2.0)
+        case Points():
+            return _swept(np.array(shape.points))
+        case Sphere():
+            return _swept(np.zeros((1, 3)), np.full((1, 3), shape.radius))
+        case Ellipsoid():
+            return _swept(np.zeros((1, 3)), np.array([shape.radii]))
+        case Cylinder() | Capsule():
+            tip = 0.0 if isinstance(shape, Cylinder) else shape.radius
+            ends = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]) * (shape.length / 2.0)
+            return _swept(ends, np.array([[shape.radius, shape.radius, tip]]))
+        case _:
+            raise TypeError(f"no world can hold a {type(shape).__name__}")
+
+
+def _swept(points: Array, sweep: Array | None = None, parts: Rows | None = None) -> Plain:
+    """Return the hulls of parts of points (F, c), or of all points, swept by ellipsoids (F, 3), or by one."""
+    return {
+        "points": numbers(points),
+        "parts": None if parts is None else parts.tolist(),
+        "sweep": [[0.0] * 3] if sweep is None else numbers(sweep),
+        "off": 0.0,
+    }
 
 
 def plain_geometry(geometry: Any) -> Plain:
@@ -95,5 +121,4 @@ def ordered(mesh: TriangleMesh) -> TriangleMesh:
 
 def plain_mesh(mesh: TriangleMesh) -> Plain:
     """Return a mesh whose points are `ordered`."""
-    points = mesh.vertices
-    return {"type": "mesh", "points": points.tolist(), "triangles": mesh.triangles.tolist(), "off": off(points)}
+    return {**_swept(mesh.vertices, parts=mesh.triangles), "off": off(mesh.vertices)}

@@ -144,7 +144,7 @@ def length(v: Any) -> Ball:
     """|v|: with m = fl(|v|) and S = |v|^2 known as a ball, |sqrt(S) - m| <= |S - m^2| / m."""
     square = dot("i,i->", v, v)
     m = float(np.sqrt(square.mid))
-    need(1e-6 < m < 1e6, "a direction or rotation is none")
+    need(1e-10 < m < 1e6, "a direction or rotation is none")
     return Ball(m, up((Ball(m) * m - square).size / m))
 
 
@@ -212,21 +212,3 @@ def compose(a: Pose, b: Pose) -> Pose:
     if a is HERE or b is HERE:
         return b if a is HERE else a
     return dot("ij,jk->ik", a[0], b[0]), dot("ij,j->i", a[0], b[1]) + a[1]
-
-
-def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
-    """Axis and angle of a rotation M that is neither too small nor near a half turn. M - M^T is 2 sin(angle) times the
-    cross product's matrix of the axis, and its trace 1 + 2 cos(angle). With w near the angle, e = sin(angle) cos w -
-    cos(angle) sin w is sin(angle - w), so that |angle - w| <= 1.01 |e| where |e| <= 0.1. A direction v off by r is
-    off by at most 2 r / |v| once it has length 1."""
-    v = dot("ijk,ij->k", CROSS, matrix) * 0.5
-    m = float(np.sqrt((v.mid * v.mid).sum()))
-    cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
-    r = norm(v.rad)
-    w = float(np.arctan2(m, cos.mid))
-    one, two = cos_sin(w)
-    e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
-    good = m > 1e-6 and m > 1e3 * r and e < 0.1 and near
-    need(good, "an obstacle turns by half a turn, or by less than its numbers are off, from one pose to the next")
-    axis = unit(v.mid * 2.0**10)
-    return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))

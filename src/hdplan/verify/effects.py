@@ -16,7 +16,7 @@ import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, named, need, shown, up
 from .kernel import ASSUMES, AT_ONCE, CLAIMS, INSTANT, Motion
-from .world import Bond, Joint, World, blossom, frame, keys_of, number, numbers, off_of, symmetric, unit_vector
+from .world import FRAME, Bond, Joint, World, blossom, frame, keys_of, number, numbers, symmetric, unit_vector
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -85,24 +85,24 @@ def line_of(control: Ball) -> Line:
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
+def ends_of(values: Any, count: int, none: float, what: str) -> Any:
+    """Numbers (n,), one for every joint; `none` where there is none."""
+    need(type(values) is list and len(values) == count, f"{what}: one for every joint is expected")
+    found = numbers([0.0 if x is None else x for x in values], (count,), what)
+    return np.where([x is None for x in values], none, found)
+
+
 def limits_of(limits: dict[str, Any], name: str, count: int) -> Any:
     """The world's limits (n,) of a rate, or of torques; infinite where there is none."""
-    need(name in limits, f"limits.{name}: the world has none")
-    most = limits[name]
-    need(type(most) is list and len(most) == count, f"limits.{name}: one for every joint is expected")
-    found = numbers([0.0 if x is None else x for x in most], (count,), f"limits.{name}")
+    found = ends_of(limits.get(name), count, np.inf, f"limits.{name}")
     need((found >= 0).all(), f"limits.{name}: is negative")
-    return np.where([x is None for x in most], np.inf, found)
+    return found
 
 
-def ranges_of(limits: dict[str, Any], count: int) -> tuple[Any, Any]:
+def ranges_of(limits: dict[str, Any], count: int) -> list[Any]:
     """The ranges of all joints, low and high (n,); infinite where there is none."""
-    spans: Any = limits.get("position")
-    need(type(spans) is list and len(spans) == count, "limits.position: a range for every joint is expected")
-    filled = [[y if x is None else x for x, y in zip(each, (-np.inf, np.inf), strict=True)] for each in spans]
-    numbers([x for each in filled for x in each if abs(x) < np.inf], (-1,), "limits.position")
-    low, high = np.array(filled, dtype=np.float64).T
-    return low, high
+    ends = zip(*limits["position"], strict=True) if limits.get("position") else ((), ())
+    return [ends_of([*x], count, none, "limits.position") for x, none in zip(ends, (-np.inf, np.inf), strict=True)]
 
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
@@ -176,10 +176,8 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
     loads = []
     for i, each in enumerate(said):
         mass, moment, inertia, off = keys_of(each, f"loads[{i}]", "mass moment inertia off")
-        need(number(mass, f"loads[{i}].mass") >= 0, f"loads[{i}]: a mass below 0")
-        e, six = off_of(off, f"loads[{i}]"), numbers(inertia, (6,), f"loads[{i}]")
-        first, matrix = numbers(moment, (3,), f"loads[{i}]"), symmetric(six)
-        loads.append([Ball(number(mass, f"loads[{i}]"), e), Ball(first, e), Ball(matrix, e)])
+        need(mass >= 0, f"loads[{i}]: a mass below 0")
+        loads.append([Ball(mass, off), Ball(moment, off), Ball(symmetric(inertia), off)])
 
     def beyond(spans: Any) -> Any:
         lines = [parts_of(each, spans) for each in rates]
@@ -268,13 +266,11 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
             joint, pose = link_of(world, link)
             way = unit_vector(axis, off, what)
             local = dot("ij,j->i", pose[0], way)[None]
-            found.append(
-                Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(number(tolerance, what) - float(off)), True)
-            )
+            found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(tolerance - off), True))
         elif kind == "position":
-            _, link, point, size, *place = keys_of(each, what, "kind link point size rotation position off")
-            (joint, pose), (turn, centre) = link_of(world, link), frame(place, what)
-            local = (dot("ij,j->i", pose[0], numbers(point, (3,), what)) + pose[1])[None]
+            _, link, point, size, *place = keys_of(each, what, f"kind link point size {FRAME}")
+            (joint, pose), (turn, centre) = link_of(world, link), frame(what, *place)
+            local = (dot("ij,j->i", pose[0], point) + pose[1])[None]
             need(len(size) == 3, f"{what}.size: three numbers are expected")
             for i, edge in enumerate(size):
                 if edge is not None:
@@ -292,15 +288,14 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
                 a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
                 there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
             else:
-                there = frame(keys_of(place, what, "rotation position off"), what)
+                there = frame(what, *keys_of(place, what, FRAME))
             found += bonds_of_pose(what, one, (other[0], compose(other[1], there)), (off, angle, "none"))
     return found
 
 
-def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said: tuple[Any, Any, Any]) -> list[Bond]:
+def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said: Any) -> list[Bond]:
     """What keeps a link's frame at another one, within tolerances; about one of its axes it may be free."""
-    (joint, pose), (other, target), free = link, to, said[2]
-    off, angle = (number(x, what) for x in said[:2])
+    (joint, pose), (other, target), (off, angle, free) = link, to, said
     bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
     need(free in ("none", "x", "y", "z", "all"), f"{what}: free '{free}'")
     if free != "all":
@@ -337,12 +332,12 @@ def reached(world: World, limits: dict[str, Any], targets: Any, end: str) -> boo
 
 def at_pose(world: World, said: Any) -> bool:
     """Whether the motion ends at a pose of a link."""
-    link, rotation, position, off, one, two, free = keys_of(
-        said, "goal", "link rotation position off position_tolerance orientation_tolerance free"
+    link, *within, rotation, position, off = keys_of(
+        said, "goal", f"link position_tolerance orientation_tolerance free {FRAME}"
     )
     count = float(len(world.control.mid))
-    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame([rotation, position, off], "goal"))
-    bonds = bonds_of_pose("goal", link_of(world, link), to, (one, two, free))
+    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame("goal", rotation, position, off))
+    bonds = bonds_of_pose("goal", link_of(world, link), to, within)
     return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
 
 
@@ -370,6 +365,11 @@ def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool
 def millimetres(metres: float) -> str:
     """A length, rounded down to the nanometre."""
     return f"{(Decimal(metres) * 1000).quantize(Decimal('1e-6'), ROUND_DOWN).normalize():f} mm"
+
+
+def digits(number: float, unit: int = 1) -> str:
+    """A number in the digits that tell it from all other doubles, or as many units."""
+    return f"{(Decimal(repr(float(number))) * unit).normalize():f}"
 
 
 def wanted(world: World) -> list[str]:
@@ -418,7 +418,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in world.also]
     for key, clearance, where in (("clearance", world.usual, "obstacles"), ("self_clearance", world.among, "links")):
         if (head[key] or clearance) < clearance and key not in claims:
-            missing.append(f"a clearance of {1e3 * clearance:g} mm ({where})")
+            missing.append(f"a clearance of {digits(clearance, 1000)} mm ({where})")
     lines = [f"accepted in part; NOT proven by this file: {', '.join(missing)}"] * bool(missing) or ["accepted"]
     lines[0] += f": over the whole motion of {len(world.rows)} rows" * (not missing)
     usual = world.usual if "clearance" in claims else 0.0
@@ -439,8 +439,11 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     if all(kinds):
         lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
-    following = (f"{named(name)} at {k:g} x {named(world.joints[i].name)} + {add:g}" for name, i, k, add in rules)
+    following = (
+        f"{named(name)} at {digits(k)} x {named(world.joints[i].name)} + {digits(add)}" for name, i, k, add in rules
+    )
     lines += [f"  following: {', '.join(following)}"] * bool(rules)
-    lines += [f"  held: {', '.join(f'{named(name)} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
+    held = (f"{named(name)} at {digits(at)}" for name, at in world.held.items())
+    lines += [f"  held: {', '.join(held)}"] * bool(world.held)
     assumed = ["  if:", *(f"    {line}" for line in ASSUMES.splitlines())]
     return "\n".join([*map(shown, lines), *assumed]), not missing

@@ -19,6 +19,7 @@ from .loads import loads
 from .messages import message_of
 from .motion import Rows
 from .moveit import sections, sections_around
+from .moving import joints_of
 from .other_robot import OtherRobot, UntoldError
 from .pairs import check_left_out, not_compared
 from .robot import Tree
@@ -27,6 +28,7 @@ from .rviz import ENDING, exported
 from .semantics import Semantics
 from .targets import Targets
 from .text import Files, listing, mapping, row
+from .world import VERSION
 
 ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
 ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
@@ -129,7 +131,7 @@ class Reader:
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
-        return {"type": kind, **sizes}
+        return scenes.solid(kind, sizes)
 
     # --- the world ---
 
@@ -137,17 +139,17 @@ class Reader:
         """The whole of it."""
         top, joints = self.top, self.joints
         listed = joints.listed()
-        held, touching, around, motions, own = self.others()
+        held, touching, around, tracks, own = self.others(len(listed))
         own_bodies = [*self.link_bodies(), *held]
         targets = Targets(joints, bool(top.get("from_request")))
         found, off = limits(top, joints, targets), top.get("self_collision", True) is False
         return {
-            "hdplan_world": 2,
+            "hdplan_world": VERSION,
             "joints": listed,
             "held": joints.held,
             "links": {link: joints.place(link) for link in joints.tree.links},
             "bodies": [*own_bodies, *around],
-            "motions": motions,
+            "tracks": tracks,
             "not_compared": not_compared(joints, own_bodies, touching, off),
             "motion": self.rows.of(listed, joints.held),
             "limits": found,
@@ -158,14 +160,22 @@ class Reader:
             **self.wanted(own),
         }
 
-    def others(self) -> tuple[list[Any], set[frozenset[str]], list[Any], dict[str, Any], dict[str, Any]]:
-        """What links hold and the pairs of it that may touch; obstacles, their motions and their own clearances."""
+    def others(self, count: int) -> tuple[list[Any], set[frozenset[str]], list[Any], list[Any], dict[str, Any]]:
+        """What links hold and the pairs of it that may touch; obstacles, the joints that carry them, beside `count`
+        of the robot, and their own clearances."""
         held, touching = self.held_bodies()
         around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
         names = [x["name"] for x in [*held, *around]]
         for each in names:
             need(names.count(each) == 1, f"'{each}': the name is taken")
-        return held, touching, around, motions, own
+        tracks = list[Any]()
+        for body in around:
+            if body["name"] in motions:
+                carriers, place = joints_of(motions[body["name"]], self.rows.times, body["name"])
+                first = count + len(tracks)
+                tracks += [{**x, "parent": first + x["parent"] if x["parent"] >= 0 else -1} for x in carriers]
+                body |= {"joint": count + len(tracks) - 1, **scenes.frame(place)}
+        return held, touching, around, tracks, own
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """What links hold, and the pairs that may touch."""
@@ -202,7 +212,7 @@ class Reader:
         """The world with a robot that the checker does not read, which is the proof's; all else is the scene's, but for
         what needs the robot's own words, such as a named state."""
         joints, top = self.joints, self.top
-        held, touching, around, motions, own = self.others()
+        held, touching, around, tracks, own = self.others(len(joints.told["joints"]))
         check_left_out(joints, touching, top.get("self_collision", True) is False)
         targets = Targets(joints, bool(top.get("from_request")))
         ends = dict[str, Any]()
@@ -215,7 +225,7 @@ class Reader:
         return {
             **joints.told,
             "bodies": [*joints.bodies, *held, *around],
-            "motions": motions,
+            "tracks": tracks,
             "motion": self.rows.of(joints.told["joints"], joints.held),
             "limits": limits_of_other(top, joints),
             "path": scenes.path_of(top),
@@ -235,5 +245,7 @@ class Reader:
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
-            said.append(f"not kept, timing.rate: rows are up to {gap:g} s apart, {rate:g} in a second are asked for")
+            said.append(
+                f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are asked for"
+            )
         return tuple(said)

@@ -93,12 +93,31 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
         need(scale.min() > 0, f"{what}: scale: must be above 0")
         return mesh_of(folder / word(said["file"], what), scale, files, told, (what, None, named(what)), upright=True)
     if kind == "points":
-        return {"type": kind, "points": [values(x, 3, what).tolist() for x in listing(said["points"], what)]}
+        return hull([values(x, 3, what).tolist() for x in listing(said["points"], what)])
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
     sizes |= {x: values(y, 3, what).tolist() for x, y in said.items() if x in ("size", "radii")}
     small = [x for x in np.hstack([*sizes.values()]).tolist() if x <= 0]
     need(not small or (kind == "capsule" and small == [0.0] and sizes["length"] == 0), f"{what}: a size is not above 0")
-    return {"type": kind, **sizes}
+    return solid(kind, sizes)
+
+
+def hull(points: Any, *radii: float) -> dict[str, Any]:
+    """The hull of points, swept by an ellipsoid, as a world has it."""
+    return {"points": points, "parts": None, "sweep": [[*radii] or [0.0] * 3], "off": 0.0}
+
+
+def solid(kind: str, sizes: dict[str, Any]) -> dict[str, Any]:
+    """A shape of certain sizes as a world has it."""
+    if kind == "box":
+        x, y, z = (size / 2 for size in sizes["size"])
+        return hull([[i, j, k] for i in (-x, x) for j in (-y, y) for k in (-z, z)])
+    if kind == "ellipsoid":
+        return hull([[0.0] * 3], *sizes["radii"])
+    r = sizes["radius"]
+    if kind == "sphere":
+        return hull([[0.0] * 3], r, r, r)
+    end = sizes["length"] / 2  # of a cylinder, or of a capsule
+    return hull([[0.0, 0.0, -end], [0.0, 0.0, end]], r, r, r * (kind == "capsule"))
 
 
 class Told:
@@ -132,7 +151,7 @@ def mesh(path: Path, data: bytes, scale: Any, upright: bool) -> dict[str, Any]:
     """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
     equal corners left out; named backwards where the scale mirrors."""
     points, faces, off = _merged(path, data, tuple(scale.tolist()), upright)
-    return {"type": "mesh", "points": points.tolist(), "triangles": faces.tolist(), "off": off}
+    return {"points": points.tolist(), "parts": faces.tolist(), "sweep": [[0.0] * 3], "off": off}
 
 
 @functools.lru_cache(maxsize=256)  # by the content of files, which are read each time
@@ -157,7 +176,7 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
 def obstacles(
     top: dict[str, Any], folder: Path, files: Files, told: Told
 ) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
-    """Bodies of the obstacles, their motions, and their own clearances."""
+    """Bodies of the obstacles, the motions of some, for `moving`, and their own clearances."""
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
@@ -185,9 +204,9 @@ def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
     if "times" in said or "poses" in said:
         need({*said} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")
         times = values(listing(said["times"], name), len(said["times"]), name).tolist()
-        return {"times": times, "frames": [frame(pose_of(x, name)) for x in listing(said["poses"], name)]}
+        return {"times": times, "poses": [pose_of(x, name) for x in listing(said["poses"], name)]}
     rates = {key: values(said.get(key, [0.0] * 3), 3, name).tolist() for key in ("velocity", "spin")}
-    return {**rates, **frame(pose)}
+    return {**rates, "pose": pose}
 
 
 def path_of(top: dict[str, Any]) -> list[Any]:

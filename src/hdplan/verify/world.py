@@ -8,59 +8,73 @@ hulls of groups of its triangles, which a proof chooses: whatever the groups, th
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, Pose, compose, dot, inverse, length, named, need, norm, stack, turn_of, unit, up
+from .balls import EPS, HERE, Ball, Pose, dot, inverse, length, named, need, norm, stack, unit, up
 
+VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
+LARGEST = 1e9  # of numbers
 OFF = 1e-6  # most that a number of a world may be off
-LEAST_TURN = 2e-6  # of an obstacle from one pose to the next; what turns less has a rotation that is off by as much
-RATES = ("velocities", "accelerations")
-RULES = {"linear": 0, "cubic": 1, "quintic": 2}  # of motions, by how many rates they have
+RULES, ROWS = ("linear", "cubic", "quintic"), ("positions", "velocities", "accelerations")  # of motions
 REASONS = (  # for which pairs are not compared
     *("self_collision: false", "moving as one", "robot.ignore_pairs", "the SRDF", "neighbours", "touch_links"),
     "the MJCF",
 )
 KINDS = ("link", "held", "obstacle")
-SHAPES = {  # and their sizes
-    **{"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"},
-    **{"capsule": "radius length", "points": "points", "mesh": "points triangles off"},
-    **{"balls": "points radii", "boxes": "low high"},
+KINDS_OF_JOINTS = ("revolute", "prismatic")
+FRAME = "rotation position off"
+VALUES: dict[str, Any] = {  # of keys, wherever they stand: types, or how many numbers
+    **dict.fromkeys(("name", "kind", "link", "to", "free"), str),
+    **dict.fromkeys(("joint", "parent"), int),
+    **dict.fromkeys(("off", "mass", "tolerance", "obstacles", "self"), float),
+    **dict.fromkeys(("position_tolerance", "orientation_tolerance"), float),
+    **dict.fromkeys(("position", "axis", "way", "point", "moment"), (3,)),
+    **{"inertia": (6,), "rotation": (9,)},
 }
-CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-CUBE.flags.writeable = False
-FRAME = "joint rotation position off"
 
 
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
-        flat = value if shape else [value]
+        flat = value
         for _ in shape[1:]:
             flat = list(chain.from_iterable(flat))
         found, kinds = np.array(value, dtype=np.float64), {*map(type, flat)}
-        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < 1e9).all())
+        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < LARGEST).all())
         good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
     except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
-    need(good, f"{what}: {shape or 'one'} finite numbers are expected")
+    need(good, f"{what}: {shape} finite numbers are expected")
     return found
 
 
 def number(value: Any, what: str) -> float:
     """A finite number."""
-    return float(numbers(value, (), what))
+    need(type(value) in (int, float) and abs(value) < LARGEST, f"{what}: a finite number is expected")
+    return float(value)
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
-    """The values of a mapping that has just these keys."""
-    names = keys.split()
+    """The values of a mapping that has just these keys, each of its kind."""
+    names, found = keys.split(), list[Any]()
     need(type(value) is dict and {*value} == {*names}, f"{what}: a mapping with the keys {', '.join(names)}")
-    return [value[name] for name in names]
+    for name in names:
+        one, kind = value[name], VALUES.get(name)
+        if kind is float:
+            one = number(one, f"{what}.{name}")
+        elif type(kind) is tuple:
+            one = numbers(one, kind, f"{what}.{name}")
+        elif kind is not None:
+            need(type(one) is kind, f"{what}.{name}: is of another kind")
+        found.append(one)
+    need("off" not in value or 0 <= value["off"] <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
+    return found
 
 
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -79,59 +93,33 @@ def symmetric(six: Any) -> Any:
     return six[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
 
 
-def off_of(value: Any, what: str) -> float:
-    """By how much numbers may be wrong."""
-    off = number(value, f"{what}.off")
-    need(0 <= off <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
-    return off
-
-
-def unit_vector(axis: Any, off: Any, what: str) -> Ball:
+def unit_vector(axis: Any, off: float, what: str) -> Ball:
     """A direction: one of another length would be nearer to others, or farther from them, than it is turned."""
-    way = Ball(numbers(axis, (3,), what), off_of(off, what))
+    way = Ball(axis, off)
     need(np.abs((way.mid * way.mid).sum() - 1) <= 8 * way.rad[0] + 1e-14, f"{what}: its axis is no unit vector")
     return way
 
 
-def frame(place: list[Any], what: str) -> Pose:
+def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
-    rotation, position, off = place
-    r, at, e = numbers(rotation, (9,), what).reshape(3, 3), numbers(position, (3,), what), off_of(off, what)
-    slack = 20 * e + 1e-14
-    need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
-    return Ball(r, e), Ball(at, e)
+    r, slack = rotation.reshape(3, 3), 20 * off + 1e-14
+    need((np.abs(r @ r.T - HERE[0].mid) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
+    return Ball(r, off), Ball(position, off)
 
 
-def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
-    """Points (m, 3), their error and the sweeping ellipsoid's semi-axes; of what may be divided, which points each part
-    has (F, c): the corners of triangles and boxes, or the centres of balls, with an ellipsoid for each."""
-    kind: Any = value.get("type") if type(value) is dict else None
-    need(kind in SHAPES, f"{what}: a shape of a kind that is not known")
-    _, first, *rest = keys_of(value, what, f"type {SHAPES[kind]}")
-    none = np.zeros(3)
-    if kind in ("points", "balls", "boxes", "mesh"):
-        points = numbers(first, (-1, 3), what)
-        every = np.arange(len(points))[:, None]
-        need(len(points), f"{what}: has no points")
-        if kind == "points":
-            return points, None, 0.0, none
-        if kind == "balls":
-            radii = numbers(rest[0], (len(points),), what)
-            need(radii.min() >= 0, f"{what}: a radius is negative")
-            return points, every, 0.0, np.repeat(radii[:, None], 3, axis=1)
-        if kind == "boxes":
-            corners = np.where(CUBE > 0, numbers(rest[0], points.shape, what)[:, None], points[:, None])
-            return corners.reshape(-1, 3), 8 * every + np.arange(8), 0.0, none
-        faces = numbers(rest[0], (-1, 3), what)
-        good = len(faces) and (faces % 1 == 0).all() and faces.min() >= 0 and faces.max() < len(points)
-        need(good, f"{what}: has no triangles, or one with a point that is not there")
-        return points, faces.astype(int), off_of(rest[1], what), none
-    three = numbers(first if kind in ("box", "ellipsoid") else [first] * 3, (3,), what)
-    length = number(rest[0], what) if rest else 0.0
-    need(three.min() >= 0 <= length, f"{what}: a size is negative")
-    if kind == "box":
-        return CUBE * three, None, 0.0, none
-    return CUBE[:2] * [0, 0, length], None, 0.0, three * [1, 1, kind != "cylinder"]
+def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
+    """Points (m, 3), the numbers of those of each part (F, c), the semi-axes of the ellipsoids that sweep these (F, 3),
+    or of one for all, and the points' error."""
+    points, parts, sweep, off = keys_of(value, what, "points parts sweep off")
+    points, sweep = (numbers(x, (-1, 3), f"{what}.{key}") for x, key in ((points, "points"), (sweep, "sweep")))
+    found = np.arange(len(points))[None]
+    if parts is not None:
+        found = numbers(parts, (-1, -1), f"{what}.parts")
+        good = found.size and (found % 1 == 0).all() and found.min() >= 0 and found.max() < len(points)
+        need(good, f"{what}: has no parts, or one with a point that is not there")
+    need(found.shape[1] != 3 or not sweep.any(), f"{what}: triangles are not swept")  # as more would be enclosed
+    need(sweep.min(initial=0) >= 0 and len(sweep) in (1, len(found)), f"{what}: sizes for all, or each, of its parts")
+    return points, found.astype(int), sweep, off
 
 
 @dataclass(eq=False)
@@ -176,17 +164,26 @@ class Bond:
     along: Ball | None = None
 
 
-def box_centre(piece: Piece) -> Any:
-    """The middle (3,) of the box around a piece's corners, nearly."""
-    return (piece.corners.min(axis=0) + piece.corners.max(axis=0)) / 2
-
-
-def track(times: list[float], values: list[Ball], now: float) -> Ball:
+def track(times: Any, values: Ball, now: Any) -> Ball:
     """What is linear between times and constant outside of them."""
-    if not times[0] < now < times[-1]:
-        return values[0] if now <= times[0] else values[-1]
-    i = max(k for k, x in enumerate(times) if x <= now)
-    return values[i] + (values[i + 1] - values[i]) * ((Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i]))
+    i = np.clip(np.searchsorted(times, now, side="right") - 1, 0, len(times) - 2)
+    share = (Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i])
+    return values[i] + (values[i + 1] - values[i]) * Ball(np.clip(share.mid, 0.0, 1.0), share.rad)
+
+
+def hermite(rows: list[Any], times: Any) -> Ball:
+    """Control points (N - 1, d + 1, n) of the polynomials of degree d = 2 m - 1 that have m rows of values (N, n), and
+    of their rates, at their ends: from either end, the i-th is the sum over k of binomials (i over k) times
+    (d - k)! / d! width^k times the k-th rate, which backwards has the sign of (-1)^k."""
+    degree, sides = 2 * len(rows) - 1, []
+    for side, sign in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
+        steps = [Ball(rows[0][side])]
+        for k, rate in enumerate(rows[1:], 1):
+            width = (Ball(times[1:]) - times[:-1])[:, None] * sign
+            steps.append(rate[side] * math.prod([width] * k, start=Ball(1 / math.perm(degree, k), EPS)))
+        for i in range(len(rows)):
+            sides.append(sum((math.comb(i, k) * steps[k] for k in range(1, i + 1)), start=steps[0]))
+    return stack([*sides[: len(rows)], *reversed(sides[len(rows) :])], 1)
 
 
 def blossom(control: Ball, start: Any, end: Any) -> Ball:
@@ -207,13 +204,13 @@ class World:
 
     def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
-        keys = "joints held links bodies motions not_compared clearances motion limits path start goal duration also"
+        keys = "joints held links bodies tracks not_compared clearances motion limits path start goal duration also"
         need(type(said) is dict, "the world: a mapping is expected")
-        version, joints, self.held, links, bodies, motions, apart, clearances, motion, *rest, self.loads = keys_of(
+        version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads = keys_of(
             {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
-        need(version == 2, "the world is not of version 2")
+        need(version == VERSION, f"the world is not of version {VERSION}")
         self.joints, self.cuts = list[Joint](), cuts
         for i, each in enumerate(joints):
             self.add_joint(f"joints[{i}]", each, len(joints))
@@ -222,11 +219,13 @@ class World:
         self.own = len(self.joints)  # joints of the robot; the others follow the time
         numbers(list(self.held.values()), (-1,), "held")
         self.links = {
-            name: self.carried_frame(keys_of(x, f"links.{name}", FRAME), f"links.{name}") for name, x in links.items()
+            name: self.carried_frame(f"links.{name}", *keys_of(x, f"links.{name}", f"joint {FRAME}"))
+            for name, x in links.items()
         }
         self.read_motion(motion)
-        self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
-        self.drifting = {name: self.drift(name, x) for name, x in motions.items()}
+        self.tracks = list[tuple[Any, Ball]]()  # of joints that follow the time: times, and values there
+        for i, each in enumerate(tracks):
+            self.add_track(f"tracks[{i}]", each)
         self.pieces, self.parts = list[Piece](), dict[str, Any]()
         self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
         for i, each in enumerate(bodies):
@@ -234,96 +233,73 @@ class World:
         self.lay_tracks()
         self.pair_up(apart)
         self.stack_up()
-        usual, own, among = keys_of(clearances, "clearances", "obstacles own self")
-        self.usual, self.among = (number(x, "clearances") for x in (usual, among))
+        self.usual, own, self.among = keys_of(clearances, "clearances", "obstacles own self")
         self.clearances = {name: number(x, f"clearances.own.{name}") for name, x in own.items()}
         obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
-        need({*motions} | {*own} <= obstacles, "motions, clearances.own: of no obstacle")
+        need({*own} <= obstacles, "clearances.own: of no obstacle")
 
     def add_joint(self, what: str, each: Any, count: int) -> None:
-        name, parent, kind, rotation, position, axis, off, follows = keys_of(
-            each, what, "name parent kind rotation position axis off follows"
-        )
-        good = type(name) is str and type(parent) is int and -1 <= parent < len(self.joints)
-        good = good and kind in ("revolute", "prismatic") and name not in self.held
+        name, parent, kind, axis, follows, *place = keys_of(each, what, f"name parent kind axis follows {FRAME}")
+        good = -1 <= parent < len(self.joints) and kind in KINDS_OF_JOINTS and name not in self.held
         need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
-        way = unit_vector(axis, off, what)
         if follows is not None:
             need(type(follows) is list and len(follows) == 3 and type(follows[0]) is int, f"{what}.follows")
             factor, add = numbers(follows[1:], (2,), what).tolist()
             need(0 <= follows[0] < count and factor, f"{what}.follows: no joint of the world, or by the factor 0")
             follows = (follows[0], factor, add)
-        pose = frame([rotation, position, off], what)
+        pose, way = frame(what, *place), unit_vector(axis, place[2], what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
-    def carried_frame(self, values: list[Any], what: str) -> tuple[int, Pose]:
-        """The joint that carries a frame, and the frame in the joint's, by the values of FRAME."""
-        joint, *place = values
-        need(type(joint) is int and -1 <= joint < self.own, f"{what}.joint: no joint of the world")
-        return joint, frame(place, what)
+    def carried_frame(self, what: str, joint: int, *place: Any, timed: bool = False) -> tuple[int, Pose]:
+        """The joint that carries a frame, and the frame in the joint's. Obstacles are carried by joints that follow the
+        time (`timed`), and nothing else is."""
+        good = joint == -1 or (0 <= joint < len(self.joints) and (joint >= self.own) == timed)
+        need(good, f"{what}.joint: no joint that may carry it")
+        return joint, frame(what, *place)
 
     def add_body(self, number: int, each: Any) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles."""
         what = f"bodies[{number}]"
-        name, kind, shape, *place = keys_of(each, what, f"name kind shape {FRAME}")
-        need(type(name) is str and kind in KINDS, f"{what}: name or kind")
+        name, kind, shape, *place = keys_of(each, what, f"name kind shape joint {FRAME}")
+        need(kind in KINDS, f"{what}.kind: {', '.join(KINDS)}")
         last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
         need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
         as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
         need(as_said, f"{what}: '{name}' is a link, or is to be one")
         taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
         need(not taken, f"{what}: the name '{name}' is taken")
-        joint, pose = self.carried_frame(place, what)
-        if kind == "obstacle":
-            need(joint == -1, f"{what}: an obstacle is carried by no joint")
-            joint, turn = self.drifting.get(name, (-1, HERE[0]))
-            pose = compose((turn, HERE[1]), pose) if joint >= 0 else pose
+        joint, pose = self.carried_frame(what, *place, timed=kind == "obstacle")
         called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
         if kind == "link":  # which may have several
             called += f" {len({x.body for x in self.pieces if x.name == name})}"
         own, key = (name, kind, number, called, joint, pose), str(number)
-        points, parts, off, sweep = shape_of(shape, what)
-        if parts is None:
-            self.pieces.append(Piece(*own, points, off, sweep))
-            return
+        points, parts, sweep, off = shape_of(shape, what)
         self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
         need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
-        labels, inverse = np.unique(groups, return_inverse=True)
-        order = np.argsort(inverse, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
-            size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
+        order = np.argsort(groups, kind="stable")
+        together = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+        for rows in together:
+            size = sweep[rows].max(axis=0) if len(sweep) > 1 else sweep[0]
             self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
-        if shape["type"] == "mesh" and len(labels) > 1:
+        if parts.shape[1] == 3 and len(together) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
     def read_motion(self, said: Any) -> None:
         """Make the control points (N - 1, d + 1, n) of the polynomial between each two rows, of all joints."""
         rule: Any = said.get("rule") if type(said) is dict else None
         need(rule in RULES, "motion.rule: linear, cubic or quintic")
-        names = ("positions", *RATES[: RULES[rule]])
+        names = ROWS[: RULES.index(rule) + 1]
         times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
         lead = [i for i, x in enumerate(self.joints) if x.follows is None]
         given = [numbers(x, (-1, len(lead)), f"motion.{name}") for x, name in zip(rows, names, strict=True)]
-        count = len(given[0])
-        good = (
-            count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given) and (times or rule == "linear")
-        )
-        need(good, "motion: too few rows, or too many joints, or rates without times")
-        a, b = Ball(given[0][:-1]), Ball(given[0][1:])
-        control, self.rows, self.lead = [a, b], given[0], lead
+        count, self.rows, self.lead = len(given[0]), given[0], lead
+        good = count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given)
+        need(good and (times or rule == "linear"), "motion: too few rows, or too many joints, or rates without times")
         self.times: Any = None
         if times is not None:
             self.times = numbers(times, (count,), "motion.times")
             need((np.diff(self.times) > 0).all(), "motion.times: must increase")
-            width = (Ball(self.times[1:]) - self.times[:-1])[:, None]
-        if len(given) == 2:
-            v, w = (x * (width * Ball(1 / 3, EPS)) for x in (given[1][:-1], given[1][1:]))
-            control = [a, a + v, b - w, b]
-        if len(given) == 3:
-            v, w = (x * (width * Ball(0.2, EPS)) for x in (given[1][:-1], given[1][1:]))
-            x, y = (x * (width * width * Ball(0.05, EPS)) for x in (given[2][:-1], given[2][1:]))
-            control = [a, a + v, a + 2.0 * v + x, b - 2.0 * w + y, b - w, b]
-        made, columns = stack(control, 1), []
+        made, columns = hermite(given, self.times), []
         for i, joint in enumerate(self.joints):
             other, factor, add = joint.follows or (i, 1.0, 0.0)
             column = made[:, :, lead.index(other)]
@@ -331,59 +307,32 @@ class World:
         self.curve = self.control = stack(columns, 2)  # of the robot alone
         self.clock: Any = self.times
 
-    def drift(self, name: str, said: Any) -> tuple[int, Ball]:
-        """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
-        turn has one of its own, the last turn first. Returns the last joint, and the obstacle's rotation in its
-        frame."""
-        what = f"motions.{name}"
-        need(self.times is not None and type(said) is dict, f"{what}: moves, and the motion has no times")
-        tracks: list[tuple[Ball, list[float], list[Ball]]] = []  # of the turns: axis, and angles at two times
-        if "times" in said:
-            stamps, frames = keys_of(said, what, "times frames")
-            times = numbers(stamps, (-1,), what).tolist()
-            poses = [frame(keys_of(x, what, "rotation position off"), what) for x in frames]
-            need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"{what}: times must increase")
-            places = stack([at for _, at in poses], 1)
-            still = 0.0
-            for i in range(len(times) - 1):
-                change = dot("ij,kj->ik", poses[i + 1][0], poses[i][0])
-                over = change - np.eye(3)  # of length 2 sqrt(2) sin(angle / 2): above the angle
-                if norm(np.abs(over.mid).ravel()) <= LEAST_TURN:
-                    still += float(norm(over.size.ravel()))
-                else:
-                    axis, angle = turn_of(change)
-                    tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
-            first = Ball(poses[0][0].mid, up(poses[0][0].rad + still))
-        else:
-            velocity, spin, *place = keys_of(said, what, "velocity spin rotation position off")
-            velocity, spin = (numbers(x, (3,), what) for x in (velocity, spin))
-            times, (first, at) = [float(self.times[0]), float(self.times[-1])], frame(place, what)
-            places = stack([at + Ball(velocity) * x for x in times], 1)
-            if spin.any():
-                tracks.append((unit(spin), times, [length(spin) * x for x in times]))
-        self.tracks += [(times, [places[i, k] for k in range(len(times))]) for i in range(3)]
-        ways = [(Ball(x), False) for x in np.eye(3)] + [(axis, True) for axis, _, _ in reversed(tracks)]
-        for i, (axis, turns) in enumerate(ways):
-            self.joints.append(Joint(f"{name} moves", len(self.joints) - 1 if i else -1, HERE, axis, turns))
-        self.tracks += [(span, angles) for _, span, angles in reversed(tracks)]
-        return len(self.joints) - 1, first
+    def add_track(self, what: str, each: Any) -> None:
+        """Note a joint that follows the time: along or about `way`, by its length times values at times."""
+        name, parent, kind, way, times, values, off = keys_of(each, what, "name parent kind way times values off")
+        need(self.times is not None, f"{what}: moves, and the motion has no times")
+        before = parent == -1 or self.own <= parent < len(self.joints)
+        need(before and kind in KINDS_OF_JOINTS, f"{what}: kind or parent")
+        at = numbers(times, (-1,), f"{what}.times")
+        way, shares = Ball(way, off), Ball(numbers(values, at.shape, f"{what}.values"), off)
+        need(len(at) > 1 and (np.diff(at) > 0).all(), f"{what}: times must increase")
+        self.joints.append(Joint(name, parent, HERE, unit(way), kind == "revolute"))
+        self.tracks.append((at, shares * length(way)))
 
     def lay_tracks(self) -> None:
         """Add what obstacles do to the motion, whose intervals end where that changes; note what each joint carries."""
-        knots = {x for span, _ in self.tracks for x in span}
+        rows_at, degree = self.times, self.control.mid.shape[1] - 1
         if self.tracks:
-            degree, inside = self.control.mid.shape[1] - 1, {x for x in knots if self.times[0] < x < self.times[-1]}
-            times, rows_at = np.array(sorted({*self.times.tolist(), *inside})), self.times
+            knots = np.concatenate([rows_at, *(span for span, _ in self.tracks)])
+            self.times = times = np.unique(knots[(knots >= rows_at[0]) & (knots <= rows_at[-1])])
             row: Any = np.searchsorted(rows_at, times[:-1], side="right") - 1
             share = inverse(Ball(rows_at[row + 1]) - rows_at[row])
             start, end = ((Ball(x) - rows_at[row]) * share for x in (times[:-1], times[1:]))
-            self.times = times
             columns = [blossom(self.control[row], start[:, None, None], end[:, None, None])]
             for span, values in self.tracks:
-                at = [track(span, values, x) for x in times.tolist()]
-                a, b = stack(at[:-1]), stack(at[1:])
-                rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
-                columns.append(stack(rows, 1)[:, :, None])
+                at = track(span, values, times)
+                steps = [(at[1:] - at[:-1]) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
+                columns.append(stack([at[:-1] + step for step in steps], 1)[:, :, None])
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)
@@ -434,10 +383,11 @@ class World:
         self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
         self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
         self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
-        self.size, middle = of(lambda x: np.abs(x.corners).max(axis=0), 3), of(box_centre, 3)
+        self.size = of(lambda x: np.abs(x.corners).max(axis=0), 3)
+        middle = of(lambda x: (x.corners.min(axis=0) + x.corners.max(axis=0)) / 2, 3)
         self.centers = dot("gij,gj->gi", self.turn, middle) + self.at
-        away = of(lambda x: norm(up(np.abs(x.corners - box_centre(x)) + x.off)).max())
-        self.radii = up(away + self.sweep.max(axis=1))
+        away = [norm(up(np.abs(x.corners - y) + x.off)).max() for x, y in zip(self.pieces, middle, strict=True)]
+        self.radii = up(np.array(away) + self.sweep.max(axis=1))
         self.movers = np.flatnonzero(self.joint >= 0)  # the pieces that move
         self.slot = np.cumsum(self.joint >= 0) - 1  # of each of these among them
 

@@ -147,7 +147,7 @@ def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> No
     folder = swinging(tmp_path, *ROBOTS[0], np.random.default_rng(7))
     _, world, _ = read(folder)
     world.loads[3]["inertia"][2] = float("nan")
-    with pytest.raises(RejectedError, match=r"loads\[3\]: .* finite numbers"):
+    with pytest.raises(RejectedError, match=r"loads\[3\]\.inertia: .* finite numbers"):
         torques_kept(world)
     scene = hdplan.load_scene(folder / "scene.yaml")
     held = dataclasses.replace(scene.attached[0], shape=hdplan.Capsule(0.05, 0.1))
@@ -275,7 +275,7 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
 @pytest.mark.parametrize(("size", "good"), [(1.0, True), (1 - 1e-9, False), (0.6, False), (1.1, False)])
 def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
     """One of length 0.3 that is turned by 1.28 rad is nearer to the vertical than a unit vector turned by 1 rad."""
-    world = cast(World, SimpleNamespace(links={"a": (-1, frame([np.eye(3).ravel().tolist(), [0, 0, 0], 0.0], "a"))}))
+    world = cast(World, SimpleNamespace(links={"a": (-1, frame("a", np.eye(3).ravel(), np.zeros(3), 0.0))}))
     path = [{"kind": "upright", "link": "a", "axis": [0, 0, size], "off": 0.0, "tolerance": 1.0}]
     if good:
         assert len(bonds_of_path(world, path, lambda: True)) == 1

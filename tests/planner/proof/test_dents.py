@@ -19,15 +19,20 @@ from hdplan.verify import RejectedError
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
 from hdplan.verify.kernel import NARROWEST, Motion, check_outside
+from hdplan.verify.scene import hull
 from hdplan.verify.world import Piece, World
 
 from .test_forged import files
-from .test_random_worlds import frame
 from .worlds import packed, unpacked
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
 Said = dict[str, Any]
+
+
+def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
+    return {"rotation": turn.as_matrix().ravel().tolist(), "position": np.asarray(at).tolist(), "off": off}
+
 
 STILL = frame(Rotation.identity(), [0.0] * 3, 0.0)
 QUAD = [[0, 1, 2], [0, 2, 3]]
@@ -35,8 +40,8 @@ QUAD = [[0, 1, 2], [0, 2, 3]]
 
 def mesh(points: Any, triangles: Any, off: float = 0.0) -> Said:
     return {
-        "type": "mesh", "points": np.asarray(points, dtype=float).tolist(),
-        "triangles": np.asarray(triangles).tolist(), "off": off,
+        "points": np.asarray(points, dtype=float).tolist(), "parts": np.asarray(triangles).tolist(),
+        "sweep": [[0.0] * 3], "off": off,
     }  # fmt: skip
 
 
@@ -48,18 +53,18 @@ def world(*bodies: Said, groups: int = 2) -> World:
     """Bodies of which the held ones slide a little, every mesh in several groups of triangles."""
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **STILL, "axis": [1.0, 0.0, 0.0], "follows": None}
     said = {
-        "hdplan_world": 2, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "motions": {},
+        "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [*bodies], "tracks": [],
         "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
         "motion": {"rule": "linear", "times": None, "positions": [[0.0], [2.0**-20]]},
         "start": [], "goal": [], "duration": None, "also": [],
     }  # fmt: skip
-    meshes = {str(i): len(x["shape"]["triangles"]) for i, x in enumerate(bodies) if x["shape"]["type"] == "mesh"}
+    meshes = {str(i): len(x["shape"]["parts"]) for i, x in enumerate(bodies) if x["shape"]["parts"]}
     return World(said, {key: np.arange(count) % groups for key, count in meshes.items()})
 
 
 def dot_at(point: Any) -> Said:
     """A small ball that is held."""
-    return body("dot", "held", {"type": "sphere", "radius": 1e-4}, frame(Rotation.identity(), point, 0.0))
+    return body("dot", "held", hull([[0.0] * 3], *[1e-4] * 3), frame(Rotation.identity(), point, 0.0))
 
 
 def clear(found: World, ways: Any, row: int = 0) -> list[bool]:

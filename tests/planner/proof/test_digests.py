@@ -43,7 +43,7 @@ def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
     read = read_world(*files).world
     assert told["bodies"][0]["shape"] == digest(read["bodies"][0]["shape"])
     assert words_of(*files, proof) == words_of(*files, packed(head, read, rest))
-    for change in ("points", "triangles"):
+    for change in ("points", "parts"):
         shape = copy.deepcopy(read["bodies"][0]["shape"])
         shape[change][3][1] += 1
         for other in (shape, digest(shape)):
@@ -52,10 +52,10 @@ def test_a_mesh_by_its_digest(files: tuple[Path, Path]) -> None:
     whole = told["bodies"][0]["shape"]["sha256"]
     for wrong in (whole.upper(), whole[:-1], None, [whole], ""):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(told, {"type": "mesh", "sha256": wrong}), rest))
+            words_of(*files, packed(head, _with(told, {"sha256": wrong}), rest))
     for more in ({"off": 1.0}, {"points": []}, {"type": "box"}):
         with pytest.raises(RejectedError):
-            words_of(*files, packed(head, _with(told, {"type": "mesh", "sha256": whole, **more}), rest))
+            words_of(*files, packed(head, _with(told, {"sha256": whole, **more}), rest))
 
 
 def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
@@ -63,7 +63,7 @@ def test_a_digest_stands_for_meshes_alone(files: tuple[Path, Path]) -> None:
     read = read_world(*files).world
     for place in (1, 0):
         told = copy.deepcopy(read)
-        told["bodies"][place]["shape"] = {"type": "mesh", "sha256": "0" * 64}
+        told["bodies"][place]["shape"] = {"sha256": "0" * 64}
         with pytest.raises(RejectedError, match="the worlds differ: bodies"):
             check_equal(read, told)
 
@@ -73,11 +73,11 @@ def test_digests_tell_meshes_apart() -> None:
     rng = np.random.default_rng(0)
     points, triangles = rng.normal(size=(4, 3)), rng.integers(4, size=(3, 3))
     bits = triangles.astype("<i8").view("<f8")
-    one = digest({"points": points.tolist(), "triangles": triangles.tolist()})
-    moved = {"points": [*points.tolist(), *bits[:1].tolist()], "triangles": triangles[1:].tolist()}
+    one = digest({"points": points.tolist(), "parts": triangles.tolist()})
+    moved = {"points": [*points.tolist(), *bits[:1].tolist()], "parts": triangles[1:].tolist()}
     assert digest(moved) != one
-    zero = digest({"points": [[0.0, 1.0, -0.0]], "triangles": [[0, 0, 0]]})
-    assert zero == digest({"points": [[-0.0, 1.0, 0.0]], "triangles": [[0, 0, 0]]})
+    zero = digest({"points": [[0.0, 1.0, -0.0]], "parts": [[0, 0, 0]]})
+    assert zero == digest({"points": [[-0.0, 1.0, 0.0]], "parts": [[0, 0, 0]]})
 
 
 def test_files_that_change_are_read_again(files: tuple[Path, Path]) -> None:

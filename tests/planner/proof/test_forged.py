@@ -20,7 +20,7 @@ from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.verify import RejectedError, kernel
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
-from hdplan.verify.effects import millimetres, statement
+from hdplan.verify.effects import digits, millimetres, statement
 from hdplan.verify.kernel import IN_PART, VERSION, Motion, accept, half
 from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
@@ -358,12 +358,12 @@ def test_numbers_that_were_worked_out_may_differ_by_their_bounds_and_prove_nothi
 
 def test_what_was_not_worked_out_has_no_slack(honest: Honest) -> None:
     _, said, *_ = honest
-    wide = put(put(said, "path", 0, "off", to=OFF), "motions", "p", "off", to=OFF)
+    wide = put(put(said, "path", 0, "off", to=OFF), "tracks", 0, "off", to=OFF)
     tilt = said["path"][0]["tolerance"]  # a request's may be worked out
     check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 0.9 * OFF))
     with pytest.raises(RejectedError, match=r"the worlds differ: path\[0\]\.tolerance"):
         check_equal(said, put(wide, "path", 0, "tolerance", to=tilt + 1.1 * OFF))
-    for way in (("path", 0, "link"), ("motions", "p", "velocity", 0), ("motion", "positions", 1, 0)):
+    for way in (("path", 0, "link"), ("tracks", 0, "times", 1), ("motion", "positions", 1, 0)):
         value: Any = said
         for key in way:
             value = value[key]
@@ -474,10 +474,14 @@ def test_no_length_is_printed_above_the_one_that_is_proven(honest: Honest) -> No
     for length in [float(x) for each in lengths for x in (each, np.nextafter(each, 0))]:
         printed = Fraction(millimetres(length).removesuffix(" mm")) / 1000
         assert 0 <= Fraction(length) - printed < Fraction(1, 10**9)
-    world = World({**honest[1], "clearances": {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0}}, {})
+        assert float(digits(length)) == length
+        assert Fraction(digits(length, 1000)) == Fraction(digits(length)) * 1000
+    least = {"obstacles": 0.0, "own": {"o": 0.123456789999}, "self": 0.0}
+    world = World({**honest[1], "held": {"at rest": 0.1234567890123}, "clearances": least}, {})
     text, _ = statement(world, {"clearance": 0.029999999999, "self_clearance": 0.0123456789, "claims": []})
     assert "at least 29.999999 mm from every obstacle; 123.456789 mm from obstacle o\n" in text
     assert "at least 12.345678 mm from one another\n" in text
+    assert 'held: "at rest" at 0.1234567890123\n' in text
 
 
 def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
@@ -561,7 +565,7 @@ def test_a_collada_file_is_rejected_or_has_the_triangles_of_hdplan_and_coal(kind
         np.testing.assert_allclose(np.sort(other.reshape(-1, 3), axis=0), found, atol=1e-6)
 
 
-@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 2}', "[]", ""])
+@pytest.mark.parametrize("world", ["[" * 100_000, '{"a": 1, "a": 1}', "nan", "\ud800", '{"hdplan_world": 3}', "[]", ""])
 def test_the_kernel_alone_rejects_worlds_that_are_none(
     world: str, honest: Honest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

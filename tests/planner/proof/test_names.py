@@ -18,11 +18,12 @@ from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
 from hdplan.verify.kernel import accept
 from hdplan.verify.reading import read_world
+from hdplan.verify.scene import hull
 from hdplan.verify.world import World
 
 from .test_forged import BALL, LIMITS, ROBOT, TOOL, files, forge, put
 from .test_random_worlds import write
-from .worlds import read_and_planned
+from .worlds import kind_of, read_and_planned
 
 Said = dict[str, Any]
 
@@ -85,11 +86,11 @@ def test_what_is_said_of_links_is_refused_of_obstacles(tmp_path: Path) -> None:
             wrong = put(said, "not_compared", to=[*said["not_compared"], [*pair, reason]])
             with pytest.raises(RejectedError, match=r"not_compared\[\d\]: two links or held objects, and a reason"):
                 World(wrong, {})
-    for wrong in (put(said, "clearances", "own", to={"base": 1.0}), put(said, "motions", to={"base": {}})):
-        with pytest.raises(RejectedError, match="motions"):
+    for wrong in (put(said, "clearances", "own", to={"base": 1.0}), put(said, "bodies", -1, "joint", to=0)):
+        with pytest.raises(RejectedError, match=r"of no obstacle|no joint that may carry it"):
             World(wrong, {})
-    old = {**said, "hdplan_world": 1}
-    with pytest.raises(RejectedError, match="the world is not of version 2"):
+    old = {**said, "hdplan_world": 2}
+    with pytest.raises(RejectedError, match="the world is not of version 3"):
         accept(old, forge(said, {}, []))
 
 
@@ -107,12 +108,12 @@ def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: P
     np.save(tmp_path / "v.npy", np.ones((1, 1, 1), dtype=bool))
     voxels = {"name": "fore", "voxels": {"file": "v.npy", "size": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
     given = files(tmp_path, {"obstacles": [voxels]})
-    boxes = {"type": "boxes", "low": [[0.0, 0.0, 0.0]], "high": [[0.1, 0.1, 0.1]]}
+    boxes = {**hull([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)]), "parts": [[*range(8)]]}
     honest = read_world(*files(tmp_path / "other", {})).world
     told = put(honest, "bodies", -1, to={**honest["bodies"][-1], "name": "fore", "shape": boxes})
     reading = read_world(*given, told)
     assert reading.world["bodies"][-1]["shape"] == boxes
-    assert [x["shape"]["type"] for x in reading.world["bodies"]] == ["box", "box", "sphere", "box", "boxes"]
+    assert [kind_of(x["shape"])[0] for x in reading.world["bodies"]] == ["box", "box", "sphere", "box", "boxes"]
 
 
 @pytest.mark.parametrize("seed", range(6))

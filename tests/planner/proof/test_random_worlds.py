@@ -22,8 +22,11 @@ from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.yaml_format.reader import read_robot
-from hdplan.verify.balls import dot
+from hdplan.verify.balls import HERE, Ball, dot
 from hdplan.verify.kernel import Motion
+from hdplan.verify.moving import joints_of
+from hdplan.verify.scene import frame as frame_of
+from hdplan.verify.scene import hull
 from hdplan.verify.world import World
 
 from .worlds import read, read_and_planned
@@ -201,34 +204,33 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
             assert min(own) == pytest.approx(min(away(*part) for part in parts), abs=1e-4)
 
 
-def frame(turn: Rotation, at: Any, off: float) -> dict[str, Any]:
-    return {"rotation": turn.as_matrix().ravel().tolist(), "position": np.asarray(at).tolist(), "off": off}
-
-
 def test_turns_of_any_angle_are_enclosed() -> None:
     """Of an obstacle between poses that are hardly turned, or far."""
-    rng, nothing = np.random.default_rng(5), frame(Rotation.identity(), [0.0] * 3, 0.0)
+    rng, nothing = np.random.default_rng(5), frame_of(HERE)
     joint = {"name": "j", "parent": -1, "kind": "prismatic", **nothing, "axis": [0.0, 0.0, 1.0], "follows": None}
-    body = {"name": "o", "kind": "obstacle", "joint": -1, **nothing, "shape": {"type": "sphere", "radius": 0.1}}
+    body = {"name": "o", "kind": "obstacle", "shape": hull([[0.0] * 3], 0.1, 0.1, 0.1)}
     for _ in range(200):
         turns = [Rotation.random(rng=rng)]
         for power in rng.uniform(-18, 0.48, 3):
             axis = rng.normal(size=3)
             turns.append(Rotation.from_rotvec(10.0**power * axis / np.linalg.norm(axis)) * turns[-1])
-        places, off = rng.uniform(-1, 1, (4, 3)), float(rng.choice([1e-15, 1e-11]))
-        way = {"times": [0.0, 1.0, 2.0, 3.0], "frames": [frame(*x, off) for x in zip(turns, places, strict=True)]}
+        times, off = [0.0, 1.0, 2.0, 3.0], float(rng.choice([1e-15, 1e-13]))
+        poses = [(Ball(x.as_matrix(), off), Ball(rng.uniform(-1, 1, 3), off)) for x in turns]
+        carriers, place = joints_of({"times": times, "poses": poses}, times, "o")
+        carried = {**body, "joint": len(carriers), **frame_of(place)}
+        tracks = [{**x, "parent": x["parent"] + 1 or -1} for x in carriers]
         world = World(
             {
-                "hdplan_world": 2, "joints": [joint], "held": {}, "links": {}, "bodies": [body], "motions": {"o": way},
+                "hdplan_world": 3, "joints": [joint], "held": {}, "links": {}, "bodies": [carried], "tracks": tracks,
                 "not_compared": [], "clearances": {"obstacles": 0.0, "own": {}, "self": 0.0}, "limits": {}, "path": [],
-                "motion": {"rule": "linear", "times": way["times"], "positions": [[0.0]] * 4},
+                "motion": {"rule": "linear", "times": times, "positions": [[0.0]] * 4},
                 "start": [], "goal": [], "duration": None, "also": [],
             },
             {},
         )  # fmt: skip
-        times = np.rint(rng.uniform(0, 3, 20) * 2**30) / 2**30
-        found, piece = Motion(world, times[:, None] + [0.0, 2.0**-30]), world.pieces[0]
+        now = np.rint(rng.uniform(0, 3, 20) * 2**30) / 2**30
+        found, piece = Motion(world, now[:, None] + [0.0, 2.0**-30]), world.pieces[0]
         turned = dot("kij,jl->kil", found.turn[:, piece.joint], piece.pose[0])
-        away = np.abs(turned.mid - Slerp(way["times"], Rotation.concatenate(turns))(times + 2.0**-31).as_matrix())
+        away = np.abs(turned.mid - Slerp(times, Rotation.concatenate(turns))(now + 2.0**-31).as_matrix())
         assert (away <= turned.rad + 1e-14).all()
         assert turned.rad.max() <= 1e-5

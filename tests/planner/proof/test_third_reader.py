@@ -33,6 +33,8 @@ from hdplan.verify.kernel import Motion
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import World
 
+from .worlds import kind_of
+
 Array = NDArray[np.float64]
 Random = np.random.Generator
 
@@ -192,13 +194,12 @@ def corners_of(mesh: Any, file: str) -> Array:
 
 def same_shape(said: dict[str, Any], third: Shape, file: str = "") -> None:
     """Assert that a world's shape is coal's: kind and sizes, or triangles as sets of three points."""
-    kind, numbers = third
-    assert said["type"] == kind
-    if kind != "mesh":
-        own = [said[x] for x in SIZES if x in said]
-        np.testing.assert_allclose(np.hstack(own), numbers, rtol=1e-15)
+    (own, sizes), (kind, numbers) = kind_of(said), third
+    if kind == own != "mesh":
+        np.testing.assert_allclose(sizes, np.ravel(numbers), rtol=1e-15)
         return
-    corners = np.array(said["points"])[np.array(said["triangles"])]
+    assert own == kind
+    corners = np.array(said["points"])[np.array(said["parts"])]
     off = 0.0 if binary(file) else SINGLE * np.abs(corners).max()
     proper = (numbers != np.roll(numbers, 1, axis=1)).any(axis=2).all(axis=1)
     one, two = _rows(corners), _rows(numbers[proper])

@@ -205,7 +205,7 @@ def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
 
 
 def test_rows_farther_apart_than_the_scene_says_are_named(tmp_path: Path) -> None:
-    for rate, rows, said in ((2, 5, ""), (2, 4, "up to 0.666667 s apart, 2 in a second"), (None, 2, "")):
+    for rate, rows, said in ((2, 5, ""), (2, 4, "up to 0.6666666666666667 s apart, 2 in a second"), (None, 2, "")):
         timing = {"duration": 2} | ({} if rate is None else {"rate": rate})
         share = np.linspace(0, 1, rows)[:, None]
         way = (1 - share) * np.array(MOTION["positions"][:1]) + share * np.array(MOTION["positions"][1:])

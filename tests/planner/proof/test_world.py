@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -99,24 +99,33 @@ def test_worlds_are_plain_and_complete(name: str) -> None:
     names, rows = sweep.bodies.names, zip(sweep.pairs.a.tolist(), sweep.pairs.b.tolist(), strict=True)
     compared = {tuple(sorted((names[a], names[b]))) for a, b in rows}
     assert {*pairs} == every - compared
-    still = {each["name"] for each in found["bodies"] if each["joint"] == -1 and each["name"] not in found["motions"]}
+    still = {each["name"] for each in found["bodies"] if each["joint"] == -1}
     assert not any({*pair} <= still for pair in compared)  # nor what stands still beside an obstacle that does
 
 
 def test_shapes_are_those_of_the_page() -> None:
-    said = re.findall(r'`\{"type": "(\w+)"(.*?)\}`', PAGE.replace("\n", " "))
-    keys = {kind: {"type", *re.findall(r'"(\w+)"', rest)} for kind, rest in said}
-    shapes: list[Shape | Cloud | Voxels] = [
-        Box([0.1, 0.2, 0.3]), Sphere(0.1), Ellipsoid([0.1, 0.2, 0.3]), Cylinder(0.1, 0.2), Capsule(0.1, 0.0),
-        Points(CORNERS), Cloud(CORNERS, 0.01), Voxels(np.ones((1, 1, 2), dtype=bool), 0.1),
-    ]  # fmt: skip
-    scene = load_scene("panda_table_pick")
-    scene = scene.with_obstacles([*scene.obstacles, *shapes])
-    found = {each["shape"]["type"]: each["shape"] for each in world(scene)["bodies"] if each["kind"] == "obstacle"}
-    assert {kind: {*shape} for kind, shape in found.items()} == keys
-    assert {*keys} == {*(kind.__name__.lower() for kind in get_args(Shape)), "balls", "boxes"}
-    assert found["points"]["points"] == CORNERS
-    assert found["box"]["size"] == [0.1, 0.2, 0.3]
+    cube = [[x, y, z] for x in (-0.05, 0.05) for y in (-0.1, 0.1) for z in (-0.15, 0.15)]
+    ends = [[0.0, 0.0, -0.1], [0.0, 0.0, 0.1]]
+    cells = [[x, y, z] for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.1)]
+    shapes: dict[Shape | Cloud | Voxels, tuple[Any, Any, Any]] = {
+        Box([0.1, 0.2, 0.3]): (cube, None, [[0.0] * 3]),
+        Sphere(0.1): ([[0.0] * 3], None, [[0.1] * 3]),
+        Ellipsoid([0.1, 0.2, 0.3]): ([[0.0] * 3], None, [[0.1, 0.2, 0.3]]),
+        Cylinder(0.1, 0.2): (ends, None, [[0.1, 0.1, 0.0]]),
+        Capsule(0.1, 0.2): (ends, None, [[0.1] * 3]),
+        Points(CORNERS): (CORNERS, None, [[0.0] * 3]),
+        Cloud(CORNERS, 0.01): (None, [[i] for i in range(4)], [[0.01] * 3] * 4),
+        Voxels(np.ones((1, 1, 1), dtype=bool), 0.1): (cells, [[*range(8)]], [[0.0] * 3]),
+    }
+    scene = load_scene("panda_cup")
+    scene = replace(scene, obstacles=[*shapes])
+    found = [each["shape"] for each in world(scene)["bodies"] if each["kind"] == "obstacle"]
+    said = re.findall(r"`(\w+)`", PAGE[PAGE.index("A **shape**") : PAGE.index("A mesh is scaled first")])
+    for shape, (kind, (points, parts, sweep)) in zip(found, shapes.items(), strict=True):
+        assert [*shape] == ["points", "parts", "sweep", "off"]
+        assert type(kind).__name__.lower() in said
+        assert points is None or np.abs(np.array(shape["points"]) - points).max() < 1e-15
+        assert (shape["parts"], shape["sweep"], shape["off"]) == (parts, sweep, 0.0)
 
 
 # --- its numbers ------------------------------------------------------------------------------------------------------
@@ -279,7 +288,7 @@ def test_meshes_are_those_of_their_files_in_order(tmp_path: Path) -> None:
         for body, factors in zip(world(scene)["bodies"], (scale, np.abs(scale)), strict=True):
             expected = (points * factors)[rows[:, :: -1 if np.prod(factors) < 0 else 1]]
             proper = [len({tuple(corner) for corner in each}) == 3 for each in (expected + 0.0).tolist()]
-            corners = np.array(body["shape"]["triangles"])
+            corners = np.array(body["shape"]["parts"])
             np.testing.assert_array_equal(np.array(body["shape"]["points"])[corners], expected[proper])
             first = np.unique(corners, return_index=True)[1]
             assert (np.diff(first) > 0).all()
@@ -377,9 +386,9 @@ CHANGES: dict[str, tuple[str, Callable[[World], None], str]] = {  # scene, chang
     "torque": ("panda_heavy", put("limits", "torque", to=80), "limits"),
     "mass": ("panda_heavy", put("attached", 0, "mass", to=more), "loads"),
     "payload": ("ur5_payload", put("payload", "com", 0, to=more), "loads"),
-    "speed of a carton": ("panda_conveyor", put("obstacles", 1, "motion", "velocity", 0, to=more), "motions"),
-    "way of a gate": ("panda_conveyor", put("obstacles", 3, "motion", "poses", 1, "position", 0, to=more), "motions"),
-    "duration": ("panda_conveyor", put("timing", "duration", to=more), "duration motion"),
+    "speed of a carton": ("panda_conveyor", put("obstacles", 1, "motion", "velocity", 0, to=more), "tracks"),
+    "way of a gate": ("panda_conveyor", put("obstacles", 3, "motion", "poses", 1, "position", 0, to=more), "tracks"),
+    "duration": ("panda_conveyor", put("timing", "duration", to=more), "duration motion tracks"),
 }
 
 

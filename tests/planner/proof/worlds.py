@@ -38,6 +38,23 @@ def read_and_planned(setup: Setup, scene: Path, motion: Path, cuts: dict[str, An
         return World(found, cuts or {})
 
 
+def kind_of(shape: dict[str, Any]) -> tuple[str, list[float]]:
+    """What a world's shape is to those who know kinds of shapes, and its sizes."""
+    points, sweep, parts = np.array(shape["points"]), np.array(shape["sweep"]), shape["parts"]
+    if parts is not None:
+        return {1: "balls", 3: "mesh", 8: "boxes"}[len(parts[0])], []
+    (radii,), half = sweep, np.abs(points[0])
+    if not radii.any():
+        corners = [[x, y, z] for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (-half[2], half[2])]
+        box = len(points) == 8 and (points == corners).all()
+        return ("box", (2 * half).tolist()) if box else ("points", points.ravel().tolist())
+    assert (points == [[0.0, 0.0, -half[2]], [0.0, 0.0, half[2]]][: len(points)]).all()
+    assert radii[0] == radii[1] or len(points) == 1
+    if len(points) == 1:
+        return ("ellipsoid", radii.tolist()) if (radii != radii[0]).any() else ("sphere", radii[:1].tolist())
+    return "capsule" if radii[2] == radii[0] else "cylinder", [radii[0], 2 * half[2]]
+
+
 def unpacked(proof: bytes) -> tuple[dict[str, Any], dict[str, Any], bytes]:
     """Head, world and arrays of a proof's content."""
     head, world, rest = zlib.decompress(proof[len(MAGIC) :]).split(b"\n", 2)
