@@ -32,7 +32,7 @@ from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import need
 from hdplan.verify.checking import verdict_of
-from hdplan.verify.compare import check_equal, digest
+from hdplan.verify.compare import check_equal, digest, plain
 from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
@@ -194,7 +194,8 @@ class _Writer:
             (np.array([row for row, _ in missing]), "<u4"),
             (np.array([way for _, way in missing]), "<i4"),
         )
-        lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self._told())]
+        written = (head, self._told())
+        lines = [json.dumps(each, allow_nan=False, separators=(",", ":"), default=plain) for each in written]
         content = "".join(f"{line}\n" for line in lines).encode()
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), QUICK)
         read, told, _, trees = unpack(data)
@@ -209,13 +210,10 @@ class _Writer:
         for body, other in zip(self.planned["bodies"], self.reading.world["bodies"], strict=True):
             own, read = body["shape"], other["shape"]
             taken = own is read or own.get("points") is read.get("points")  # from hdplan's world, not from a file
-            same = own["type"] == read["type"] == "mesh" and not taken and _numbers(own) == _numbers(read)
+            same = own["type"] == read["type"] == "mesh" and not taken
+            same = same and all(np.array_equal(own[key], read[key]) for key in ("points", "triangles"))
             bodies.append({**body, "shape": digest(own)} if same else body)
         return {**self.planned, "bodies": bodies}
-
-
-def _numbers(mesh: dict[str, Any]) -> tuple[Any, Any]:
-    return mesh["points"], mesh["triangles"]
 
 
 def _less(clearance: float | None, asked: float) -> float:

@@ -65,10 +65,10 @@ def plain_shape(shape: Shape | Seen) -> Plain:
     """Return the shape of an obstacle or a held object whose file was read."""
     if isinstance(shape, Cloud):
         balls = balls_in(shape).array
-        return {"type": "balls", "points": numbers(balls[:, :3]), "radii": numbers(balls[:, 3])}
+        return {"type": "balls", "points": balls[:, :3], "radii": balls[:, 3]}
     if isinstance(shape, Voxels | OctoMap):
         boxes = boxes_in(shape).array
-        return {"type": "boxes", "low": numbers(boxes[:, :3]), "high": numbers(boxes[:, 3:])}
+        return {"type": "boxes", "low": boxes[:, :3], "high": boxes[:, 3:]}
     operations(shape)  # refuses what it does not know
     if isinstance(shape, ReadMesh):
         return plain_mesh(ordered(shape.mesh))
@@ -96,4 +96,4 @@ def ordered(mesh: TriangleMesh) -> TriangleMesh:
 def plain_mesh(mesh: TriangleMesh) -> Plain:
     """Return a mesh whose points are `ordered`."""
     points = mesh.vertices
-    return {"type": "mesh", "points": points.tolist(), "triangles": mesh.triangles.tolist(), "off": off(points)}
+    return {"type": "mesh", "points": points, "triangles": mesh.triangles.astype(np.int64), "off": off(points)}

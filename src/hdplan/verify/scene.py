@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Pose, dot, named, need, unit
+from .balls import EPS, HERE, Ball, Pose, named, need, unit
 from .meshes import KINDS, triangles
 from .robot import decimal, rpy
 from .text import Files, listing, mapping, values, yaml_of
@@ -62,14 +62,27 @@ def pose_of(value: Any, what: str) -> Pose:
         given = values(keys["quaternion_xyzw"], 4, what)
         need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
         if given[:3].any():  # or else it is not turned
-            q = unit(decimal(given))
-            k = dot("ijk,k->ij", CROSS, q[:3])
-            turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+            turn = turned_by(*given.tolist())
     elif "rpy" in keys:
         need(type(keys["rpy"]) is list, f"{what}.rpy: three numbers are expected")
         turn = rpy(values(keys["rpy"], 3, what))
     need(type(keys.get("position", [])) is list, f"{what}.position: three numbers are expected")
-    return turn, decimal(values(keys.get("position", [0.0] * 3), 3, what))
+    at = values(keys.get("position", [0.0] * 3), 3, what)
+    return HERE if turn is HERE[0] and not at.any() else (turn, decimal(at))
+
+
+def turned_by(x: float, y: float, z: float, w: float) -> Ball:
+    """The rotation by a quaternion of about unit length, in decimals: 1 + (w K + K^2) 2 / |q|^2, K the cross product's
+    matrix of (x, y, z). 2 / |q|^2 is off by 5 roundings, each of the 9 sums times it is at most 2 and off by 2 more, or
+    by 3 on the diagonal: by less than 20 EPS. What the decimals are off turns q by at most EPS, and its rotation by
+    twice that."""
+    f = 2.0 / (x * x + y * y + z * z + w * w)
+    rows = (
+        (1.0 - f * (y * y + z * z), f * (x * y - w * z), f * (x * z + w * y)),
+        (f * (x * y + w * z), 1.0 - f * (x * x + z * z), f * (y * z - w * x)),
+        (f * (x * z - w * y), f * (y * z + w * x), 1.0 - f * (x * x + y * y)),
+    )
+    return Ball(np.array(rows), 32 * EPS)
 
 
 def frame(pose: Pose) -> dict[str, Any]:
@@ -129,10 +142,10 @@ def mesh_of(
 
 
 def mesh(path: Path, data: bytes, scale: Any, upright: bool) -> dict[str, Any]:
-    """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
-    equal corners left out; named backwards where the scale mirrors."""
+    """The triangles of a mesh file as a world has them, in arrays that cannot be written: points in the order of their
+    first use, triangles with two equal corners left out; named backwards where the scale mirrors."""
     points, faces, off = _merged(path, data, tuple(scale.tolist()), upright)
-    return {"type": "mesh", "points": points.tolist(), "triangles": faces.tolist(), "off": off}
+    return {"type": "mesh", "points": points, "triangles": faces, "off": off}
 
 
 @functools.lru_cache(maxsize=256)  # by the content of files, which are read each time
@@ -151,7 +164,10 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
     order = used[np.argsort(first)]
     where = np.zeros(index.max() + 1, dtype=np.int64)
     where[order] = np.arange(len(order))
-    return distinct[order], where[faces], off
+    found = distinct[order], where[faces]
+    for each in found:
+        each.flags.writeable = False
+    return *found, off
 
 
 def obstacles(

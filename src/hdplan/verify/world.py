@@ -40,10 +40,15 @@ def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
         flat = value if shape else [value]
-        for _ in shape[1:]:
+        for _ in shape[1:] * (type(value) is list):
             flat = list(chain.from_iterable(flat))
-        found, kinds = np.array(value, dtype=np.float64), {*map(type, flat)}
-        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < 1e9).all())
+        found = np.array(value, dtype=np.float64)
+        kinds = {value.dtype.type} if type(value) is np.ndarray else {*map(type, flat)}
+        good = (
+            kinds <= {int, float, np.int64, np.float64}
+            and found.ndim == len(shape)
+            and bool((np.abs(found) < 1e9).all())
+        )
         good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
     except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
