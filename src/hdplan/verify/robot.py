@@ -102,7 +102,7 @@ class Tree:
         self.links = [*self.elements, *(BASE if base is not None else ())]
         need(len(self.above) == len(self.joints), f"{path}: two joints carry one link")
         self.root = next((x for x in self.links if x not in self.above), "")
-        self._under, self._shapes = dict[str, list[str]](), dict[str, Any]()
+        self._under, self._shapes = dict[str, list[str]](), dict[str, list[Any]]()
         for name in sorted(self.joints, reverse=True):
             self._under.setdefault(self.joints[name].parent, []).append(name)
         self.order = list[str]()  # of all joints: depth first, by name
@@ -201,7 +201,7 @@ class Tree:
         """The collision geometry of a link: frame, kind and sizes in words."""
         if link in self._shapes:
             return self._shapes[link]
-        found, where = [], f"link '{link}'"
+        found, where = list[Any](), f"link '{link}'"
         for each in self.elements[link].findall("collision") if link in self.elements else []:
             attributes(each, where, "name")
             part = children(each, where, "origin geometry", "", "material surface verbose")

@@ -164,10 +164,9 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
     order = used[np.argsort(first)]
     where = np.zeros(index.max() + 1, dtype=np.int64)
     where[order] = np.arange(len(order))
-    found = distinct[order], where[faces]
-    for each in found:
-        each.flags.writeable = False
-    return *found, off
+    points, faces = distinct[order], where[faces]
+    points.flags.writeable = faces.flags.writeable = False
+    return points, faces, off
 
 
 def obstacles(

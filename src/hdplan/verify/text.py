@@ -142,8 +142,8 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
                 value, begins = made.pop(), begun.pop()
                 value = merged(value) if isinstance(event, yaml.MappingEndEvent) else value
             elif isinstance(event, yaml.AliasEvent):
-                need(event.anchor in anchors, "YAML: an alias of what is not there, or not yet")
-                made[-1].append(anchors[event.anchor])
+                need(str(event.anchor) in anchors, "YAML: an alias of what is not there, or not yet")
+                made[-1].append(anchors[str(event.anchor)])
                 continue
             else:
                 continue

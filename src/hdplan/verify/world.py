@@ -39,17 +39,13 @@ FRAME = "joint rotation position off"
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
-        flat = value if shape else [value]
+        found, flat = np.array(value, dtype=np.float64), value if shape else [value]
         for _ in shape[1:] * (type(value) is list):
             flat = list(chain.from_iterable(flat))
-        found = np.array(value, dtype=np.float64)
         kinds = {value.dtype.type} if type(value) is np.ndarray else {*map(type, flat)}
-        good = (
-            kinds <= {int, float, np.int64, np.float64}
-            and found.ndim == len(shape)
-            and bool((np.abs(found) < 1e9).all())
-        )
-        good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
+        good = kinds <= {int, float, np.int64, np.float64} and found.ndim == len(shape)
+        good = good and (found.shape == shape or all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True)))
+        good = good and bool(np.abs(found).max(initial=0.0) < 1e9)
     except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
     need(good, f"{what}: {shape or 'one'} finite numbers are expected")
@@ -58,7 +54,8 @@ def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
 
 def number(value: Any, what: str) -> float:
     """A finite number."""
-    return float(numbers(value, (), what))
+    need(type(value) in (int, float) and abs(value) < 1e9, f"{what}: one finite number is expected")
+    return float(value)
 
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
@@ -102,9 +99,10 @@ def frame(place: list[Any], what: str) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
     rotation, position, off = place
     r, at, e = numbers(rotation, (9,), what).reshape(3, 3), numbers(position, (3,), what), off_of(off, what)
-    slack = 20 * e + 1e-14
-    need((np.abs(r @ r.T - np.eye(3)) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
-    return Ball(r, e), Ball(at, e)
+    x, y, z = r.tolist()
+    right = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1] + (x[0] * y[1] - x[1] * y[0]) * z[2]
+    need(np.abs(r @ r.T - HERE[0].mid).max() <= 20 * e + 1e-14 and right > 0, f"{what}: is no rotation")
+    return Ball(r, np.full((3, 3), e)), Ball(at, np.full(3, e))
 
 
 def shape_of(value: Any, what: str) -> tuple[Any, Any, float, Any]:
@@ -291,14 +289,16 @@ class World:
         if parts is None:
             self.pieces.append(Piece(*own, points, off, sweep))
             return
-        self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
-        need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
-        labels, inverse = np.unique(groups, return_inverse=True)
-        order = np.argsort(inverse, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(inverse[order])) + 1):
+        self.parts[key], groups = points[parts], self.cuts.get(key)
+        divided: list[Any] = [slice(None)]
+        if groups is not None:
+            need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
+            order = np.argsort(groups, kind="stable")
+            divided = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+        for rows in divided:
             size = sweep[rows].max(axis=0) if sweep.ndim == 2 else sweep
             self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
-        if shape["type"] == "mesh" and len(labels) > 1:
+        if shape["type"] == "mesh" and len(divided) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
     def read_motion(self, said: Any) -> None:
