@@ -7,7 +7,6 @@ checker's own bound. A mesh whose hull is too close is divided into groups of tr
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import zlib
 from dataclasses import dataclass
@@ -104,7 +103,7 @@ class _Writer:
             for number, body in enumerate(reading.world["bodies"])
             if (cells := groups_of(body["shape"])) is not None
         }
-        self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
+        self.known = dict[Any, tuple[Rows, Array]]()  # depths and normals by pieces
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
@@ -131,10 +130,10 @@ class _Writer:
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
-        for p in new.tolist():
+        ends = (np.searchsorted(leaves.pair, new, side=side).tolist() for side in ("left", "right"))
+        for p, begin, end in zip(new.tolist(), *ends, strict=True):
             if p not in without:
-                rows = slice(*np.searchsorted(leaves.pair, [p, p + 1]).tolist())
-                self.known[pairs[p]] = leaves.depth[rows], leaves.normal[rows]
+                self.known[pairs[p]] = leaves.depth[begin:end], leaves.normal[begin:end]
         self.found = [self.known.get(key) for key in pairs]
         return lost
 
@@ -223,6 +222,6 @@ def _less(clearance: float | None, asked: float) -> float:
     return max(asked, clearance - min(0.9 * SHORT, 0.5 * clearance))
 
 
-def _identity(piece: Piece) -> bytes:
+def _identity(piece: Piece) -> tuple[int, bytes]:
     """What tells a piece from others, also in another division of its mesh."""
-    return hashlib.sha256(f"{piece.body} ".encode() + piece.corners.tobytes()).digest()
+    return piece.body, piece.corners.tobytes()

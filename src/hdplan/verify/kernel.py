@@ -161,10 +161,10 @@ class Motion:
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
         at, axis = self.at[:, None, :-1], self.axis[:, None]
-        x, i, j = ends.mid[:, :, None] - at.mid, [1, 2, 0], [2, 0, 1]
+        x, one, two = ends.mid[:, :, None] - at.mid, [1, 2, 0], [2, 0, 1]
         size, long, tilt = norm(x), norm(axis.mid), norm(axis.rad)
         off = norm(ends.rad)[:, :, None] + norm(at.rad) + EPS * size
-        away = norm(x[..., i] * axis.mid[..., j] - x[..., j] * axis.mid[..., i])  # from each axis: |x times z|
+        away = norm(x[..., one] * axis.mid[..., two] - x[..., two] * axis.mid[..., one])  # from each axis: |x times z|
         away = up(away + off * (long + tilt) + size * (tilt + 8 * EPS * long))
         after = np.zeros(ends.mid.shape[:2])
         for j in reversed(range(carried.shape[1])):

@@ -14,7 +14,7 @@ import numpy as np
 from .balls import EPS, HERE, Ball, Pose, named, need, unit
 from .meshes import KINDS, triangles
 from .robot import decimal, rpy
-from .text import Files, listing, mapping, values, yaml_of
+from .text import LARGEST, Files, listing, mapping, values, yaml_of
 
 SECTIONS = "hdplan robot obstacles attached start goal from_request self_collision limits payload path timing planner"
 PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
@@ -41,8 +41,8 @@ def read_scene(path: Path, data: bytes) -> dict[str, Any]:
 
 def one(value: Any, what: str) -> float:
     """A number."""
-    need(type(value) in (int, float), f"{what}: a number is expected")
-    return float(values(value, 1, what)[0])
+    need(type(value) in (int, float) and abs(value) < LARGEST, f"{what}: a finite number is expected")
+    return float(value)
 
 
 def word(value: Any, what: str) -> str:

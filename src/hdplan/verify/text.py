@@ -130,8 +130,8 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         anchors = dict[str, Any]()
         for event in iter(self.get_event, None):
             begins = event
-            if isinstance(event, yaml.ScalarEvent):
-                value = self.scalar(event, isinstance(begun[-1], yaml.MappingStartEvent) and len(made[-1]) % 2 == 0)
+            if type(event) is yaml.ScalarEvent:
+                value = self.scalar(event, len(made[-1]) % 2 == 0 and isinstance(begun[-1], yaml.MappingStartEvent))
             elif isinstance(event, yaml.CollectionStartEvent):
                 need(len(begun) <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
                 need(event.tag in (None, "!", TAG + "map", TAG + "seq"), f"YAML: the tag {event.tag}")
@@ -164,6 +164,8 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
             return word
         if kind == "merge" and key:
             return MERGE
+        if kind == "bool":
+            return self.bool_values[word.lower()]
         if kind not in ("int", "float"):
             return self.construct_object(yaml.ScalarNode(tag, word))
         infinite = word.lower() in (".inf", "+.inf", "-.inf")
