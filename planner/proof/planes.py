@@ -118,15 +118,20 @@ class Planes:
     def _directions(self, nodes: Intervals, items: Items, floor: Array) -> tuple[Array, Array]:
         """Return coal's directions at the middles of intervals and about the distances of the hulls, looked at again
         where coal is to be doubted."""
-        a, b = self.spans.pairs.a[items.pair].tolist(), self.spans.pairs.b[items.pair].tolist()
-        places = [nodes.row(items.node, body[items.pair]).tolist() for body in (self.spans.pairs.a, self.spans.pairs.b)]
-        asked = [*zip(a, b, *places, strict=True)]
-        one, two, transform = [self.shapes[i][0] for i in a], [self.shapes[i][0] for i in b], nodes.transform
-        normal, distance = directions(zip(one, map(transform, places[0]), two, map(transform, places[1]), strict=True))
-        distance += [self.shapes[i][1] + self.shapes[j][1] for i, j in zip(a, b, strict=True)]
-        flat = [isinstance(x, coal.BVHModelBase) or isinstance(y, coal.BVHModelBase) for x, y in zip(one, two, strict=True)]
-        for i in np.flatnonzero(~(distance >= floor) | flat).tolist():
-            normal[i], distance[i] = self._direction(nodes, *asked[i], floor[i])
+        of = self.spans.pairs.a[items.pair], self.spans.pairs.b[items.pair]
+        (a, row_a), (b, row_b) = ((each.tolist(), nodes.row(items.node, each).tolist()) for each in of)
+        one, two = ([self.shapes[i] for i in each] for each in (a, b))
+        normal, distance = directions(
+            (x, nodes.transform(row), y, nodes.transform(other))
+            for (x, _), row, (y, _), other in zip(one, row_a, two, row_b, strict=True)
+        )
+        distance += [swollen + more for (_, swollen), (_, more) in zip(one, two, strict=True)]
+        trees = [
+            isinstance(x, coal.BVHModelBase) or isinstance(y, coal.BVHModelBase)
+            for (x, _), (y, _) in zip(one, two, strict=True)
+        ]
+        for i in np.flatnonzero(~(distance >= floor) | trees).tolist():  # trees have no normals
+            normal[i], distance[i] = self._direction(nodes, a[i], b[i], row_a[i], row_b[i], floor[i])
         return normal, distance
 
     def _direction(

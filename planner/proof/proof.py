@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 import zlib
 from dataclasses import dataclass
 from typing import Any
@@ -54,6 +55,7 @@ class Proof:
     text: str  # what is proven, in the checker's words
     certificate: Certificate  # that it was made from
     leaves: int  # of all pairs
+    checking: float  # [s] of the processor that the checker took: its own reading of the files, and what was written
 
     def save(self, path: FilePath) -> None:
         """Write the file, whole or not at all. Raises InputError for a path that cannot be written."""
@@ -86,9 +88,10 @@ def prove(
         raise NotProvenError(certificate.text)
     planned = world_of(setup, motion)
     try:
+        began = time.process_time()
         reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
         check_equal(reading.world, planned)
-        return _Writer(setup, planned, reading).write(certificate, asked)
+        return _Writer(setup, planned, reading, time.process_time() - began).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
 
@@ -96,8 +99,8 @@ def prove(
 class _Writer:
     """The proof of one motion in the making."""
 
-    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
-        self.setup, self.planned, self.reading = setup, planned, reading
+    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading, took: float) -> None:
+        self.setup, self.planned, self.reading, self.took = setup, planned, reading, took
         self.cuts: dict[str, Any] = {
             str(number): cells
             for number, body in enumerate(reading.world["bodies"])
@@ -197,10 +200,12 @@ class _Writer:
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":"), default=plain) for each in written]
         content = "".join(f"{line}\n" for line in lines).encode()
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), QUICK)
+        began = time.process_time()
         read, told, _, trees = unpack(data)
         need(told == lines[1].encode(), "the file is not what was to be written")
         check_apart(world, read, trees)  # what was written, in the world that was read already
-        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"])
+        took = self.took + time.process_time() - began
+        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"], took)
 
     def _told(self) -> dict[str, Any]:
         """Return the world in which hdplan planned, with the digest alone of each mesh that the checker reads itself,

@@ -259,7 +259,8 @@ class Motion:
         world, most, order = self.world, np.empty(d.mid.shape[:2]), np.argsort(body, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
             corners = world.pieces[body[rows[0]]].corners
-            for part in np.array_split(rows, 1 + 2 * len(rows) * len(corners) // 4_000_000):
+            count = 1 + 2_000_000 // len(corners)
+            for part in (rows[i : i + count] for i in range(0, len(rows), count)):
                 most[:, part] = (d.mid[:, part] @ corners.T).max(axis=2)
         off = (d.rad + 8 * EPS * np.abs(d.mid)) * picked(world.size, body) + d.size * world.off[body, None]
         return above(most, up(off.sum(axis=2) + norm(picked(world.sweep, body) * d.size)))
