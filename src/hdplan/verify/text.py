@@ -5,6 +5,7 @@ Nothing here is shared with hdplan's own readers. What could be read in two ways
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 import xml.etree.ElementTree as ElementTree
@@ -21,6 +22,7 @@ DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Py
 SPACE = " \t\n\r\f\v"
 LARGEST = 1e9  # of numbers
 DEEPEST = 64  # levels of lists and mappings
+RULES: Any = yaml.SafeLoader("")  # by which words without quotes are taken for numbers or other values
 TAG, MERGE = "tag:yaml.org,2002:", object()  # of YAML's own kinds of values; the key `<<`
 
 
@@ -158,7 +160,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         """A word, or a number in decimal digits; MERGE for a key that merges."""
         word, tag = event.value, event.tag
         if tag in (None, "!"):
-            tag = self.resolve(yaml.ScalarNode, word, event.implicit)
+            tag = plain_tag(word) if event.implicit[0] else f"{TAG}str"
         kind = tag.removeprefix(TAG)
         if kind == "str":
             return word
@@ -172,6 +174,12 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         good = DECIMAL.fullmatch(word) or (infinite and kind == "float")
         need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is no number in decimal digits")
         return int(word) if kind == "int" else float(word.replace(".", "") if infinite else word)
+
+
+@functools.lru_cache(maxsize=4096)  # keys are the same in every file
+def plain_tag(word: str) -> str:
+    """The tag of a word without quotes."""
+    return str(RULES.resolve(yaml.ScalarNode, word, (True, False)))
 
 
 def merged(parts: list[Any]) -> dict[str, Any]:

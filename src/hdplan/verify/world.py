@@ -179,11 +179,6 @@ class Bond:
     along: Ball | None = None
 
 
-def box_centre(piece: Piece) -> Any:
-    """The middle (3,) of the box around a piece's corners, nearly."""
-    return (piece.corners.min(axis=0) + piece.corners.max(axis=0)) / 2
-
-
 def track(times: list[float], values: list[Ball], now: float) -> Ball:
     """What is linear between times and constant outside of them."""
     if not times[0] < now < times[-1]:
@@ -439,10 +434,15 @@ class World:
         self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
         self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
         self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
-        self.size, middle = of(lambda x: np.abs(x.corners).max(axis=0), 3), of(box_centre, 3)
+        corners = np.concatenate([np.zeros((0, 3)), *(x.corners for x in self.pieces)])
+        count = of(lambda x: len(x.corners)).astype(int)
+        begins, piece = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
+        self.size = np.maximum.reduceat(np.abs(corners), begins)
+        low, high = np.minimum.reduceat(corners, begins), np.maximum.reduceat(corners, begins)
+        middle = (low + high) / 2  # of the box around the corners, nearly
         self.centers = dot("gij,gj->gi", self.turn, middle) + self.at
-        away = of(lambda x: norm(up(np.abs(x.corners - box_centre(x)) + x.off)).max())
-        self.radii = up(away + self.sweep.max(axis=1))
+        away = norm(up(np.abs(corners - middle[piece]) + self.off[piece, None]))
+        self.radii = up(np.maximum.reduceat(away, begins) + self.sweep.max(axis=1))
         self.movers = np.flatnonzero(self.joint >= 0)  # the pieces that move
         self.slot = np.cumsum(self.joint >= 0) - 1  # of each of these among them
 
