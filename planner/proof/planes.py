@@ -7,13 +7,13 @@ one is halved, as the kernel halves it. What is found the kernel examines before
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import coal
 import numpy as np
 
+from hdplan.planner.certificate.exact_proximity import directions
 from hdplan.planner.certificate.interval_bounds import Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
@@ -27,6 +27,7 @@ from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
+COMMON = 4  # levels of the trees, on whose intervals bodies are placed at once
 FEW = 60  # items that are divided twice before they are examined again
 AT_ONCE = 20_000  # leaves examined together
 NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
@@ -66,6 +67,7 @@ class Planes:
         """Return planes that keep the chosen pairs (k,) `floor` (P,) [m] apart over the whole motion, and the pairs for
         which there are none; the leaves of those are not complete."""
         rows, none = len(self.world.control.mid), np.zeros(len(chosen))
+        spans = _Placed(self.spans, rows)
         parts = chosen, none, none + float(rows), np.zeros(len(chosen), dtype=np.int64), np.zeros((len(chosen), 3))
         pair, low, high, depth, normal = _halved(*parts)  # few pairs are far apart over the whole motion
         done = [(pair[:0], low[:0], depth[:0], normal[:0])]
@@ -75,10 +77,9 @@ class Planes:
             bound, distance = np.full(len(pair), -np.inf), np.full(len(pair), np.inf)
             for begin in range(0, len(pair), AT_ONCE):
                 part = slice(begin, begin + AT_ONCE)
-                ends, node = np.unique(low[part] + 1j * high[part], return_inverse=True)
-                nodes = self.spans.on(ends.real.copy(), ends.imag.copy())
+                nodes, node = spans.at(low[part], high[part])
                 normal[part], bound[part], distance[part] = self._examine(
-                    nodes, Items(node.ravel(), pair[part], bound[part], normal[part]), floor[pair[part]] + ROUNDING
+                    nodes, Items(node, pair[part], bound[part], normal[part]), floor[pair[part]] + ROUNDING
                 )
             good = bound >= floor[pair] + ROUNDING
             done.append((pair[good], low[good], depth[good], normal[good]))
@@ -104,8 +105,8 @@ class Planes:
         _, bound, travel = bounds.by_plane(nodes, items, unit(normal))
         rows = np.flatnonzero((bound < floor) & (travel - 2.0 * ASIDE < NEAR))
         if len(rows):
-            found = [self._direction(nodes, *each) for each in self._asked(nodes, items[rows], floor[rows])]
-            better, distance[rows] = whole(np.array([each for each, _ in found]), FINE), [each for _, each in found]
+            better, distance[rows] = self._directions(nodes, items[rows], floor[rows])
+            better = whole(better, FINE)
             _, value, _ = bounds.by_plane(nodes, items[rows], unit(better))
             use = value > bound[rows]
             normal[rows[use]], bound[rows[use]] = better[use], value[use]
@@ -114,11 +115,24 @@ class Planes:
                 distance[rows] += (nodes.deviation[items.node[rows]] * reach).sum(axis=1)
         return normal, bound, distance
 
-    def _asked(self, nodes: Intervals, items: Items, floor: Array) -> Iterator[tuple[int, int, int, int, float]]:
-        """Yield for each item its two pieces, their places and the distance below which coal is doubted."""
-        a, b = self.spans.pairs.a[items.pair], self.spans.pairs.b[items.pair]
-        places = nodes.row(items.node, a), nodes.row(items.node, b)
-        yield from zip(*(each.tolist() for each in (a, b, *places, floor)), strict=True)
+    def _directions(self, nodes: Intervals, items: Items, floor: Array) -> tuple[Array, Array]:
+        """Return coal's directions at the middles of intervals and about the distances of the hulls, looked at again
+        where coal is to be doubted."""
+        of = self.spans.pairs.a[items.pair], self.spans.pairs.b[items.pair]
+        (a, row_a), (b, row_b) = ((each.tolist(), nodes.row(items.node, each).tolist()) for each in of)
+        one, two = ([self.shapes[i] for i in each] for each in (a, b))
+        normal, distance = directions(
+            (x, nodes.transform(row), y, nodes.transform(other))
+            for (x, _), row, (y, _), other in zip(one, row_a, two, row_b, strict=True)
+        )
+        distance += [swollen + more for (_, swollen), (_, more) in zip(one, two, strict=True)]
+        trees = [
+            isinstance(x, coal.BVHModelBase) or isinstance(y, coal.BVHModelBase)
+            for (x, _), (y, _) in zip(one, two, strict=True)
+        ]
+        for i in np.flatnonzero(~(distance >= floor) | trees).tolist():  # trees have no normals
+            normal[i], distance[i] = self._direction(nodes, a[i], b[i], row_a[i], row_b[i], floor[i])
+        return normal, distance
 
     def _direction(
         self, nodes: Intervals, a: int, b: int, row_a: int, row_b: int, doubted: float
@@ -148,6 +162,28 @@ class Planes:
             if gap > farthest:
                 best, farthest = normal, gap
         return best, farthest + swollen + more
+
+
+class _Placed:
+    """The pieces on spans of a motion, those of the first COMMON levels of all trees at once."""
+
+    def __init__(self, spans: Spans, rows: int) -> None:
+        self.spans, low, high = spans, np.zeros(1), np.full(1, float(rows))
+        levels = []
+        for _ in range(COMMON):
+            middle = half(low, high)
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+            levels.append(low + 1j * high)
+        self.common = np.unique(np.concatenate(levels))
+        self.nodes = spans.on(self.common.real.copy(), self.common.imag.copy())
+
+    def at(self, low: Array, high: Array) -> tuple[Intervals, Rows]:
+        """Return them on spans (i,), and which of those that are placed each one is."""
+        ends, node = np.unique(low + 1j * high, return_inverse=True)
+        place = np.minimum(np.searchsorted(self.common, ends), len(self.common) - 1)
+        if (self.common[place] == ends).all():
+            return self.nodes, place[node.ravel()]
+        return self.spans.on(ends.real.copy(), ends.imag.copy()), node.ravel()
 
 
 def _halved(pair: Rows, low: Array, high: Array, depth: Rows, normal: Array) -> tuple[Rows, Array, Array, Rows, Array]:

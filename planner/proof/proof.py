@@ -7,8 +7,8 @@ checker's own bound. A mesh whose hull is too close is divided into groups of tr
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
+import time
 import zlib
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +32,7 @@ from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import need
 from hdplan.verify.checking import verdict_of
-from hdplan.verify.compare import check_equal, digest, triangles
+from hdplan.verify.compare import check_equal, digest, plain, triangles
 from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
@@ -55,6 +55,7 @@ class Proof:
     text: str  # what is proven, in the checker's words
     certificate: Certificate  # that it was made from
     leaves: int  # of all pairs
+    checking: float  # [s] of the processor that the checker took: its own reading of the files, and what was written
 
     def save(self, path: FilePath) -> None:
         """Write the file, whole or not at all. Raises InputError for a path that cannot be written."""
@@ -87,9 +88,10 @@ def prove(
         raise NotProvenError(certificate.text)
     planned = world_of(setup, motion)
     try:
+        began = time.process_time()
         reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
         check_equal(reading.world, planned)
-        return _Writer(setup, planned, reading).write(certificate, asked)
+        return _Writer(setup, planned, reading, time.process_time() - began).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
 
@@ -97,14 +99,14 @@ def prove(
 class _Writer:
     """The proof of one motion in the making."""
 
-    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading) -> None:
-        self.setup, self.planned, self.reading = setup, planned, reading
+    def __init__(self, setup: Setup, planned: dict[str, Any], reading: Reading, took: float) -> None:
+        self.setup, self.planned, self.reading, self.took = setup, planned, reading, took
         self.cuts: dict[str, Any] = {
             str(number): cells
             for number, body in enumerate(reading.world["bodies"])
             if (cells := groups_of(body["shape"])) is not None
         }
-        self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
+        self.known = dict[Any, tuple[Rows, Array]]()  # depths and normals by pieces
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
@@ -131,10 +133,10 @@ class _Writer:
         new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
         leaves, lost = planes.separate(new, floor)
         without = {each.pair for each in lost}
-        for p in new.tolist():
+        ends = (np.searchsorted(leaves.pair, new, side=side).tolist() for side in ("left", "right"))
+        for p, begin, end in zip(new.tolist(), *ends, strict=True):
             if p not in without:
-                rows = slice(*np.searchsorted(leaves.pair, [p, p + 1]).tolist())
-                self.known[pairs[p]] = leaves.depth[rows], leaves.normal[rows]
+                self.known[pairs[p]] = leaves.depth[begin:end], leaves.normal[begin:end]
         self.found = [self.known.get(key) for key in pairs]
         return lost
 
@@ -194,13 +196,16 @@ class _Writer:
             (np.array([row for row, _ in missing]), "<u4"),
             (np.array([way for _, way in missing]), "<i4"),
         )
-        lines = [json.dumps(each, allow_nan=False, separators=(",", ":")) for each in (head, self._told())]
+        written = (head, self._told())
+        lines = [json.dumps(each, allow_nan=False, separators=(",", ":"), default=plain) for each in written]
         content = "".join(f"{line}\n" for line in lines).encode()
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), QUICK)
+        began = time.process_time()
         read, told, _, trees = unpack(data)
         need(told == lines[1].encode(), "the file is not what was to be written")
         check_apart(world, read, trees)  # what was written, in the world that was read already
-        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"])
+        took = self.took + time.process_time() - began
+        return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"], took)
 
     def _told(self) -> dict[str, Any]:
         """Return the world in which hdplan planned, with the digest alone of each mesh that the checker reads itself,
@@ -209,13 +214,10 @@ class _Writer:
         for body, other in zip(self.planned["bodies"], self.reading.world["bodies"], strict=True):
             own, read = body["shape"], other["shape"]
             taken = own is read or own.get("points") is read.get("points")  # from hdplan's world, not from a file
-            same = triangles(own) and triangles(read) and not taken and _numbers(own) == _numbers(read)
+            same = triangles(own) and triangles(read) and not taken
+            same = same and all(np.array_equal(own[key], read[key]) for key in ("points", "parts"))
             bodies.append({**body, "shape": digest(own)} if same else body)
         return {**self.planned, "bodies": bodies}
-
-
-def _numbers(mesh: dict[str, Any]) -> tuple[Any, Any]:
-    return mesh["points"], mesh["parts"]
 
 
 def _less(clearance: float | None, asked: float) -> float:
@@ -225,6 +227,6 @@ def _less(clearance: float | None, asked: float) -> float:
     return max(asked, clearance - min(0.9 * SHORT, 0.5 * clearance))
 
 
-def _identity(piece: Piece) -> bytes:
+def _identity(piece: Piece) -> tuple[int, bytes]:
     """What tells a piece from others, also in another division of its mesh."""
-    return hashlib.sha256(f"{piece.body} ".encode() + piece.corners.tobytes()).digest()
+    return piece.body, piece.corners.tobytes()

@@ -6,6 +6,7 @@ the kernel before it is written. A span may reach over many rows, other than the
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -116,5 +117,10 @@ class Spans:
 def _body(piece: Piece, shape: Any) -> Body:
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = piece.pose[0].mid, piece.pose[1].mid
-    radii = piece.sweep if piece.sweep.any() else None
-    return Body(piece.name, Shape(piece.corners, shape, radii=radii), piece.joint + 1, placement)
+    return Body(piece.name, _shape(piece.corners.tobytes(), piece.sweep.tobytes(), shape), piece.joint + 1, placement)
+
+
+@functools.lru_cache(maxsize=4096)  # as coal's shapes
+def _shape(corners: bytes, sweep: bytes, shape: Any) -> Shape:
+    radii = np.frombuffer(sweep)
+    return Shape(np.frombuffer(corners).reshape(-1, 3), shape, radii=radii if radii.any() else None)

@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.geometry.coal_shapes import mesh_of
-from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world_task import plain_goal, plain_path, plain_start
@@ -55,12 +54,13 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
     scene, robot = setup.scene, setup.robot
     check_as_loaded(robot)
     around, tracks = _obstacles(setup, trajectory)
+    joints, links, bodies = _parts(robot)
     return {
         "hdplan_world": WORLD,
-        "joints": [_joint(robot, index) for index in range(1, robot.model.njoints)],
+        "joints": [dict(each) for each in joints],
         "held": dict(robot.locked),
-        "links": _links(robot),
-        "bodies": [*_links_bodies(robot), *_held_bodies(robot), *around],
+        "links": {name: dict(each) for name, each in links.items()},
+        "bodies": [*map(dict, bodies), *_held_bodies(robot), *around],
         "tracks": tracks,
         "not_compared": not_compared(setup),
         "clearances": {
@@ -89,6 +89,13 @@ def _also(scene: Scene) -> list[str]:
 
 
 # --- the robot --------------------------------------------------------------------------------------------------------
+
+
+@made_once(8)
+def _parts(robot: Robot) -> tuple[list[Plain], Plain, list[Plain]]:
+    """Return joints, links and the links' bodies, once per robot, which is compared with what was loaded before
+    (`check_as_loaded`)."""
+    return [_joint(robot, index) for index in range(1, robot.model.njoints)], _links(robot), _links_bodies(robot)
 
 
 def _joint(robot: Robot, index: int) -> Plain:
@@ -127,20 +134,14 @@ def _links(robot: Robot) -> Plain:
 def _links_bodies(robot: Robot) -> list[Plain]:
     held = {each.name for each in robot.attached}
     links = sorted((link, rows) for link, rows in robot.link_geometry.items() if link not in held)
-    meshes, found = _meshes(robot), list[Plain]()
+    items = enumerate(robot.collision.geometryObjects)  # hierarchies keep the order of their triangles
+    meshes = {row: ordered(mesh_of(x.geometry)) for row, x in items if isinstance(x.geometry, coal.BVHModelBase)}
+    found = list[Plain]()
     for link, row in ((link, row) for link, rows in links for row in rows):
         item = robot.collision.geometryObjects[row]
         shape = plain_mesh(meshes[row]) if row in meshes else plain_geometry(item.geometry)
         found.append(_body(robot, link, "link", item, shape))
     return found
-
-
-@made_once(8)
-def _meshes(robot: Robot) -> dict[int, TriangleMesh]:
-    """Return the links' meshes as coal has them, by their rows: hierarchies keep the order of their triangles. Once per
-    robot, which is compared with what was loaded before (`check_as_loaded`)."""
-    items = enumerate(robot.collision.geometryObjects)
-    return {row: ordered(mesh_of(x.geometry)) for row, x in items if isinstance(x.geometry, coal.BVHModelBase)}
 
 
 def _held_bodies(robot: Robot) -> list[Plain]:

@@ -94,12 +94,7 @@ def plain_shape(shape: Shape | Seen) -> Plain:
 
 def _swept(points: Array, sweep: Array | None = None, parts: Rows | None = None) -> Plain:
     """Return the hulls of parts of points (F, c), or of all points, swept by ellipsoids (F, 3), or by one."""
-    return {
-        "points": numbers(points),
-        "parts": None if parts is None else parts.tolist(),
-        "sweep": [[0.0] * 3] if sweep is None else numbers(sweep),
-        "off": 0.0,
-    }
+    return {"points": points, "parts": parts, "sweep": np.zeros((1, 3)) if sweep is None else sweep, "off": 0.0}
 
 
 def plain_geometry(geometry: Any) -> Plain:

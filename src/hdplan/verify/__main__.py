@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .balls import RejectedError, rejecting, shown
 from .checking import bounded, check
+from .compare import plain
 from .kernel import IN_PART
 from .robot_files import is_name
 
@@ -40,7 +41,7 @@ def main(words: list[str]) -> int:
     if (world := given.world) is not None:
         try:
             begun = world.with_name(f".{world.name}.part")  # whole or not at all
-            begun.write_text(json.dumps(read, allow_nan=False), encoding="utf-8")
+            begun.write_text(json.dumps(read, allow_nan=False, default=plain), encoding="utf-8")
             begun.replace(world)
         except (OSError, ValueError) as error:
             print(f"{shown(str(world))}: cannot be written ({error})", file=sys.stderr)

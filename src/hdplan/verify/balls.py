@@ -91,9 +91,12 @@ class Ball:
         return Ball(other) - self
 
     def __mul__(self, other: Any) -> Ball:
-        b = other if isinstance(other, Ball) else Ball(other)
-        mid = self.mid * b.mid
-        return Ball(mid, up(np.abs(self.mid) * b.rad + self.rad * (np.abs(b.mid) + b.rad) + EPS * np.abs(mid)))
+        if not isinstance(other, Ball):
+            mid = self.mid * other
+            return Ball(mid, up(self.rad * np.abs(other) + EPS * np.abs(mid)))
+        mid = self.mid * other.mid
+        rad = np.abs(self.mid) * other.rad + self.rad * (np.abs(other.mid) + other.rad)
+        return Ball(mid, up(rad + EPS * np.abs(mid)))
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -105,12 +108,14 @@ class Ball:
 
 def dot(spec: str, a: Any, b: Any) -> Ball:
     """einsum of two arrays; sums of at most 60 products, or of as many as the first array's last axis is long."""
-    a, b = (x if isinstance(x, Ball) else Ball(x) for x in (a, b))
-    terms = max(60, a.mid.shape[-1])
+    exact, b = not isinstance(a, Ball), b if isinstance(b, Ball) else Ball(b)
+    x = np.asarray(a, dtype=np.float64) if exact else a.mid
+    terms = max(60, x.shape[-1])
     need(terms < 900, "too many joints")  # as `up` allows for fewer than 1000 roundings
-    one, two = np.abs(a.mid), np.abs(b.mid)
-    rad = np.einsum(spec, one, b.rad + (terms + 4) * EPS * two) + np.einsum(spec, a.rad, two + b.rad)
-    return Ball(np.einsum(spec, a.mid, b.mid), up(rad))
+    two = np.abs(b.mid)
+    rad = np.einsum(spec, np.abs(x), b.rad + (terms + 4) * EPS * two)
+    rad = rad if exact else rad + np.einsum(spec, a.rad, two + b.rad)
+    return Ball(np.einsum(spec, x, b.mid), up(rad))
 
 
 def stack(parts: Sequence[Ball], axis: int = 0) -> Ball:

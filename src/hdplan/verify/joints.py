@@ -3,6 +3,8 @@ links."""
 
 from __future__ import annotations
 
+import functools
+import json
 from typing import Any
 
 from . import scene as scenes
@@ -12,6 +14,13 @@ from .semantics import Semantics, held_at, moving
 from .text import mapping
 
 ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be beyond limits: descriptions differ
+
+
+@functools.lru_cache(maxsize=16)
+def links_at(tree: Tree, base: str, moving: tuple[str, ...], held: tuple[tuple[str, float], ...]) -> tuple[Any, Any]:
+    """What is `placed` with a base's pose in JSON; for a motion through the same robot it is known."""
+    pose = scenes.pose_of(json.loads(base), "robot.base")
+    return placed(tree, pose, {x: i for i, x in enumerate(moving)}, dict(held))
 
 
 class Joints:
@@ -41,8 +50,7 @@ class Joints:
         for x, at in self.held.items():
             near = tree.joints[x].low - ROOM <= at <= tree.joints[x].high + ROOM
             need(near, f"joint '{x}' is held at {at:g}, more than {ROOM} beyond its limits")
-        base = scenes.pose_of(spec.get("base"), "robot.base")
-        self.at, self.frames = placed(tree, base, {x: i for i, x in enumerate(self.moving)}, self.held)
+        self.at, self.frames = links_at(tree, json.dumps(spec.get("base")), (*self.moving,), (*self.held.items(),))
 
     def listed(self) -> list[Any]:
         """The joints that move, as a world has them."""

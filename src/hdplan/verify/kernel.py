@@ -113,6 +113,13 @@ def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
     return np.stack([low, high], axis=1), node.ravel(), whole
 
 
+def picked(values: Any, *rows: Any) -> Any:
+    """values[rows], with the rows innermost in memory: sums over what is left of the axes are then fast."""
+    if isinstance(values, Ball):
+        return Ball(picked(values.mid, *rows), picked(values.rad, *rows))
+    return np.ascontiguousarray(values.T[(..., *rows[::-1])]).T
+
+
 class Motion:
     """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
 
@@ -134,13 +141,13 @@ class Motion:
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
         turn, at = world.frames  # of each joint in the one before, moved by its value
-        cos, sin = cos_sin(self.middle)
+        cos, sin = cos_sin(picked(self.middle, slice(None)))
         turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
         slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
         turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
-        frames = [(Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))] * (
+        frames = [(Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T))] * (
             count + 1
-        )  # the last: the world's
+        )  # last: the world's
         for j, joint in enumerate(world.joints):
             before, origin = frames[joint.parent]
             frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
@@ -153,7 +160,12 @@ class Motion:
 
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
-        away = norm(cross(ends[:, :, None] - self.at[:, None, :-1], self.axis[:, None]).size)  # from each axis
+        at, axis = self.at[:, None, :-1], self.axis[:, None]
+        x, one, two = ends.mid[:, :, None] - at.mid, [1, 2, 0], [2, 0, 1]
+        size, long, tilt = norm(x), norm(axis.mid), norm(axis.rad)
+        off = norm(ends.rad)[:, :, None] + norm(at.rad) + EPS * size
+        away = norm(x[..., one] * axis.mid[..., two] - x[..., two] * axis.mid[..., one])  # from each axis: |x times z|
+        away = up(away + off * (long + tilt) + size * (tilt + 8 * EPS * long))
         after = np.zeros(ends.mid.shape[:2])
         for j in reversed(range(carried.shape[1])):
             far = up(away[:, :, j] + radii + after) if self.world.turning[j] else 1.0
@@ -217,7 +229,10 @@ class Motion:
         moves, count = self.world.carried[self.world.joint], len(node)
         body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
         most, rest = self.extremes(
-            np.tile(node, 2), body, moves[body] & ~moves[other], np.concatenate([-normal, normal])
+            np.tile(node, 2),
+            body,
+            picked(moves, body) & ~picked(moves, other),
+            np.concatenate([-normal.T, normal.T], axis=1).T,
         )
         length = norm(np.abs(normal))
         both = above(most[:, :count], most[:, count:]).max(axis=0)
@@ -226,26 +241,29 @@ class Motion:
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
         """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
-        world, joint, step = self.world, self.world.joint[body], self.step[node] * moves
-        spin = cross(d, dot("ln,lni->li", step * world.turning, self.axis[node]))
-        slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
-        reach = np.where(moves, self.reach[node, world.slot[body]], 0.0) if len(world.movers) else 0.0 * moves
+        world, joint, step = self.world, self.world.joint[body], picked(self.step, node) * moves
+        spin = cross(d, dot("ln,lni->li", step * world.turning, picked(self.axis, node)))
+        slide = dot("li,li->l", d, dot("ln,lni->li", step, picked(self.moment, node)))
+        reach = np.where(moves, picked(self.reach, node, world.slot[body]), 0.0) if len(world.movers) else 0.0 * moves
         way = stack([spin + d, d - spin])  # in the world, then in the joint's frame, then in the piece's
-        base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
-        way = dot("sli,lij->slj", way, self.turn[node, joint])
-        base = base + dot("sli,li->sl", way, world.at[body])
-        way = dot("sli,lij->slj", way, world.turn[body])
-        return above(self.supports(body, way), above(base.mid, base.rad)), self.rest(step, reach, self.off[node])
+        base = dot("sli,li->sl", way, picked(self.at, node, joint)) + stack([slide, -slide])
+        way = dot("sli,lij->slj", way, picked(self.turn, node, joint))
+        base = base + dot("sli,li->sl", way, picked(world.at, body))
+        way = dot("sli,lij->slj", way, picked(world.turn, body))
+        return above(self.supports(body, way), above(base.mid, base.rad)), self.rest(
+            step, reach, picked(self.off, node)
+        )
 
     def supports(self, body: Any, d: Ball) -> Any:
         """Return upper bounds (2, L) of d.x over the points x of pieces, for directions (2, L, 3) in their frames."""
         world, most, order = self.world, np.empty(d.mid.shape[:2]), np.argsort(body, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
             corners = world.pieces[body[rows[0]]].corners
-            for part in np.array_split(rows, 1 + 2 * len(rows) * len(corners) // 4_000_000):
+            count = 1 + 2_000_000 // len(corners)
+            for part in (rows[i : i + count] for i in range(0, len(rows), count)):
                 most[:, part] = (d.mid[:, part] @ corners.T).max(axis=2)
-        off = ((d.rad + 8 * EPS * np.abs(d.mid)) * world.size[body] + d.size * world.off[body, None]).sum(axis=2)
-        return above(most, up(off + norm(world.sweep[body] * d.size)))
+        off = (d.rad + 8 * EPS * np.abs(d.mid)) * picked(world.size, body) + d.size * world.off[body, None]
+        return above(most, up(off.sum(axis=2) + norm(picked(world.sweep, body) * d.size)))
 
 
 # --- the proof --------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ What is worked out already stands in the sections as a tuple, which no file can 
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -13,8 +14,9 @@ import numpy as np
 from . import scene as scenes
 from .balls import HERE, Pose, compose, need
 from .constraints import goal_of, path_of
+from .joints import links_at
 from .messages import Frames, fields, filled, number, numbers, pose, same, solids, words
-from .robot import Tree, placed
+from .robot import Tree
 from .semantics import Semantics
 from .text import listing
 
@@ -25,8 +27,7 @@ ACCELERATION = 1.0  # [rad/s^2 or m/s^2] of which a request asks for a share
 
 def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -> dict[str, Any]:
     """The sections of a scene that the two messages mean, for the robot of a `robot` section."""
-    base = scenes.pose_of(spec.get("base"), "robot.base")
-    at, _ = placed(tree, base, {x: i for i, x in enumerate(tree.movable)}, {})
+    at, _ = links_at(tree, json.dumps(spec.get("base")), (*tree.movable,), ())
     found = sections_around(scene, request, spec, at, {*tree.joints}, tree.solid)
     asked = fields(request, "MotionPlanRequest", "request")
     spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))

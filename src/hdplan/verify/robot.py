@@ -102,7 +102,7 @@ class Tree:
         self.links = [*self.elements, *(BASE if base is not None else ())]
         need(len(self.above) == len(self.joints), f"{path}: two joints carry one link")
         self.root = next((x for x in self.links if x not in self.above), "")
-        self._under = dict[str, list[str]]()
+        self._under, self._shapes = dict[str, list[str]](), dict[str, list[Any]]()
         for name in sorted(self.joints, reverse=True):
             self._under.setdefault(self.joints[name].parent, []).append(name)
         self.order = list[str]()  # of all joints: depth first, by name
@@ -199,7 +199,9 @@ class Tree:
 
     def shapes(self, link: str) -> list[tuple[Pose, str, dict[str, str]]]:
         """The collision geometry of a link: frame, kind and sizes in words."""
-        found, where = [], f"link '{link}'"
+        if link in self._shapes:
+            return self._shapes[link]
+        found, where = list[Any](), f"link '{link}'"
         for each in self.elements[link].findall("collision") if link in self.elements else []:
             attributes(each, where, "name")
             part = children(each, where, "origin geometry", "", "material surface verbose")
@@ -207,6 +209,7 @@ class Tree:
             shape = part["geometry"][0]
             need(shape.tag in SIZES, f"{where}: a shape <{shape.tag}>")
             found.append((origin(each, where), shape.tag, attributes(shape, where, SIZES[shape.tag])))
+        self._shapes[link] = found
         return found
 
     def masses(self) -> list[tuple[str, float, Pose, Any]]:

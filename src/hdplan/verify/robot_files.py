@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from dataclasses import dataclass
@@ -63,10 +64,7 @@ def find_robot(spec: dict[str, Any], folder: Path) -> RobotFiles:
     named = [folder / word(x, "package_dirs") for x in listing(spec.get("package_dirs"), "package_dirs")]
     if "name" in spec:
         need("urdf" not in spec, "robot: either a name or a file is expected")
-        package = metadata.distribution("example-robot-data")
-        some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
-        need(some, "robot: its library is not installed")
-        library = Path(str(package.locate_file(some[1] if some else "")))
+        library = robot_library()
         urdf, srdf = robot_of(library, word(spec["name"], "robot.name"))
         folders = [*named, library.parent.parent, library, *told]
     else:
@@ -77,6 +75,16 @@ def find_robot(spec: dict[str, Any], folder: Path) -> RobotFiles:
     return RobotFiles(urdf, srdf, tuple(folders), folder)
 
 
+@functools.cache
+def robot_library() -> Path:
+    """The folder of example-robot-data."""
+    package = metadata.distribution("example-robot-data")
+    some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
+    need(some, "robot: its library is not installed")
+    return Path(str(package.locate_file(some[1] if some else "")))
+
+
+@functools.lru_cache(maxsize=256)  # where files are; what they hold is read each time
 def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
     """URDF and SRDF of a robot of example-robot-data, of which a proof must not choose the one it likes. Its name is
     its file's, without `_robot`, or its folder's, without `_description`, where several folders have such a file; of

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, EPS, HERE, Pose, dot, named, need, unit
+from .balls import EPS, HERE, Ball, Pose, named, need, unit
 from .meshes import KINDS, triangles
 from .robot import decimal, rpy
-from .text import Files, listing, mapping, values, yaml_of
+from .text import LARGEST, Files, listing, mapping, values, yaml_of
 
 SECTIONS = "hdplan robot obstacles attached start goal from_request self_collision limits payload path timing planner"
 PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
@@ -41,8 +41,8 @@ def read_scene(path: Path, data: bytes) -> dict[str, Any]:
 
 def one(value: Any, what: str) -> float:
     """A number."""
-    need(type(value) in (int, float), f"{what}: a number is expected")
-    return float(values(value, 1, what)[0])
+    need(type(value) in (int, float) and abs(value) < LARGEST, f"{what}: a finite number is expected")
+    return float(value)
 
 
 def word(value: Any, what: str) -> str:
@@ -62,14 +62,27 @@ def pose_of(value: Any, what: str) -> Pose:
         given = values(keys["quaternion_xyzw"], 4, what)
         need(abs(np.sqrt(given @ given) - 1) < 0.011, f"{what}.quaternion_xyzw: is no unit quaternion")
         if given[:3].any():  # or else it is not turned
-            q = unit(decimal(given))
-            k = dot("ijk,k->ij", CROSS, q[:3])
-            turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+            turn = turned_by(*given.tolist())
     elif "rpy" in keys:
         need(type(keys["rpy"]) is list, f"{what}.rpy: three numbers are expected")
         turn = rpy(values(keys["rpy"], 3, what))
     need(type(keys.get("position", [])) is list, f"{what}.position: three numbers are expected")
-    return turn, decimal(values(keys.get("position", [0.0] * 3), 3, what))
+    at = values(keys.get("position", [0.0] * 3), 3, what)
+    return HERE if turn is HERE[0] and not at.any() else (turn, decimal(at))
+
+
+def turned_by(x: float, y: float, z: float, w: float) -> Ball:
+    """The rotation by a quaternion of about unit length, in decimals: 1 + (w K + K^2) 2 / |q|^2, K the cross product's
+    matrix of (x, y, z). 2 / |q|^2 is off by 5 roundings, each of the 9 sums times it is at most 2 and off by 2 more, or
+    by 3 on the diagonal: by less than 20 EPS. What the decimals are off turns q by at most EPS, and its rotation by
+    twice that."""
+    f = 2.0 / (x * x + y * y + z * z + w * w)
+    rows = (
+        (1.0 - f * (y * y + z * z), f * (x * y - w * z), f * (x * z + w * y)),
+        (f * (x * y + w * z), 1.0 - f * (x * x + z * z), f * (y * z - w * x)),
+        (f * (x * z - w * y), f * (y * z + w * x), 1.0 - f * (x * x + y * y)),
+    )
+    return Ball(np.array(rows), 32 * EPS)
 
 
 def frame(pose: Pose) -> dict[str, Any]:
@@ -148,10 +161,10 @@ def mesh_of(
 
 
 def mesh(path: Path, data: bytes, scale: Any, upright: bool) -> dict[str, Any]:
-    """The triangles of a mesh file as a world has them: points in the order of their first use, triangles with two
-    equal corners left out; named backwards where the scale mirrors."""
+    """The triangles of a mesh file as a world has them, in arrays that cannot be written: points in the order of their
+    first use, triangles with two equal corners left out; named backwards where the scale mirrors."""
     points, faces, off = _merged(path, data, tuple(scale.tolist()), upright)
-    return {"points": points.tolist(), "parts": faces.tolist(), "sweep": [[0.0] * 3], "off": off}
+    return {"points": points, "parts": faces, "sweep": [[0.0] * 3], "off": off}
 
 
 @functools.lru_cache(maxsize=256)  # by the content of files, which are read each time
@@ -170,7 +183,9 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
     order = used[np.argsort(first)]
     where = np.zeros(index.max() + 1, dtype=np.int64)
     where[order] = np.arange(len(order))
-    return distinct[order], where[faces], off
+    points, faces = distinct[order], where[faces]
+    points.flags.writeable = faces.flags.writeable = False
+    return points, faces, off
 
 
 def obstacles(

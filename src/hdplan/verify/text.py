@@ -5,6 +5,7 @@ Nothing here is shared with hdplan's own readers. What could be read in two ways
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 import xml.etree.ElementTree as ElementTree
@@ -21,6 +22,8 @@ DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Py
 SPACE = " \t\n\r\f\v"
 LARGEST = 1e9  # of numbers
 DEEPEST = 64  # levels of lists and mappings
+RULES: Any = yaml.SafeLoader("")  # by which words without quotes are taken for numbers or other values
+TAG, MERGE = "tag:yaml.org,2002:", object()  # of YAML's own kinds of values; the key `<<`
 
 
 class Files:
@@ -119,41 +122,80 @@ def attributes(element: Any, where: str, allowed: str) -> dict[str, str]:
 
 
 class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Reads YAML without keys that stand twice, and without numbers that are none to other readers."""
+    """Reads YAML without keys that stand twice, and without numbers that are none to other readers. It builds values as
+    the parser comes to them, so that nothing recurses however deeply a file is nested."""
 
-    def __init__(self, stream: Any) -> None:
-        """Read a stream."""
-        super().__init__(stream)
-        self.flat = set[Any]()
+    def content(self) -> Any:
+        """The value of the only document."""
+        made: list[list[Any]] = [[]]  # the documents, and what is read of each open collection; keys and values in turn
+        begun: list[Any] = [None]  # the events with which these begin
+        anchors = dict[str, Any]()
+        for event in iter(self.get_event, None):
+            begins = event
+            if type(event) is yaml.ScalarEvent:
+                value = self.scalar(event, len(made[-1]) % 2 == 0 and isinstance(begun[-1], yaml.MappingStartEvent))
+            elif isinstance(event, yaml.CollectionStartEvent):
+                need(len(begun) <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
+                need(event.tag in (None, "!", TAG + "map", TAG + "seq"), f"YAML: the tag {event.tag}")
+                made.append([])
+                begun.append(event)
+                continue
+            elif isinstance(event, yaml.CollectionEndEvent):
+                value, begins = made.pop(), begun.pop()
+                value = merged(value) if isinstance(event, yaml.MappingEndEvent) else value
+            elif isinstance(event, yaml.AliasEvent):
+                need(str(event.anchor) in anchors, "YAML: an alias of what is not there, or not yet")
+                made[-1].append(anchors[str(event.anchor)])
+                continue
+            else:
+                continue
+            if begins.anchor is not None:
+                need(begins.anchor not in anchors, "YAML: an anchor stands twice")
+                anchors[begins.anchor] = value
+            made[-1].append(value)
+        need(len(made[0]) <= 1, "YAML: holds a second document")
+        return made[0][0] if made[0] else None
 
-    def flatten_mapping(self, node: Any) -> None:
-        """Put what is merged before a mapping's own keys, to which it gives way; once, as keys then stand twice."""
-        if node not in self.flat:
-            self.flat.add(node)
-            keys = [key.value for key, _ in node.value]  # `<<`, too
-            need(len(keys) == len({*keys}), f"a key stands twice among {keys[:9]}")
-            super().flatten_mapping(node)
+    def scalar(self, event: Any, key: bool) -> Any:
+        """A word, or a number in decimal digits; MERGE for a key that merges."""
+        word, tag = event.value, event.tag
+        if tag in (None, "!"):
+            tag = plain_tag(word) if event.implicit[0] else f"{TAG}str"
+        kind = tag.removeprefix(TAG)
+        if kind == "str":
+            return word
+        if kind == "merge" and key:
+            return MERGE
+        if kind == "bool":
+            return self.bool_values[word.lower()]
+        if kind not in ("int", "float"):
+            return self.construct_object(yaml.ScalarNode(tag, word))
+        infinite = word.lower() in (".inf", "+.inf", "-.inf")
+        good = DECIMAL.fullmatch(word) or (infinite and kind == "float")
+        need(good and not re.match(r"[-+]?0[0-9]", word), f"'{word}' is no number in decimal digits")
+        return int(word) if kind == "int" else float(word.replace(".", "") if infinite else word)
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        """A mapping of words."""
-        self.flatten_mapping(node)
-        found = {self.construct_object(key, True): self.construct_object(x, True) for key, x in node.value}
-        need(all(type(key) is str for key in found), "a mapping has a key that is not a word")
-        return found
 
-    def construct_scalar(self, node: Any) -> Any:
-        """A word, or a number in decimal digits."""
-        numeric = node.tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
-        good = not numeric or DECIMAL.fullmatch(node.value) or node.value.lower() in (".inf", "+.inf", "-.inf")
-        leading = numeric and re.match(r"[-+]?0[0-9]", node.value)
-        need(good and not leading, f"'{node.value}' is no number in decimal digits")
-        return super().construct_scalar(node)
+@functools.lru_cache(maxsize=4096)  # keys are the same in every file
+def plain_tag(word: str) -> str:
+    """The tag of a word without quotes."""
+    return str(RULES.resolve(yaml.ScalarNode, word, (True, False)))
+
+
+def merged(parts: list[Any]) -> dict[str, Any]:
+    """A mapping of words, by its keys and values in turn; what is merged gives way to its own keys."""
+    keys = ["<<" if key is MERGE else key for key in parts[::2]]
+    need(all(type(key) is str for key in keys), "a mapping has a key that is not a word")
+    need(len(keys) == len({*keys}), f"a key stands twice among {keys[:9]}")
+    own, found = dict(zip(keys, parts[1::2], strict=True)), dict[str, Any]()
+    if any(key is MERGE for key in parts[::2]):
+        more = own.pop("<<")
+        for each in reversed(more if isinstance(more, list) else [more]):
+            need(isinstance(each, dict), "YAML: what is merged is no mapping")
+            found |= each
+    return found | own
 
 
 def yaml_of(data: bytes) -> Any:
-    """The content of a YAML file. What is nested too deeply would end the process; so it is counted first."""
-    depth = 0
-    for event in yaml.parse(data, Loader=Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        need(depth <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
-    return yaml.load(data, Loader)
+    """The content of a YAML file."""
+    return Loader(data).content()

@@ -42,12 +42,13 @@ VALUES: dict[str, Any] = {  # of keys, wherever they stand: types, or how many n
 def numbers(value: Any, shape: tuple[int, ...], what: str) -> Any:
     """The finite numbers of a list of lists, as an array; -1 stands for any length."""
     try:
-        flat = value
-        for _ in shape[1:]:
+        found, flat = np.array(value, dtype=np.float64), value
+        for _ in shape[1:] * (type(value) is list):
             flat = list(chain.from_iterable(flat))
-        found, kinds = np.array(value, dtype=np.float64), {*map(type, flat)}
-        good = kinds <= {int, float} and found.ndim == len(shape) and bool((np.abs(found) < LARGEST).all())
-        good = good and all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True))
+        kinds = {value.dtype.type} if type(value) is np.ndarray else {*map(type, flat)}
+        good = kinds <= {int, float, np.int64, np.float64} and found.ndim == len(shape)
+        good = good and (found.shape == shape or all(b in (-1, a) for a, b in zip(found.shape, shape, strict=True)))
+        good = good and bool(np.abs(found).max(initial=0.0) < LARGEST)
     except (TypeError, ValueError, OverflowError):  # of no numbers, or of rows of several lengths
         good = False
     need(good, f"{what}: {shape} finite numbers are expected")
@@ -103,8 +104,10 @@ def unit_vector(axis: Any, off: float, what: str) -> Ball:
 def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
     """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
     r, slack = rotation.reshape(3, 3), 20 * off + 1e-14
-    need((np.abs(r @ r.T - HERE[0].mid) <= slack).all() and np.linalg.det(r) > 0, f"{what}: is no rotation")
-    return Ball(r, off), Ball(position, off)
+    x, y, z = r.tolist()
+    right = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1] + (x[0] * y[1] - x[1] * y[0]) * z[2]
+    need(np.abs(r @ r.T - HERE[0].mid).max() <= slack and right > 0, f"{what}: is no rotation")
+    return Ball(r, np.full((3, 3), off)), Ball(position, np.full(3, off))
 
 
 def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
@@ -383,11 +386,15 @@ class World:
         self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
         self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
         self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
-        self.size = of(lambda x: np.abs(x.corners).max(axis=0), 3)
-        middle = of(lambda x: (x.corners.min(axis=0) + x.corners.max(axis=0)) / 2, 3)
+        corners = np.concatenate([np.zeros((0, 3)), *(x.corners for x in self.pieces)])
+        count = of(lambda x: len(x.corners)).astype(int)
+        begins, piece = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
+        self.size = np.maximum.reduceat(np.abs(corners), begins)
+        low, high = np.minimum.reduceat(corners, begins), np.maximum.reduceat(corners, begins)
+        middle = (low + high) / 2  # of the box around the corners, nearly
         self.centers = dot("gij,gj->gi", self.turn, middle) + self.at
-        away = [norm(up(np.abs(x.corners - y) + x.off)).max() for x, y in zip(self.pieces, middle, strict=True)]
-        self.radii = up(np.array(away) + self.sweep.max(axis=1))
+        away = norm(up(np.abs(corners - middle[piece]) + self.off[piece, None]))
+        self.radii = up(np.maximum.reduceat(away, begins) + self.sweep.max(axis=1))
         self.movers = np.flatnonzero(self.joint >= 0)  # the pieces that move
         self.slot = np.cumsum(self.joint >= 0) - 1  # of each of these among them
 

@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.verify.checking import check
-from hdplan.verify.compare import check_equal
+from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.kernel import MAGIC
 from hdplan.verify.reading import read_world
 from hdplan.verify.world import World
@@ -63,5 +63,5 @@ def unpacked(proof: bytes) -> tuple[dict[str, Any], dict[str, Any], bytes]:
 
 def packed(head: dict[str, Any], world: Any, rest: bytes) -> bytes:
     """A proof's content."""
-    lines = "".join(f"{json.dumps(each)}\n" for each in (head, world))
+    lines = "".join(f"{json.dumps(each, default=plain)}\n" for each in (head, world))
     return MAGIC + zlib.compress(lines.encode() + rest, 1)
