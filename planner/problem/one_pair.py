@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.all_planes import inside, normals_of, projections
+from hdplan.distance.symbolic.all_planes import by_coordinate, inside, projections
 from hdplan.distance.symbolic.halfspaces import as_wrenches, in_the_world, points_seen
 from hdplan.distance.symbolic.rigid_motions import bracket
 
@@ -90,7 +90,8 @@ def _where_near(
     placements = [ca.MX.sym(f"placement_{k}", 12) for k in range(kind.ends + 1)]
     body, planes = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("planes", 4 * kind.planes)
     points, weights, radius = points_seen(placements, body)
-    x, least = projections(points, radius, planes)
+    normals, supports = by_coordinate(planes)
+    x, least = projections(points, radius, normals, supports)
 
     shape = points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends
     inner = inside(*shape)
@@ -102,7 +103,7 @@ def _where_near(
     chosen = ca.Function.conditional("unless_separated", [deep], nothing(deep))
     separated = ca.mmax(least) > 0
     given = [*placements, body, planes, *more]
-    unless = chosen.call([separated, x, least, points, weights, normals_of(planes), placements[-1], *more])
+    unless = chosen.call([separated, x, least, points, weights, normals, placements[-1], *more])
     return where(ca.Function(f"{name}_near", given, unless, UNBRANCHED))
 
 
