@@ -7,7 +7,8 @@ is that of the points in it. With c_ki = ∂D/∂x_ki and F_i = Σ_k c_ki n_k, t
     ∂D/∂η = Σ_i J_iᵀ F_i,   ∂²D/∂η² = Σ_i J_iᵀ (Σ_k s_ki n_k n_kᵀ) J_i + Σ_k α_k w_k w_kᵀ + β w wᵀ + Σ_i ∂²(F_i·a_i)/∂η²
 
 where J_i = [I, −[a_i]×] is the point's derivative by η = (v, ω), w_k plane k's share of the gradient w, and s, α and β
-the second derivatives of the minima, of each plane's value and of the maximum.
+the second derivatives of the minima, of each plane's value and of the maximum. Planes may move out too, by sizes of
+their body on which h_k depends linearly: these are three more motions, with −∂h_k as derivatives of x_ki.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from hdplan.distance.symbolic.all_axes import Maximum, maximum
 from hdplan.distance.symbolic.one_axis import TINY, Shaped, integer_power, shaped
 
 STAYS = {"never_inline": True}
+SIZES = 3  # of a body, at most
 
 
 def projections(points: ca.MX, radius: ca.MX, normals: ca.MX, supports: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -57,15 +59,18 @@ def distance_by_planes(
 
 
 @functools.cache
-def inside(points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1) -> ca.Function:
+def inside(
+    points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1, grows: bool = False
+) -> ca.Function:
     """Return the function (x, least, points, their weights, normals) -> D and its derivatives, where no plane
-    separates."""
-    given = x, least, *_ = _inputs(points, planes)
+    separates. Where the body of the planes `grows`, it takes the derivatives of the supports by its sizes (K, 3) too,
+    and those of D are after those by motions."""
+    given = x, least, *_ = _inputs(points, planes, grows)
     deep, p = least < -TINY, gamma + 1
     r = ca.fmax(x * _columns(deep / ca.fmin(least, -TINY), points), 0)
     sharp = integer_power(r, p - 2) if p > 2 else r > 0
     pull = sharp * r
-    total = _weighed(pull * r, given[3]) + ca.logic_not(deep)  # of a plane that only touches: 1
+    total = (pull * r) @ given[3] + ca.logic_not(deep)  # of a plane that only touches: 1
     minima = shaped(deep * least, total, length, gamma, False)
     results = _combined(given, minima, _deepest(minima.value, gamma, length), [pull, sharp], order, placements)
     return ca.Function("inside", given, results, STAYS)
@@ -79,16 +84,17 @@ def outside(points: int, planes: int, gamma: int, order: int, length: float, pla
     top = ca.if_else(separates, least, 1)
     r = _columns(separates * top, points) / ca.fmax(x, _columns(top, points))
     full = integer_power(r, gamma + 1)
-    total = _weighed(full, given[3])
-    minima = shaped(separates * least, total + ca.logic_not(separates), length, gamma, True)
+    total = full @ given[3] + ca.logic_not(separates)
+    minima = shaped(separates * least, total, length, gamma, True)
     found = maximum(minima.value, ca.MX.ones(planes), gamma, ca.MX(length))
     results = _combined(given, minima, found, [full * r, full * r * r], order, placements)
     return ca.Function("outside", given, results, STAYS)
 
 
-def _inputs(points: int, planes: int) -> list[ca.MX]:
+def _inputs(points: int, planes: int, grows: bool = False) -> list[ca.MX]:
     sizes = {"x": (planes, points), "least": (planes, 1), "points": (3, points), "weights": (points, 1)}
-    return [ca.MX.sym(name, *size) for name, size in {**sizes, "normals": (planes, 3)}.items()]
+    sizes |= {"normals": (planes, 3)} | ({"growth": (planes, SIZES)} if grows else {})
+    return [ca.MX.sym(name, *size) for name, size in sizes.items()]
 
 
 def _deepest(g: ca.MX, gamma: int, length: float) -> Maximum:
@@ -114,44 +120,57 @@ def _combined(
     first and second derivatives of the minima have."""
     if order == 0:
         return [found.value]
-    _, _, points, weights, normals = given
-    m, planes = points.shape[1] // placements, normals.shape[0]
+    _, _, points, weights, normals, *growth = given
+    m = points.shape[1] // placements
     share = found.share * minima.slope
     pushed = found.slope * share
-    gradient, of_planes, curved = [], [], []
+    gradient, of_planes, curved, along = [], [], [], ca.MX(0)
     for k in range(placements):
         own = slice(k * m, (k + 1) * m)
-        levers = ca.horzcat(weights[own], ca.repmat(weights[own], 1, 3) * points[:, own].T)  # w_i [1, a_i]
-        pull = (powers[0][:, own] * _columns(minima.scale_pull, m)) @ levers  # (K, 4) ∂u_k/∂x_ki in sums over points
+        levers = ca.horzcat(weights[own], ca.repmat(weights[own], 1, 3) * points[:, own].T)  # w_i [1, a_iᵀ]
+        pull = (powers[0][:, own] * _columns(minima.scale_pull, m)) @ levers  # Σ_i ∂u_k/∂x_ki [1, a_iᵀ] (K, 4)
         forces = _products(normals, pull * _columns(pushed, 4))  # Σ_i F_i [1, a_iᵀ]
         gradient.append(_wrench()(forces))
+        along += pull[:, 0]
         if order == 2:
             of_planes.append(_of_planes(pull, normals))
             curved.append(_curved()(forces))
+    gradient += [-_products(each, along * pushed) for each in growth]
     if order == 1:
         return [found.value, ca.vertcat(*gradient)]
-    each = ca.horzcat(*of_planes)  # w_k (K, 6 e)
+    each = ca.horzcat(*of_planes, *(-part * _columns(along, SIZES) for part in growth))  # w_k (K, 6 e), sizes
     own_slope = found.slope * found.share
     spread = own_slope * minima.outer + found.spread * minima.slope * minima.slope
     whole = _products(each, share)
-    hessian = _products(each, each * _columns(spread, 6 * placements)) + found.outer * whole @ whole.T
+    hessian = _products(each, each * _columns(spread, each.shape[1])) + found.outer * whole @ whole.T
+    sharp = powers[1] * _columns(minima.scale_sharp * own_slope, m * placements)
     nx, ny, nz = ca.horzsplit(normals)
     squares = ca.horzcat(nx * nx, nx * ny, nx * nz, ny * ny, ny * nz, nz * nz)
-    sharp = powers[1] * _columns(minima.scale_sharp * own_slope, m * placements)
     bent = _bent().map(m * placements)(points, weights.T, _products(squares, sharp))
-    blocks = [
-        ca.reshape(ca.sum2(bent[:, k * m : (k + 1) * m]), 6, 6) + part for k, part in enumerate(curved)
-    ]
-    return [found.value, ca.vertcat(*gradient), hessian + ca.diagcat(*blocks)]
+    sums = [ca.sum2(bent[:, k * m : (k + 1) * m]) for k in range(placements)]
+    blocks = ca.diagcat(*(ca.reshape(total, 6, 6) + part for total, part in zip(sums, curved, strict=True)))
+    if growth:
+        blocks = _with_growth(blocks, points, weights, normals, sharp, growth[0], placements)
+    return [found.value, ca.vertcat(*gradient), hessian + blocks]
+
+
+def _with_growth(
+    blocks: ca.MX, points: ca.MX, weights: ca.MX, normals: ca.MX, sharp: ca.MX, growth: ca.MX, placements: int
+) -> ca.MX:
+    """Add the rows and columns of the sizes to Σ_ki s_ki ∂x_ki ∂x_kiᵀ (6 e, 6 e)."""
+    m = points.shape[1] // placements
+    mixed = [ca.MX.zeros(6, SIZES) for _ in range(placements)]
+    for i, (point, weight, column) in enumerate(
+        zip(ca.horzsplit(points), ca.vertsplit(weights), ca.horzsplit(sharp), strict=True)
+    ):
+        force = -weight * _products(normals, growth * _columns(column, SIZES))
+        mixed[i // m] += ca.vertcat(force, ca.skew(point) @ force)
+    across = ca.vertcat(*mixed)
+    return ca.blockcat([[blocks, across], [across.T, _products(growth, growth * _columns(sharp @ weights, SIZES))]])
 
 
 def _columns(column: ca.MX, count: int) -> ca.MX:
     return ca.repmat(column, 1, count)
-
-
-def _weighed(matrix: ca.MX, weights: ca.MX) -> ca.MX:
-    """The sum of columns, each by its weight."""
-    return matrix @ weights
 
 
 def _products(one: ca.MX, other: ca.MX) -> ca.MX:

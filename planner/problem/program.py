@@ -7,7 +7,7 @@ It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has
     subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
 
 The penalty comes in two forms. In symbols (`symbolic_penalty`) it is part of the graph: what lies between q_k and
-q_{k+1} is a function of q_k and d_k, and the poses of obstacles are parameters beside p. The external form calls
+q_{k+1} is a function of q_k and d_k, and poses and sizes of obstacles are parameters. The external form calls
 `Problem.penalty`, which is the same in loops, through a function with declared derivatives; as the stages may not be
 coupled by a Hessian, the block between q_k and q_{k+1} is written at stage k with δq_{k+1} = δq_k + δd_k, so that the
 step of a solver is the same. Gradients are exact, and so are Hessians, unless the Gauss-Newton curvature is to stand in
@@ -32,6 +32,7 @@ from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.shapes import Shape
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
@@ -50,7 +51,7 @@ class Program:
 
     problem: Problem
     x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
-    p: ca.MX  # weight of the penalty [1/m²]; in symbols then the poses of obstacles, as `values` gives them
+    p: ca.MX  # weight of the penalty [1/m²]; in symbols then poses and sizes of obstacles, as `values` gives them
     f: ca.MX
     added: ca.MX  # to f by `with_cost`
     rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
@@ -90,15 +91,38 @@ class Program:
         equal = np.concatenate(self.lower) == np.concatenate(self.upper)
         return {"structure_detection": "auto", "equality": equal.tolist()}
 
-    def values(self, weight: float, poses: Mapping[str, ArrayLike] | None = None) -> Array:
+    def values(
+        self,
+        weight: float,
+        poses: Mapping[str, ArrayLike] | None = None,
+        sizes: Mapping[str, Shape] | None = None,
+    ) -> Array:
         """The p of a weight of the penalty [1/m²], and of other poses (4, 4) of obstacles by name than the scene's; of
-        a moving one (B, 4, 4), one for each sample of the problem. Raises InputError for what is no obstacle or no
-        pose, and for poses where the penalty is external."""
+        a moving one (B, 4, 4), one for each sample of the problem; and of boxes, spheres, cylinders and capsules of
+        other sizes in place of the scene's. Raises InputError for what is no obstacle, no pose or no such shape, and
+        for any of them where the penalty is external."""
         if isinstance(self.penalty, SymbolicPenalty):
-            return np.append(weight, self.penalty.values(poses or {}))
-        if poses:
-            raise InputError("poses: are parameters of form symbolic alone; this program's form is external")
+            return np.append(weight, self.penalty.values(poses or {}, sizes or {}))
+        for name, given in (("poses", poses), ("sizes", sizes)):
+            if given:
+                raise InputError(f"{name}: are parameters of form symbolic alone; this program's form is external")
         return np.array([weight])
+
+    def pose_of(self, obstacle: str) -> ca.MX:
+        """The pose of an obstacle, a part of p: twelve numbers, the rotation row by row, then the origin [m]; of a
+        moving one for each sample. Raises InputError where it is none."""
+        return self._part_of_p(obstacle, "pose")
+
+    def size_of(self, obstacle: str) -> ca.MX:
+        """The sizes of an obstacle [m], a part of p, in the order of its shape's fields. Raises InputError where they
+        are none."""
+        return self._part_of_p(obstacle, "size")
+
+    def _part_of_p(self, obstacle: str, what: str) -> ca.MX:
+        if not isinstance(self.penalty, SymbolicPenalty):
+            raise InputError(f"{what}: is a parameter of form symbolic alone; this program's form is external")
+        first, last = self.penalty.place_of(obstacle, what)
+        return self.p[1 + first : 1 + last]
 
     def between(self, start: ArrayLike, goal: ArrayLike) -> Program:
         """The same program from another start to another goal (n,): the same x, p, f and g with other `bounds`, so that
@@ -244,12 +268,12 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
 def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX, p: ca.MX) -> ca.MX:
     """What is minimized."""
     settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
-    weight, poses = ca.vertsplit(p, [0, 1, p.numel()])
+    weight, places = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
     cost = (
         settings.velocity * ca.sumsqr(step) / (2 * h)
         + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
-        + weight * (penalty(q, step, poses) if isinstance(penalty, SymbolicPenalty) else penalty.function(x))
+        + weight * (penalty(q, step, places) if isinstance(penalty, SymbolicPenalty) else penalty.function(x))
     )
     if problem.pace:
         cost += problem.pace.expression(step)
