@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shapes import TABLE, operations
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.shapes import Shape, Solid
+from hdplan.scenes.shapes import Shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +35,8 @@ Growths = Mapping[int, Growth]  # by the row of the body
 
 def sizes_of(shape: object) -> Array:
     """Return the sizes (k,) of a shape [m]; none of one that cannot grow."""
-    if not isinstance(shape, Solid):
-        return np.empty(0)
-    row = operations(shape)
-    if row.outline is None or not row.outline.linear:
+    row = TABLE.get(type(shape))
+    if row is None or row.outline is None or not row.outline.linear:
         return np.empty(0)
     return np.concatenate([np.atleast_1d(getattr(shape, field)) for field in row.sizes.split()]).astype(np.float64)
 
@@ -49,7 +49,7 @@ def growths(bodies: Sequence[HalfspaceBody]) -> dict[int, Growth]:
 def _growth(body: HalfspaceBody) -> Growth:
     """By differences, which are exact but for rounding."""
     shape, directions = body.shape, body.normals @ body.placement[:3, :3]
-    assert isinstance(shape, Solid)
+    assert shape is not None and not isinstance(shape, ConvexBody)
     outline, sizes = operations(shape).outline, sizes_of(shape)
     assert outline is not None
     supports, half_size = np.zeros((len(directions), SIZES)), np.zeros((3, SIZES))
@@ -63,6 +63,5 @@ def _growth(body: HalfspaceBody) -> Growth:
 def _of_sizes(shape: Shape, sizes: Array) -> Shape:
     """The same shape of other sizes."""
     values, fields = sizes.tolist(), operations(shape).sizes.split()
-    if len(fields) == 1 and len(values) > 1:
-        return replace(shape, **{fields[0]: tuple(values)})
-    return replace(shape, **dict(zip(fields, values, strict=True)))
+    given: dict[str, Any] = dict(zip(fields, values if len(fields) == len(values) else [values], strict=True))
+    return replace(shape, **given)

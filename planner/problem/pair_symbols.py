@@ -1,8 +1,9 @@
 """Clearance of body pairs in symbols: Σ_pairs ½ min(D, 0)² at one configuration, or at the two ends of an interval.
 
 In: the pairs. Out: one Function of joint values and of the frames that carry obstacles, by how much these have grown
-included, with first and second derivatives in closed form. It goes through the convex pieces one by one, and where a link body is near a piece through
-all link bodies (`one_pair`): so what is far away costs next to nothing in generated code.
+included, with first and second derivatives in closed form. It goes through the convex pieces one by one, and where a
+link body is near a piece through all link bodies (`one_pair`): so what is far away costs next to nothing in generated
+code.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen, pair, pair_bend, total, where
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array, Rows
-
 
 FRAME = 12 + SIZES  # numbers of a frame: its placement, and by how much the sizes of what it carries have changed
 
@@ -75,9 +75,8 @@ def clearance_function(
             on_frame = _selection(met.joint_b - joints, frames)
             pushed = ca.mac(back, on_frame, pushed)
             grown = ca.mac(more[0], on_frame, grown) if grows else grown
-            bent = [ca.mac(each, on_frame, so_far) for so_far, each in zip(bent, found[1:], strict=False)] + bent[
-                len(found) - 1 :
-            ]
+            for row, each in enumerate(found[1:]):
+                bent[row] = ca.mac(each, on_frame, bent[row])
     slopes = [each.T for each in ca.vertsplit(slope, n)]
     curvatures = [ca.horzsplit(row, n) for row in ca.vertsplit(hessian, n)]
     if not movable:
@@ -150,9 +149,9 @@ class _Pieces:
         count, pieces = self.sizes
         centres, radii = ball(len(placed)).map(count)(*placed, *self.balls)
         points = ca.vertcat(centres, ca.DM.ones(1, count)).T
-        half = self.half_sizes
+        half = ca.MX(self.half_sizes)
         if self.growth is not None:
-            half = half + _widened().map(pieces)(self.widths, change)
+            half += _widened().map(pieces)(self.widths, change)
         outside = ca.MX.zeros(count, pieces)
         for axis, along in zip(box_seen().map(pieces).call([own, self.boxes]), ca.vertsplit(half), strict=True):
             beyond = ca.fmax(ca.fabs(points @ axis) - ca.DM.ones(count, 1) @ along, 0)

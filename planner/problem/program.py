@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.own_term import hard_constraints
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
-from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
+from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty, linear
 from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import as_numbers
@@ -73,7 +73,7 @@ class Program:
 
     @property
     def standing(self) -> dict[str, ca.MX]:
-        """`nlp` without derivatives by the poses of obstacles, which stay where they are while a solver runs: the same
+        """`nlp` without derivatives by poses and sizes of obstacles, which stay as they are while a solver runs: the same
         numbers, and Hessians several times as fast. An external penalty has none anyway."""
         if not isinstance(self.penalty, SymbolicPenalty):
             return self.nlp
@@ -208,7 +208,8 @@ class Program:
 
         if given.get("calc_lam_p"):
             raise InputError("options: calc_lam_p: while a compiled solver runs, obstacles stand; allowed is False")
-        return compiled_solver(plugin, self.standing, {"calc_lam_p": False, **given})
+        unasked = not any(given.get(name) for name in ("calc_f", "calc_g", "calc_lam_x"))
+        return compiled_solver(plugin, self.standing, {"calc_lam_p": False, "no_nlp_grad": unasked, **given})
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
@@ -251,9 +252,9 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
     penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
     p = ca.MX.sym("p", 1 + penalty.size)
-    q, step, change = _columns(problem, x)
-    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
-    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    dynamics = _dynamics(problem, x)
+    starts = range(0, 2 * n * (problem.waypoints - 1), 2 * n)
+    rows = tuple(ca.vertsplit(dynamics, [*starts, dynamics.numel()]))
     equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
     lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
     for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
@@ -270,22 +271,29 @@ def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX
     settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
     weight, places = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
-    cost = (
-        settings.velocity * ca.sumsqr(step) / (2 * h)
-        + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
-        + weight * (penalty(q, step, places) if isinstance(penalty, SymbolicPenalty) else penalty.function(x))
-    )
+    smooth = settings.velocity * ca.sumsqr(step) / (2 * h) + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
+    bent, _ = ca.Function("smooth", [x], list(ca.hessian(smooth, x)))(0)
+    penalized = penalty(q, step, places, x) if isinstance(penalty, SymbolicPenalty) else penalty.function(x)
+    cost = ca.bilin(bent, x, x) / 2 + weight * penalized
     if problem.pace:
         cost += problem.pace.expression(step)
     return sum((term.written(q, step) for term in problem.terms.costs), cost)
 
 
+def _dynamics(problem: Problem, x: ca.MX) -> ca.MX:
+    """What is 0 of each stage, and at the last the waypoint after it; linear in x, and written as a product."""
+    q, step, change = _columns(problem, x)
+    defects = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    return linear(ca.vertcat(ca.vec(defects), q[:, -1] + step[:, -1]), x)
+
+
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     """The waypoints and steps of every stage (n, N − 1), and the changes of step (n, N − 2)."""
-    n = len(problem.start)
-    body, last = ca.vertsplit(x, [0, x.numel() - 2 * n, x.numel()])
-    q, step, change = ca.vertsplit(ca.reshape(body, 3 * n, problem.waypoints - 2), n)
-    return ca.horzcat(q, last[:n]), ca.horzcat(step, last[n:]), change
+    n, stages = len(problem.start), problem.waypoints - 1
+    first = 3 * n * np.arange(stages)[:, None] + np.arange(n)
+    found = [x[(first + shift).ravel().tolist()] for shift in (0, n)]
+    change = x[(first[:-1] + 2 * n).ravel().tolist()]
+    return ca.reshape(found[0], n, stages), ca.reshape(found[1], n, stages), ca.reshape(change, n, stages - 1)
 
 
 def _bound(name: str, given: ArrayLike, size: int) -> Array:

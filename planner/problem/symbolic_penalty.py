@@ -2,8 +2,8 @@
 
     penalty = Σ_samples w_s Σ_terms penalty_term(q_s, frames_s) + Σ_terms penalty_term(motion)
 
-In: waypoints and steps, and poses and sizes of obstacles, which are parameters. Out: an expression without a callback. Every
-term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused, never left out.
+In: waypoints and steps; poses and sizes of obstacles, which are parameters. Out: an expression without a callback.
+Every term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused, never left out.
 """
 
 from __future__ import annotations
@@ -58,29 +58,12 @@ class ObstaclePlaces:
         """Of its shape in the scene (k,) [m], none where it cannot grow."""
         return sizes_of(self.shape)
 
-    def frames(self, values: ca.MX, sizes: ca.MX, samples: int) -> ca.MX:
-        """Of poses as such numbers, and sizes, the frame that carries the bodies at all samples (15, B)."""
-        poses = ca.reshape(values, 12, len(self.poses))
-        home = ca.DM(np.concatenate([self.home[:3, :3].ravel(), self.home[:3, 3]]))
-        frames = _moved().map(len(self.poses))(poses, ca.repmat(home, 1, len(self.poses)))
-        change = ca.vertcat(sizes - self.sizes, ca.MX.zeros(SIZES - len(self.sizes)))
-        if len(self.poses) != samples:
-            return ca.repmat(ca.vertcat(frames, change), 1, samples)
-        return ca.vertcat(frames, ca.repmat(change, 1, samples))
-
-    def mark(self, values: ca.MX, sizes: ca.MX) -> ca.MX:
-        """0, or NaN where a pose is not rigid or a size is no length: a graph cannot raise an error, and far away no
-        distance shows it."""
-        count = len(self.poses)
-        turns = ca.reshape(ca.reshape(values, 12, count)[:9, :], 3, 3 * count)
-        return ca.sum2(_rigid().map(count)(turns)) + ca.sum1(ca.if_else(sizes >= 0, 0, math.nan))
-
 
 @functools.cache
 def _rigid() -> ca.Function:
-    """From the rows of a rotation (3, 3) to 0, or NaN where it is none."""
-    rows = ca.MX.sym("rows", 3, 3)
-    return ca.Function("rigid", [rows], [rigid_or_nan(rows.T)])
+    """From a pose (12) to 0, or NaN where it is not rigid."""
+    pose = ca.MX.sym("pose", 12)
+    return ca.Function("rigid", [pose], [rigid_or_nan(ca.reshape(pose[:9], 3, 3).T)])
 
 
 @functools.cache
@@ -170,37 +153,70 @@ class SymbolicPenalty:
             found.append(sizes_of(shape))
         return np.concatenate(found) if found else np.empty(0)
 
-    def __call__(self, first: ca.MX, step: ca.MX, places: ca.MX) -> ca.MX:
+    def __call__(self, first: ca.MX, step: ca.MX, places: ca.MX, x: ca.MX | None = None) -> ca.MX:
         """The penalty of intervals that begin at `first` (n, N − 1) and lead on by `step`, with obstacles at `places`,
-        numbers as in `values`."""
+        numbers as in `values`. Where these are linear in an x, the configurations are one product of it."""
         problem, samples = self.problem, self.problem.samples
         kinematics, terms = problem.kinematics, tuple(problem.terms)
         linkage, count = problem.robot.linkage, len(samples.weight)
-        parts, known = ca.vertsplit(places, self._ends), len(self.obstacles)
-        given = list(zip(self.obstacles, parts[:known], parts[known : 2 * known], strict=True))
-        frames = [each.frames(pose, size, count) for each, pose, size in given]
+        moving, standing, mark = self._frames(places)
         if linkage is not None:
             first = ca.DM(linkage.matrix) @ first + ca.repmat(ca.DM(linkage.offset), 1, first.shape[1])
             step = ca.DM(linkage.matrix) @ step
         interval = samples.interval.tolist()
         looks = first[:, interval] + step[:, interval] @ ca.diag(ca.DM(samples.fraction))
+        if x is not None:
+            looks = ca.reshape(linear(ca.vec(looks), x), looks.shape)
 
-        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", FRAME, len(frames))
+        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", FRAME, len(self.obstacles))
         place = SymbolicPlace(kinematics, q, carried, self.exact, self.movable)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
-        result = sum((each.mark(pose, size) for each, pose, size in given), ca.MX(0))
+        result = mark
         if at_sample:
             options: Any = {"never_inline": True, "is_diff_in": [True, self.movable]}
             mapped = ca.Function("sample", [q, carried], [sum(at_sample, ca.MX(0))], options).map(count)
-            side_by_side = ca.reshape(ca.vertcat(ca.MX(0, count), *frames), FRAME, len(frames) * count)
-            result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
-        still = [
-            frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(FRAME)
-            for frame, each in zip(frames, self.obstacles, strict=True)
-        ]
-        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(FRAME, 0), *still), self.exact, self.movable)
+            frames = ca.vertcat(ca.MX(0, count), *moving, ca.repmat(ca.vec(standing), 1, count))
+            by_sample = ca.reshape(frames, FRAME, len(self.obstacles) * count)
+            result += mapped(looks, by_sample) @ ca.DM(samples.weight)
+        still = ca.horzcat(ca.MX.zeros(FRAME, len(moving)), standing)
+        motion = SymbolicMotion(kinematics, first, step, still, self.exact, self.movable)
         over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
+
+    def _frames(self, places: ca.MX) -> tuple[list[ca.MX], ca.MX, ca.MX]:
+        """The frames of every moving obstacle at the samples (15, B), those of the standing ones (15, F), and 0, or NaN
+        where a pose is not rigid or a size is no length: a graph cannot raise an error, and far away no distance shows
+        it."""
+        every, counts = self.obstacles, [len(each.poses) for each in self.obstacles]
+        if not every:
+            return [], ca.MX(FRAME, 0), ca.MX(0)
+        poses, sizes = ca.vertsplit(places, [0, self._ends[len(every)], places.numel()])
+        homes = np.array([[*each.home[:3, :3].ravel(), *each.home[:3, 3]] for each in every])
+        frames = _moved().map(sum(counts))(ca.reshape(poses, 12, -1), ca.DM(np.repeat(homes, counts, axis=0).T))
+        mark = ca.sum2(_rigid().map(sum(counts))(ca.reshape(poses, 12, -1)))
+        change = ca.MX.zeros(SIZES, len(every))
+        if sizes.numel():
+            spread = np.zeros((SIZES * len(every), sizes.numel()))
+            rows = [SIZES * row + k for row, each in enumerate(every) for k in range(len(each.sizes))]
+            spread[rows, np.arange(len(rows))] = 1.0
+            at_home = np.concatenate([each.sizes for each in every])
+            change = ca.reshape(ca.sparsify(ca.DM(spread)) @ (sizes - at_home), SIZES, len(every))
+            mark += ca.sum1(ca.if_else(sizes >= 0, 0, math.nan))
+        moving = len(self.problem.scene.moving) if self.problem.terms.moving_obstacles is not None else 0
+        columns, changes = np.cumsum([0, *counts]).tolist(), ca.horzsplit(change)
+        found = [
+            ca.vertcat(frames[:, columns[row] : columns[row + 1]], ca.repmat(changes[row], 1, counts[row]))
+            for row in range(moving)
+        ]
+        return found, ca.vertcat(frames[:, columns[moving] :], change[:, moving:]), mark
+
+
+def linear(expression: ca.MX, x: ca.MX) -> ca.MX:
+    """The same column A x + b as one product: its derivatives are a fraction of those of what makes it up."""
+    at_zero = ca.Function("linear", [x], [ca.jacobian(expression, x), expression])
+    matrix, offset = at_zero(0)
+    product = ca.mtimes(ca.sparsify(matrix), x)
+    return product + offset if np.array(offset).any() else product
 
 
 def refuse_unwritten(term: Term) -> None:

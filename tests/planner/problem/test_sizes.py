@@ -1,4 +1,4 @@
-"""Sizes of obstacles as parameters of the graph: changing them is building the problem with obstacles of other sizes."""
+"""Sizes of obstacles as parameters of the graph: to change them is to build the problem with others of other sizes."""
 
 from __future__ import annotations
 
