@@ -13,10 +13,12 @@ problem by problem, and not measured again by a run with the same FILE.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,7 +29,6 @@ import numpy as np
 from problems import real_problems
 
 import hdplan
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.program import Program
 from hdplan.planner.search.roadmap import seeds
@@ -66,7 +67,7 @@ def main() -> None:
     problems = [(name, hdplan.load_scene) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
     if options.folder is not None:
         drawn = real_problems(options.folder, "panda", options.every)
-        problems += [(f"{each.family} {each.number}", lambda _, each=each: each.load()) for each in drawn]  # type: ignore[misc]
+        problems += [(f"{each.set} {each.number}", lambda _, each=each: each.load()) for each in drawn]  # type: ignore[misc]
     kept: dict[str, dict[str, Any]] = {}
     if options.kept is not None and options.kept.exists():
         kept = {found["name"]: found for found in map(json.loads, options.kept.read_text().splitlines())}
@@ -74,14 +75,14 @@ def main() -> None:
         if name not in kept:
             problem = hdplan.build(load(name))
             problem = problem.resampled(problem.polyline())
-            solved = {plugin: tried(problem, plugin) for plugin in SOLVERS}
-            kept[name] = {"name": name, "forms": measured(problem), "solved": solved}
+            forms = measured(problem)
+            kept[name] = {"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}}
             if options.kept is not None:
                 with options.kept.open("a") as file:
                     file.write(json.dumps(kept[name]) + "\n")
         print(f"{number + 1} of {len(problems)}: {kept[name]}", file=sys.stderr, flush=True)
     found = [kept[name] for name, _ in problems]
-    print(markdown_text([form_row(form, [each["forms"][form] for each in found]) for form in found[0]["forms"]]))
+    print(markdown_text([form_row(form, [each["forms"] for each in found]) for form in found[0]["forms"]]))
     print()
     print(markdown_text([solver_row(plugin, [each["solved"][plugin] for each in found]) for plugin in SOLVERS]))
     for plugin in SOLVERS:
@@ -111,41 +112,55 @@ def measured(problem: Problem) -> dict[str, dict[str, float]]:
     """Of each form: seconds to build and to compile, and milliseconds for the cost, for cost and gradient, for the
     Hessian, and for a step of Ipopt."""
     positions = problem.polyline()
-    began = seconds()
-    program = problem.casadi(form="symbolic")
-    cost = program.standing["f"]
-    hessian, gradient = ca.hessian(cost, program.x)
-    given = [program.x, program.p]
-    parts = {"value": [cost], "first": [cost, gradient], "second": [hessian]}
-    functions = [ca.Function(name, given, part) for name, part in parts.items()]
-    built = seconds() - began
-    compiled = [RowFunction(each) for each in functions]
-    began = seconds()
-    external = problem.casadi()
-    plain = seconds() - began
-    solvers, spent = {}, {}
-    for name, of, in_c in (("generated C", program, True), ("interpreted", program, False), ("loops", external, False)):
+    results, x, p = {}, np.empty(0), np.empty(0)
+    for name, form, in_c in (
+        ("generated C", "symbolic", True),
+        ("interpreted", "symbolic", False),
+        ("loops", "", False),
+    ):
         began = seconds()
-        solvers[name] = of.solver("ipopt", {"ipopt": STEP, **QUIET}, compiled=in_c), of
-        spent[name] = (seconds() - began) * in_c
-    x, p = program.guess(positions), program.values(FIRST_WEIGHT)
-    once = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
-    calls = {
-        "generated C": [lambda each=each: each.once(x, p) for each in compiled],
-        "interpreted": [lambda each=each: each(x, p) for each in functions],
-        "loops": [once[0], once[0], once[1]],
-    }
-    results = {}
-    for name, of in calls.items():
-        solver, written = solvers[name]
-        run = [*of, lambda solver=solver, written=written: stepped(solver, written, x)]
-        value, first, second, steps = in_turn(run, 4 if name == "interpreted" else 16)  # type: ignore[arg-type]
-        taken = max(1, int(solver.stats()["iter_count"]))
+        program = problem.casadi(form=form or "external")
+        built, began = seconds() - began, seconds()
+        with no_cache():
+            solver = program.solver("ipopt", {"ipopt": STEP, **QUIET}, compiled=in_c)
+        spent, x, p = seconds() - began, program.guess(positions), program.values(FIRST_WEIGHT)
+        first, second = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
+        calls: list[Callable[[], object]] = [first, first, second]
+        if form:
+            more = {"nlp_f": (), "nlp_grad_f": (), "nlp_hess_l": (np.ones(1), np.zeros(solver.numel_in("lbg")))}
+            calls = [buffered(solver.get_function(key), [x, p, *given]) for key, given in more.items()]
+        calls.append(lambda solver=solver, program=program, x=x: stepped(solver, program, x))  # type: ignore[misc]
+        value, slope, hessian, steps = in_turn(calls, 4 if name == "interpreted" else 16)
         results[name] = {
-            **{"build": plain if name == "loops" else built, "compile": spent[name]},
-            **{"value": value, "first": first, "second": second, "step": steps / taken},
+            **{"build": built, "compile": spent * in_c, "value": value, "first": slope, "second": hessian},
+            "step": steps / max(1, int(solver.stats()["iter_count"])),
         }
     return results
+
+
+@contextlib.contextmanager
+def no_cache() -> Iterator[None]:
+    """Nothing that was compiled before is found."""
+    before = os.environ.get("HDPLAN_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HDPLAN_CACHE"] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop("HDPLAN_CACHE")
+            if before is not None:
+                os.environ["HDPLAN_CACHE"] = before
+
+
+def buffered(function: ca.Function, given: list[Array]) -> Callable[[], object]:
+    """A call of a function without conversions."""
+    memory, run = function.buffer()
+    results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+    for k, array in enumerate(given):
+        memory.set_arg(k, array.data)
+    for k, array in enumerate(results):
+        memory.set_res(k, array.data)
+    return lambda: (run(), memory, given, results)  # which have to live on
 
 
 def stepped(solver: ca.Function, program: Program, x: Array) -> None:
@@ -158,7 +173,8 @@ def tried(problem: Problem, plugin: str) -> dict[str, Any]:
     hessian, options = SOLVERS[plugin]
     began = seconds()
     program = problem.casadi(hessian, form="symbolic")
-    solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
+    with no_cache():
+        solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
     built, began = seconds() - began, seconds()
     found: dict[str, Any] = {"build": built, "guess": -1}
     for number, (guess, weight) in enumerate(guesses(problem)):
@@ -205,16 +221,21 @@ def quantiles(values: list[float], digits: int) -> str:
     return " / ".join(f"{x:.{digits}f}" for x in np.quantile(values, [0.5, 0.95]))
 
 
-def form_row(name: str, found: list[dict[str, float]]) -> dict[str, Cell]:
+def form_row(form: str, found: list[dict[str, dict[str, float]]]) -> dict[str, Cell]:
     """Medians and 95th percentiles."""
+
+    def column(key: str, digits: int, of: str = "") -> str:
+        return quantiles([each[form][key] / (each[of][key] if of else 1.0) for each in found], digits)
+
     return {
-        "form": name,
-        "build [s]": quantiles([each["build"] for each in found], 2),
-        "compile [s]": quantiles([each["compile"] for each in found], 1),
-        "cost [ms]": quantiles([each["value"] for each in found], 2),
-        "cost and gradient [ms]": quantiles([each["first"] for each in found], 2),
-        "Hessian [ms]": quantiles([each["second"] for each in found], 2),
-        "step of Ipopt [ms]": quantiles([each["step"] for each in found], 1),
+        "form": form,
+        "build [s]": column("build", 2),
+        "compile [s]": column("compile", 1),
+        "cost [ms]": column("value", 2),
+        "cost and gradient [ms]": column("first", 2),
+        "of the loops'": column("first", 1, "loops"),
+        "Hessian [ms]": column("second", 2),
+        "step of Ipopt [ms]": column("step", 1),
     }
 
 

@@ -49,7 +49,8 @@ def growths(bodies: Sequence[HalfspaceBody]) -> dict[int, Growth]:
 def _growth(body: HalfspaceBody) -> Growth:
     """By differences, which are exact but for rounding."""
     shape, directions = body.shape, body.normals @ body.placement[:3, :3]
-    assert shape is not None and not isinstance(shape, ConvexBody)
+    assert shape is not None
+    assert not isinstance(shape, ConvexBody)
     outline, sizes = operations(shape).outline, sizes_of(shape)
     assert outline is not None
     supports, half_size = np.zeros((len(directions), SIZES)), np.zeros((3, SIZES))

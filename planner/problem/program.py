@@ -73,8 +73,8 @@ class Program:
 
     @property
     def standing(self) -> dict[str, ca.MX]:
-        """`nlp` without derivatives by poses and sizes of obstacles, which stay as they are while a solver runs: the same
-        numbers, and Hessians several times as fast. An external penalty has none anyway."""
+        """`nlp` without derivatives by poses and sizes of obstacles, which stay as they are while a solver runs: the
+        same numbers, and Hessians several times as fast. An external penalty has none anyway."""
         if not isinstance(self.penalty, SymbolicPenalty):
             return self.nlp
         return self.nlp | {"f": _cost(self.problem, self.penalty.standing, self.x, self.p) + self.added}
@@ -208,8 +208,9 @@ class Program:
 
         if given.get("calc_lam_p"):
             raise InputError("options: calc_lam_p: while a compiled solver runs, obstacles stand; allowed is False")
-        unasked = not any(given.get(name) for name in ("calc_f", "calc_g", "calc_lam_x"))
-        return compiled_solver(plugin, self.standing, {"calc_lam_p": False, "no_nlp_grad": unasked, **given})
+        complete = plugin == "ipopt" and not any(given.get(name) for name in ("calc_f", "calc_g", "calc_lam_x"))
+        options = {"calc_lam_p": False, "no_nlp_grad": complete, **given}  # of results that Ipopt has itself
+        return compiled_solver(plugin, self.standing, options)
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a

@@ -3,7 +3,7 @@
     penalty = Σ_samples w_s Σ_terms penalty_term(q_s, frames_s) + Σ_terms penalty_term(motion)
 
 In: waypoints and steps; poses and sizes of obstacles, which are parameters. Out: an expression without a callback.
-Every term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused, never left out.
+Every term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused.
 """
 
 from __future__ import annotations
