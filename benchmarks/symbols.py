@@ -1,20 +1,24 @@
 """The problem in symbols as it stands: what it costs to build, compile, evaluate and solve, beside the loops.
 
-    python benchmarks/symbols.py [DIR] [--every K] [--shipped K]
+    python benchmarks/symbols.py [DIR] [--every K] [--shipped K] [--kept FILE]
 
 The problems are every K-th shipped scene and, with DIR, every K-th of MotionBenchMaker's for the Panda. First the
 figures of each form: the graph in CasADi's interpreter, the graph as generated C, and the loops behind form external.
 Then solvers on the graph as C, from the guesses that the planner has: the straight line, then ways through its roadmap;
-at one weight of the penalty after another, each to a tolerance of 1e-4 or for 60 steps, until a motion is certified.
-Times are of the processor, that of the compiler included.
+at one weight of the penalty after another, each to a tolerance of 1e-4 or for 60 steps, until a motion is certified;
+where none is, why. Times are of the processor, that of the compiler included. What is measured is appended to FILE,
+problem by problem, and not measured again by a run with the same FILE.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
+import json
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +29,6 @@ import numpy as np
 from problems import real_problems
 
 import hdplan
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.program import Program
 from hdplan.planner.search.roadmap import seeds
@@ -50,31 +53,42 @@ SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {  # the Hessian and options of
 GUESSES = 8  # for each problem
 
 
+STEP = {"print_level": 0, "max_iter": 10, "sb": "yes"}  # ten steps of Ipopt, to time one
+
+
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
     parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--shipped", type=int, default=1)
+    parser.add_argument("--kept", type=Path, metavar="FILE")
     options = parser.parse_args()
-    scenes = [hdplan.load_scene(name) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
+    problems = [(name, hdplan.load_scene) for name in list(shipped_scenes())[options.shipped - 1 :: options.shipped]]
     if options.folder is not None:
-        scenes += [each.load() for each in real_problems(options.folder, "panda", options.every)]
-    forms: dict[str, list[dict[str, float]]] = {}
-    solved: dict[str, list[dict[str, Any]]] = {}
-    for scene in scenes:
-        problem = hdplan.build(scene)
-        problem = problem.resampled(problem.polyline())
-        for name, figures in measured(problem).items():
-            forms.setdefault(name, []).append(figures)
-        for plugin in SOLVERS:
-            solved.setdefault(plugin, []).append(tried(problem, plugin))
-        print(
-            scene.name, *(f"{key}: {found[-1]}" for key, found in (forms | solved).items()), sep="\n  ", file=sys.stderr
-        )
-    print(markdown_text([form_row(name, found) for name, found in forms.items()]))
+        drawn = real_problems(options.folder, "panda", options.every)
+        problems += [(f"{each.set} {each.number}", lambda _, each=each: each.load()) for each in drawn]  # type: ignore[misc]
+    kept: dict[str, dict[str, Any]] = {}
+    if options.kept is not None and options.kept.exists():
+        kept = {found["name"]: found for found in map(json.loads, options.kept.read_text().splitlines())}
+    for number, (name, load) in enumerate(problems):
+        if name not in kept:
+            problem = hdplan.build(load(name))
+            problem = problem.resampled(problem.polyline())
+            forms = measured(problem)
+            kept[name] = {"name": name, "forms": forms, "solved": {each: tried(problem, each) for each in SOLVERS}}
+            if options.kept is not None:
+                with options.kept.open("a") as file:
+                    file.write(json.dumps(kept[name]) + "\n")
+        print(f"{number + 1} of {len(problems)}: {kept[name]}", file=sys.stderr, flush=True)
+    found = [kept[name] for name, _ in problems]
+    print(markdown_text([form_row(form, [each["forms"] for each in found]) for form in found[0]["forms"]]))
     print()
-    print(markdown_text([solver_row(name, found) for name, found in solved.items()]))
+    print(markdown_text([solver_row(plugin, [each["solved"][plugin] for each in found]) for plugin in SOLVERS]))
+    for plugin in SOLVERS:
+        for each in found:
+            if each["solved"][plugin]["guess"] < 0:
+                print(f"\n{plugin}, {each['name']}: {each['solved'][plugin]['why']}")
 
 
 def seconds() -> float:
@@ -95,35 +109,63 @@ def in_turn(calls: list[Callable[[], object]], count: int) -> list[float]:
 
 
 def measured(problem: Problem) -> dict[str, dict[str, float]]:
-    """Of each form: seconds to build and to compile, and milliseconds for cost and gradient, and for the Hessian, as
-    multiples of what the loops take."""
+    """Of each form: seconds to build and to compile, and milliseconds for the cost, for cost and gradient, for the
+    Hessian, and for a step of Ipopt."""
     positions = problem.polyline()
-    began = seconds()
-    program = problem.casadi(form="symbolic")
-    cost = program.standing["f"]
-    hessian, gradient = ca.hessian(cost, program.x)
-    given = [program.x, program.p]
-    functions = [ca.Function("first", given, [cost, gradient]), ca.Function("second", given, [hessian])]
-    built = [seconds() - began]
-    began = seconds()
-    compiled = [RowFunction(each) for each in functions]
-    spent = seconds() - began
-    began = seconds()
-    problem.casadi()
-    built = [*built * 2, seconds() - began]
-    x, p = program.guess(positions), program.values(FIRST_WEIGHT)
-    loops = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
-    found: dict[str, dict[str, float]] = {}
-    for name, which, count in (("graph, generated C", compiled, 16), ("graph, interpreted", functions, 4)):
-        run = [getattr(each, "once", each) for each in which]
-        calls = [*(lambda each=each: each(x, p) for each in run), *loops]  # type: ignore[misc]
-        first, second, *of_loops = in_turn(calls, count)
-        found[name] = {"first": first / of_loops[0], "second": second / of_loops[1]}
-    found["loops"] = {"first": 1.0, "second": 1.0}
-    return {
-        name: each | {"build": took, "compile": spent * ("C" in name)}
-        for (name, each), took in zip(found.items(), built, strict=True)
-    }
+    results, x, p = {}, np.empty(0), np.empty(0)
+    for name, form, in_c in (
+        ("generated C", "symbolic", True),
+        ("interpreted", "symbolic", False),
+        ("loops", "", False),
+    ):
+        began = seconds()
+        program = problem.casadi(form=form or "external")
+        built, began = seconds() - began, seconds()
+        with no_cache():
+            solver = program.solver("ipopt", {"ipopt": STEP, **QUIET}, compiled=in_c)
+        spent, x, p = seconds() - began, program.guess(positions), program.values(FIRST_WEIGHT)
+        first, second = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
+        calls: list[Callable[[], object]] = [first, first, second]
+        if form:
+            more = {"nlp_f": (), "nlp_grad_f": (), "nlp_hess_l": (np.ones(1), np.zeros(solver.numel_in("lbg")))}
+            calls = [buffered(solver.get_function(key), [x, p, *given]) for key, given in more.items()]
+        calls.append(lambda solver=solver, program=program, x=x: stepped(solver, program, x))  # type: ignore[misc]
+        value, slope, hessian, steps = in_turn(calls, 4 if name == "interpreted" else 16)
+        results[name] = {
+            **{"build": built, "compile": spent * in_c, "value": value, "first": slope, "second": hessian},
+            "step": steps / max(1, int(solver.stats()["iter_count"])),
+        }
+    return results
+
+
+@contextlib.contextmanager
+def no_cache() -> Iterator[None]:
+    """Nothing that was compiled before is found."""
+    before = os.environ.get("HDPLAN_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HDPLAN_CACHE"] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop("HDPLAN_CACHE")
+            if before is not None:
+                os.environ["HDPLAN_CACHE"] = before
+
+
+def buffered(function: ca.Function, given: list[Array]) -> Callable[[], object]:
+    """A call of a function without conversions."""
+    memory, run = function.buffer()
+    results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+    for k, array in enumerate(given):
+        memory.set_arg(k, array.data)
+    for k, array in enumerate(results):
+        memory.set_res(k, array.data)
+    return lambda: (run(), memory, given, results)  # which have to live on
+
+
+def stepped(solver: ca.Function, program: Program, x: Array) -> None:
+    """Some steps of a solver."""
+    solver(x0=x, p=program.values(FIRST_WEIGHT), **program.bounds)
 
 
 def tried(problem: Problem, plugin: str) -> dict[str, Any]:
@@ -131,11 +173,13 @@ def tried(problem: Problem, plugin: str) -> dict[str, Any]:
     hessian, options = SOLVERS[plugin]
     began = seconds()
     program = problem.casadi(hessian, form="symbolic")
-    solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
+    with no_cache():
+        solver = program.solver(plugin, {**options, **QUIET}, compiled=True)
     built, began = seconds() - began, seconds()
-    found = {"build": built, "guess": -1}
+    found: dict[str, Any] = {"build": built, "guess": -1}
     for number, (guess, weight) in enumerate(guesses(problem)):
-        if reached(program, solver, guess, weight):
+        found["why"] = why = missed(program, solver, guess, weight)
+        if why is None:
             found["guess"] = number
             break
     return found | {"solve": seconds() - began}
@@ -147,43 +191,51 @@ def guesses(problem: Problem) -> Iterator[tuple[Array, float]]:
         yield found, DETOUR_WEIGHT if number else FIRST_WEIGHT
 
 
-def reached(program: Program, solver: ca.Function, guess: Array, weight: float) -> bool:
-    """Whether a certified motion is found from a guess, at one weight after another."""
-    x = program.guess(guess)
+def missed(program: Program, solver: ca.Function, guess: Array, weight: float) -> str | None:
+    """Why no certified motion is found from a guess, at one weight after another; None where one is."""
+    x, why = program.guess(guess), "no weight"
     while weight <= LAST_WEIGHT:
         x = solver(x0=x, p=program.values(weight), **program.bounds)["x"]
         path = program.positions(x)
         if not np.isfinite(path).all():
-            return False
-        if certified(program.problem, path):
-            return True
-        weight *= RAISE
-    return False
+            return f"{solver.stats()['return_status']}, no numbers"
+        if (found := refused(program.problem, path)) is None:
+            return None
+        why, weight = found, weight * RAISE
+    return why
 
 
-def certified(problem: Problem, path: Array) -> bool:
-    """Whether a motion along waypoints is, with times where the scene asks for them."""
+def refused(problem: Problem, path: Array) -> str | None:
+    """Why a motion along waypoints, with times where the scene asks for them, has no certificate; None if it has."""
     trajectory = hdplan.Trajectory(problem.robot.joint_names, path, problem.robot.locked)
     try:
         if problem.scene.timed:
             trajectory = Retimer(problem.setup)(trajectory).trajectory
-        return bool(hdplan.certify(problem.scene, trajectory).certified)
-    except HdplanError:
-        return False
+        found = hdplan.certify(problem.scene, trajectory)
+        return None if found.certified else " ".join(found.text.split())
+    except HdplanError as error:
+        return str(error)
 
 
 def quantiles(values: list[float], digits: int) -> str:
     return " / ".join(f"{x:.{digits}f}" for x in np.quantile(values, [0.5, 0.95]))
 
 
-def form_row(name: str, found: list[dict[str, float]]) -> dict[str, Cell]:
+def form_row(form: str, found: list[dict[str, dict[str, float]]]) -> dict[str, Cell]:
     """Medians and 95th percentiles."""
+
+    def column(key: str, digits: int, of: str = "") -> str:
+        return quantiles([each[form][key] / (each[of][key] if of else 1.0) for each in found], digits)
+
     return {
-        "form": name,
-        "build [s]": quantiles([each["build"] for each in found], 2),
-        "compile [s]": quantiles([each["compile"] for each in found], 1),
-        "cost and gradient, of the loops'": quantiles([each["first"] for each in found], 1),
-        "Hessian, of the loops'": quantiles([each["second"] for each in found], 1),
+        "form": form,
+        "build [s]": column("build", 2),
+        "compile [s]": column("compile", 1),
+        "cost [ms]": column("value", 2),
+        "cost and gradient [ms]": column("first", 2),
+        "of the loops'": column("first", 1, "loops"),
+        "Hessian [ms]": column("second", 2),
+        "step of Ipopt [ms]": column("step", 1),
     }
 
 

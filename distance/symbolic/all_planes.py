@@ -1,13 +1,14 @@
 """The HD-SDF by the planes of one body, all planes at once: from points to D, D̃ and the derivatives by a motion.
 
-The same shaped Hölder minima and maximum as in ``all_axes``, of x_ik = n_k·a_i − h_k − r, as matrices (points, planes):
+The same shaped Hölder minima and maximum as in ``all_axes``, of x_ki = n_k·a_i − h_k − r, as matrices (planes, points):
 loops over planes that compilers turn into vectors. Everything is in the frame of the body of the planes, and the motion
-is that of the points in it. With c_ik = ∂D/∂x_ik and F_i = Σ_k c_ik n_k, the force on point i,
+is that of the points in it. With c_ki = ∂D/∂x_ki and F_i = Σ_k c_ki n_k, the force on point i,
 
-    ∂D/∂η = Σ_i J_iᵀ F_i,   ∂²D/∂η² = Σ_i J_iᵀ (Σ_k s_ik n_k n_kᵀ) J_i + Σ_k α_k w_k w_kᵀ + β w wᵀ + Σ_i ∂²(F_i·a_i)/∂η²
+    ∂D/∂η = Σ_i J_iᵀ F_i,   ∂²D/∂η² = Σ_i J_iᵀ (Σ_k s_ki n_k n_kᵀ) J_i + Σ_k α_k w_k w_kᵀ + β w wᵀ + Σ_i ∂²(F_i·a_i)/∂η²
 
 where J_i = [I, −[a_i]×] is the point's derivative by η = (v, ω), w_k plane k's share of the gradient w, and s, α and β
-the second derivatives of the minima, of each plane's value and of the maximum.
+the second derivatives of the minima, of each plane's value and of the maximum. Planes may move out too, by sizes of
+their body on which h_k depends linearly: these are three more motions, with −∂h_k as derivatives of x_ki.
 """
 
 from __future__ import annotations
@@ -16,25 +17,24 @@ import functools
 
 import casadi as ca
 
-from hdplan.distance.symbolic.all_axes import maximum
-from hdplan.distance.symbolic.one_axis import TINY, integer_power, positive_part, shaped
+from hdplan.distance.symbolic.all_axes import Maximum, maximum
+from hdplan.distance.symbolic.one_axis import TINY, Shaped, integer_power, shaped
 
 STAYS = {"never_inline": True}
+SIZES = 3  # of a body, at most
 
 
-def projections(points: ca.MX, radius: ca.MX, body_planes: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Return x (m, K) of points (3, m), grown by a radius, and planes (4 K) as ``halfspaces`` has them; and the least x
-    along every plane (1, K)."""
+def projections(points: ca.MX, radius: ca.MX, normals: ca.MX, supports: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Return x (K, m) of points (3, m), grown by a radius, and planes, their normals (K, 3) and supports (K); and the
+    least x along every plane (K)."""
+    x = normals @ points - ca.repmat(supports + radius, 1, points.shape[1])
+    return x, functools.reduce(ca.fmin, ca.horzsplit(x))
+
+
+def by_coordinate(body_planes: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Return the normals (K, 3) and supports (K) of planes (4 K) as ``halfspaces`` has them."""
     planes = body_planes.numel() // 4
-    along = points.T @ normals_of(body_planes)
-    x = along - ca.repmat(body_planes[3 * planes :].T + radius, points.shape[1], 1)
-    return x, functools.reduce(ca.fmin, ca.vertsplit(x))
-
-
-def normals_of(body_planes: ca.MX) -> ca.MX:
-    """Return the normals (3, K) of planes (4 K)."""
-    planes = body_planes.numel() // 4
-    return ca.reshape(body_planes[: 3 * planes], 3, planes)
+    return ca.reshape(body_planes[: 3 * planes], 3, planes).T, body_planes[3 * planes :]
 
 
 def distance_by_planes(
@@ -49,24 +49,30 @@ def distance_by_planes(
 ) -> list[ca.MX]:
     """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion of the points (3, m), six
     for each of their placements, which have equal shares of them."""
-    x, least = projections(points, radius, body_planes)
+    normals, supports = by_coordinate(body_planes)
+    x, least = projections(points, radius, normals, supports)
     separation = ca.mmax(least)
-    shape = points.shape[1], x.shape[1], gamma, order, length, placements
+    shape = points.shape[1], normals.shape[0], gamma, order, length, placements
     chosen = ca.Function.conditional("by_planes", [inside(*shape)], outside(*shape))
-    value, *derivatives = chosen.call([separation > TINY, x, least, points, weights, normals_of(body_planes)])
+    value, *derivatives = chosen.call([separation > TINY, x, least, points, weights, normals])
     return [value, separation, *derivatives]
 
 
 @functools.cache
-def inside(points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1) -> ca.Function:
+def inside(
+    points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1, grows: bool = False
+) -> ca.Function:
     """Return the function (x, least, points, their weights, normals) -> D and its derivatives, where no plane
-    separates."""
-    given = x, least, *_ = _inputs(points, planes)
-    scale = ca.if_else(least < -TINY, -1 / ca.fmin(least, -TINY), 0)
-    r, p = positive_part(-x) * _rows(scale, points), gamma + 1
+    separates. Where the body of the planes `grows`, it takes the derivatives of the supports by its sizes (K, 3) too,
+    and those of D are after those by motions."""
+    given = x, least, *_ = _inputs(points, planes, grows)
+    deep, p = least < -TINY, gamma + 1
+    r = ca.fmax(x * _columns(deep / ca.fmin(least, -TINY), points), 0)
     sharp = integer_power(r, p - 2) if p > 2 else r > 0
     pull = sharp * r
-    results = _combined(given, least, [pull * r, pull, sharp], gamma, order, length, placements, above=False)
+    total = (pull * r) @ given[3] + ca.logic_not(deep)  # of a plane that only touches: 1
+    minima = shaped(deep * least, total, length, gamma, False)
+    results = _combined(given, minima, _deepest(minima.value, gamma, length), [pull, sharp], order, placements)
     return ca.Function("inside", given, results, STAYS)
 
 
@@ -76,81 +82,133 @@ def outside(points: int, planes: int, gamma: int, order: int, length: float, pla
     given = x, least, *_ = _inputs(points, planes)
     separates = least > TINY
     top = ca.if_else(separates, least, 1)
-    r = _rows(separates * top, points) / ca.fmax(x, _rows(top, points))
+    r = _columns(separates * top, points) / ca.fmax(x, _columns(top, points))
     full = integer_power(r, gamma + 1)
-    least = ca.if_else(separates, least, 0)
-    results = _combined(given, least, [full, full * r, full * r * r], gamma, order, length, placements, above=True)
+    total = full @ given[3] + ca.logic_not(separates)
+    minima = shaped(separates * least, total, length, gamma, True)
+    found = maximum(minima.value, ca.MX.ones(planes), gamma, ca.MX(length))
+    results = _combined(given, minima, found, [full * r, full * r * r], order, placements)
     return ca.Function("outside", given, results, STAYS)
 
 
-def _inputs(points: int, planes: int) -> list[ca.MX]:
-    sizes = {"x": (points, planes), "least": (1, planes), "points": (3, points), "weights": (points, 1)}
-    return [ca.MX.sym(name, *size) for name, size in {**sizes, "normals": (3, planes)}.items()]
+def _inputs(points: int, planes: int, grows: bool = False) -> list[ca.MX]:
+    sizes = {"x": (planes, points), "least": (planes, 1), "points": (3, points), "weights": (points, 1)}
+    sizes |= {"normals": (planes, 3)} | ({"growth": (planes, SIZES)} if grows else {})
+    return [ca.MX.sym(name, *size) for name, size in sizes.items()]
+
+
+def _deepest(g: ca.MX, gamma: int, length: float) -> Maximum:
+    """``maximum`` of values none of which is positive."""
+    p, top = gamma + 1, ca.mmax(g)
+    r = (top < -TINY) * top / ca.fmin(g, -TINY)
+    low = integer_power(r, p - 2) if p > 2 else r > 0
+    full = low * r * r
+    mirrored = shaped(-top, ca.sum1(full), length, gamma, True)
+    return Maximum(
+        -mirrored.value,
+        mirrored.slope,
+        full * r * mirrored.scale_pull,
+        -mirrored.outer,
+        -full * r * r * mirrored.scale_sharp,
+    )
 
 
 def _combined(
-    given: list[ca.MX],
-    least: ca.MX,
-    powers: list[ca.MX],
-    gamma: int,
-    order: int,
-    length: float,
-    placements: int,
-    above: bool,
+    given: list[ca.MX], minima: Shaped, found: Maximum, powers: list[ca.MX], order: int, placements: int
 ) -> list[ca.MX]:
-    """Return D and its derivatives from the least x and the powers of r_ik, whose sums are those of the minima: r^p,
-    and what its first and second derivatives have."""
-    _, _, points, weights, normals = given
-    count, planes = points.shape[1], least.shape[1]
-    weight = ca.repmat(weights, 1, planes)
-    minima = shaped(least, weights.T @ powers[0], length, gamma, above)
-    found = maximum(minima.value, ca.MX.ones(1, planes), gamma, ca.MX(length))
+    """Return D and its derivatives from the minima along the planes, their maximum, and the powers of r_ki that the
+    first and second derivatives of the minima have."""
     if order == 0:
         return [found.value]
-    pull = weight * powers[1] * _rows(minima.scale_pull, count)  # ∂u_k/∂x_ik
+    _, _, points, weights, normals, *growth = given
+    m = points.shape[1] // placements
     share = found.share * minima.slope
-    pushed = normals @ (pull * _rows(found.slope * share, count)).T  # F (3, m)
-    groups = [slice(k * count // placements, (k + 1) * count // placements) for k in range(placements)]
-    gradient = ca.vertcat(*(_wrench(points[:, of], pushed[:, of]) for of in groups))
+    pushed = found.slope * share
+    gradient, of_planes, curved, along = [], [], [], ca.MX(0)
+    for k in range(placements):
+        own = slice(k * m, (k + 1) * m)
+        levers = ca.horzcat(weights[own], ca.repmat(weights[own], 1, 3) * points[:, own].T)  # w_i [1, a_iᵀ]
+        pull = (powers[0][:, own] * _columns(minima.scale_pull, m)) @ levers  # Σ_i ∂u_k/∂x_ki [1, a_iᵀ] (K, 4)
+        forces = _products(normals, pull * _columns(pushed, 4))  # Σ_i F_i [1, a_iᵀ]
+        gradient.append(_wrench()(forces))
+        along += pull[:, 0]
+        if order == 2:
+            of_planes.append(_of_planes(pull, normals))
+            curved.append(_curved()(forces))
+    gradient += [-_products(each, along * pushed) for each in growth]
     if order == 1:
-        return [found.value, gradient]
-    of_planes = ca.vertcat(*(_of_planes(points[:, of], pull[of, :], normals) for of in groups))  # w_k (6 e, K)
-    own = found.slope * found.share
-    spread = own * minima.outer + found.spread * minima.slope * minima.slope
-    whole = of_planes @ share.T
-    hessian = (of_planes * _rows(spread, 6 * placements)) @ of_planes.T + found.outer * whole @ whole.T
-    sharp = weight * powers[2] * _rows(own * minima.scale_sharp, count)
-    blocks = []
-    for of in groups:
-        block = ca.MX.zeros(6, 6)
-        for i in range(of.start, of.stop):
-            bent = (normals * _rows(sharp[i, :], 3)) @ normals.T
-            turn = ca.skew(points[:, i])
-            block += ca.blockcat([[bent, -bent @ turn], [turn @ bent, -turn @ bent @ turn]])
-        blocks.append(block + _curved(points[:, of], pushed[:, of]))
-    return [found.value, gradient, hessian + ca.diagcat(*blocks)]
+        return [found.value, ca.vertcat(*gradient)]
+    each = ca.horzcat(*of_planes, *(-part * _columns(along, SIZES) for part in growth))  # w_k (K, 6 e), sizes
+    own_slope = found.slope * found.share
+    spread = own_slope * minima.outer + found.spread * minima.slope * minima.slope
+    whole = _products(each, share)
+    hessian = _products(each, each * _columns(spread, each.shape[1])) + found.outer * whole @ whole.T
+    sharp = powers[1] * _columns(minima.scale_sharp * own_slope, m * placements)
+    nx, ny, nz = ca.horzsplit(normals)
+    squares = ca.horzcat(nx * nx, nx * ny, nx * nz, ny * ny, ny * nz, nz * nz)
+    bent = _bent().map(m * placements)(points, weights.T, _products(squares, sharp))
+    sums = [ca.sum2(bent[:, k * m : (k + 1) * m]) for k in range(placements)]
+    blocks = ca.diagcat(*(ca.reshape(total, 6, 6) + part for total, part in zip(sums, curved, strict=True)))
+    if growth:
+        blocks = _with_growth(blocks, points, weights, normals, sharp, growth[0], placements)
+    return [found.value, ca.vertcat(*gradient), hessian + blocks]
 
 
-def _rows(row: ca.MX, count: int) -> ca.MX:
-    return ca.repmat(row, count, 1)
+def _with_growth(
+    blocks: ca.MX, points: ca.MX, weights: ca.MX, normals: ca.MX, sharp: ca.MX, growth: ca.MX, placements: int
+) -> ca.MX:
+    """Add the rows and columns of the sizes to Σ_ki s_ki ∂x_ki ∂x_kiᵀ (6 e, 6 e)."""
+    m = points.shape[1] // placements
+    mixed = [ca.MX.zeros(6, SIZES) for _ in range(placements)]
+    for i, (point, weight, column) in enumerate(
+        zip(ca.horzsplit(points), ca.vertsplit(weights), ca.horzsplit(sharp), strict=True)
+    ):
+        force = -weight * _products(normals, growth * _columns(column, SIZES))
+        mixed[i // m] += ca.vertcat(force, ca.skew(point) @ force)
+    across = ca.vertcat(*mixed)
+    return ca.blockcat([[blocks, across], [across.T, _products(growth, growth * _columns(sharp @ weights, SIZES))]])
 
 
-def _wrench(points: ca.MX, pushed: ca.MX) -> ca.MX:
-    """The sum of forces (3, m) on points (3, m), and that of their torques."""
-    moment = pushed @ points.T  # F aᵀ
-    torque = ca.vertcat(moment[2, 1] - moment[1, 2], moment[0, 2] - moment[2, 0], moment[1, 0] - moment[0, 1])
-    return ca.vertcat(ca.sum2(pushed), torque)
+def _columns(column: ca.MX, count: int) -> ca.MX:
+    return ca.repmat(column, 1, count)
 
 
-def _of_planes(points: ca.MX, pull: ca.MX, normals: ca.MX) -> ca.MX:
-    """The derivatives (6, K) of the planes' minima: [Σ_i q_ik n_k; Σ_i q_ik a_i × n_k]."""
-    (nx, ny, nz), (ax, ay, az) = ca.vertsplit(normals), ca.vertsplit(points @ pull)
-    linear = normals * _rows(ca.sum1(pull), 3)
-    return ca.vertcat(linear, ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx)
+def _products(one: ca.MX, other: ca.MX) -> ca.MX:
+    """oneᵀ other, as products of columns, which lie side by side."""
+    left, right = ca.horzsplit(one), ca.horzsplit(other)
+    return ca.horzcat(*(ca.vertcat(*(ca.dot(a, b) for a in left)) for b in right))
 
 
-def _curved(points: ca.MX, pushed: ca.MX) -> ca.MX:
+@functools.cache
+def _wrench() -> ca.Function:
+    """From Σ_i F_i [1, a_iᵀ] (3, 4) to the sum of forces, and that of their torques (6)."""
+    forces = ca.SX.sym("forces", 3, 4)
+    m = forces[:, 1:]
+    torque = ca.vertcat(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
+    return ca.Function("wrench", [forces], [ca.vertcat(forces[:, 0], torque)])
+
+
+@functools.cache
+def _curved() -> ca.Function:
     """The Hessian (6, 6) of Σ_i F_i·a_i, a_i moved by exp(η): of F·(½ ω×v + ½ ω×(ω×a))."""
-    moment, between = pushed @ points.T, ca.skew(ca.sum2(pushed)) / 2
-    turning = (moment + moment.T) / 2 - ca.trace(moment) * ca.MX.eye(3)
-    return ca.blockcat([[ca.MX.zeros(3, 3), between], [-between, turning]])
+    forces = ca.SX.sym("forces", 3, 4)
+    moment, between = forces[:, 1:], ca.skew(forces[:, 0]) / 2
+    turning = (moment + moment.T) / 2 - ca.trace(moment) * ca.SX.eye(3)
+    found = ca.blockcat([[ca.SX.zeros(3, 3), between], [-between, turning]])
+    return ca.Function("curved", [forces], [ca.densify(found)])
+
+
+@functools.cache
+def _bent() -> ca.Function:
+    """Of one point, its weight and the six different entries of Σ_k s_k n_k n_kᵀ: JᵀSJ, (36)."""
+    point, weight, entries = ca.SX.sym("point", 3), ca.SX.sym("weight"), ca.SX.sym("entries", 6)
+    xx, xy, xz, yy, yz, zz = ca.vertsplit(weight * entries)
+    bent, turn = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), ca.skew(point)
+    found = ca.blockcat([[bent, -bent @ turn], [turn @ bent, -turn @ bent @ turn]])
+    return ca.Function("bent", [point, weight, entries], [ca.densify(ca.vec(found))])
+
+
+def _of_planes(pull: ca.MX, normals: ca.MX) -> ca.MX:
+    """The derivatives (K, 6) of the planes' minima: [Σ_i q_ki n_k; Σ_i q_ki a_i × n_k]."""
+    (total, ax, ay, az), (nx, ny, nz) = ca.horzsplit(pull), ca.horzsplit(normals)
+    return ca.horzcat(total * nx, total * ny, total * nz, ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx)

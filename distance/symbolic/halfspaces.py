@@ -72,7 +72,7 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
             distance + mark,
             as_wrenches(placements[-1], gradient),
             separation + mark,
-            *(in_the_world(placements[-1], hessian) for hessian in second),
+            *(in_the_world(placements[-1], hessian, 1) for hessian in second),
         ],
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation", "hessian"][: order + 2],
@@ -100,7 +100,7 @@ def swept_halfspace_distance(
             distance + mark,
             *ca.vertsplit(as_wrenches(placements[-1], gradient), 6),
             separation + mark,
-            *(in_the_world(placements[-1], hessian) for hessian in bend),
+            *(in_the_world(placements[-1], hessian, 2) for hessian in bend),
         ],
         ["first", "second", "placement_b", "body", "body_planes"],
         ["distance", "first_wrench", "second_wrench", "separation", "hessian"][: order + 3],
@@ -136,9 +136,10 @@ def as_wrenches(placement_b: ca.MX, gradient: ca.MX) -> ca.MX:
     return ca.vertcat(*found)
 
 
-def in_the_world(placement_b: ca.MX, hessian: ca.MX) -> ca.MX:
-    """Return the Hessian by motions (6 e, 6 e) as B sees them, by the same motions about the world's origin."""
+def in_the_world(placement_b: ca.MX, hessian: ca.MX, placements: int) -> ca.MX:
+    """Return the Hessian by e motions, six each, as B sees them, by the same motions about the world's origin; what is
+    after them in rows and columns is no motion."""
     turn = rotation_of(placement_b).T
     one = ca.blockcat([[turn, -turn @ ca.skew(placement_b[9:])], [ca.MX.zeros(3, 3), turn]])
-    adjoint = ca.diagcat(*[one] * (hessian.shape[0] // 6))
+    adjoint = ca.diagcat(*[one] * placements, ca.MX.eye(hessian.shape[0] - 6 * placements))
     return ca.densify(adjoint.T @ hessian @ adjoint)

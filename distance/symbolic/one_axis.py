@@ -90,14 +90,15 @@ def shaped(extreme: Expression, total: Expression, length: Expression, gamma: in
     square = inverse * inverse
     u = extreme * _choose(above, inverse, root) * (1 - zero)
     size = ca.fabs(u)
-    near = size <= length
-    ratio = ca.fmin(size, length) / ca.fmax(size, length)
-    power = integer_power(ratio, gamma)
-    s, rest = _choose(near, power, 1) / (1 + power), _choose(near, 1, power) / (1 + power)
+    above_length = ca.fmax(size, length)
+    near, far = ca.fmin(size, length) / length, length / above_length  # one of them is 1
+    near_power, far_power = integer_power(near, gamma), integer_power(far, gamma)
+    whole = 1 + near_power * far_power
+    s, rest = near_power / whole, far_power / whole
     slope = s * (1 + gamma * rest)
     # s/u, which tends to 0 with u: |u|^(gamma-1) / (delta^gamma (1 + t^gamma)), or 1 / (u (1 + t^-gamma))
-    lower = integer_power(ratio, gamma - 1) if gamma > 1 else 1 - zero
-    s_by_u = ca.sign(u) * _choose(near, lower / length, 1 / ca.fmax(size, length)) / (1 + power)
+    lower = integer_power(near, gamma - 1) if gamma > 1 else 1 - zero
+    s_by_u = ca.sign(u) * lower / (above_length * whole)
     order = _choose(above, p + 1, 1 - p)
     scale_sharp = integer_power(inverse, p - 2) if p > 2 else 1
     bend = s_by_u * order * (1 + gamma * rest)

@@ -41,6 +41,7 @@ class Outline:
     support: Callable[[Any, Array], Array]  # h(n) = max_{x in it} n·x [m], exact, for unit directions (k, 3) -> (k,)
     around: Callable[[Any], Array]  # (m, 3) corners of a polyhedron that contains it [m]
     round_about: Literal["nothing", "axis", "centre"]  # decides which directions enclose it tightly
+    linear: bool = False  # whether support and half size are in its sizes, and the directions that enclose it the same
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
             around=lambda shape: np.array(list(itertools.product((-1, 1), repeat=3))) * (np.array(shape.size) / 2),
             round_about="nothing",
+            linear=True,
         ),
         from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
         sizes="size",
@@ -154,6 +156,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: np.full(len(n), shape.radius),
             around=lambda shape: _around_ball(shape.radius, 0.0),
             round_about="centre",
+            linear=True,
         ),
         from_coal=(coal.Sphere, lambda found: Sphere(found.radius)),
         sizes="radius",
@@ -184,6 +187,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.length / 2 * np.abs(n[:, 2]),
             around=lambda shape: _around_cylinder(shape.radius, shape.length / 2),
             round_about="axis",
+            linear=True,
         ),
         from_coal=(coal.Cylinder, lambda found: Cylinder(found.radius, 2.0 * found.halfLength)),
         sizes="radius length",
@@ -199,6 +203,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: shape.radius + shape.length / 2 * np.abs(n[:, 2]),
             around=lambda shape: _around_ball(shape.radius, shape.length / 2),
             round_about="axis",
+            linear=True,
         ),
         from_coal=(coal.Capsule, lambda found: Capsule(found.radius, 2.0 * found.halfLength)),
         sizes="radius length",

@@ -6,7 +6,7 @@ from the distance's hand-written wrench and the geometric Jacobian.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -49,9 +50,12 @@ class PairTerm(Term):
     HD-SDF's flat spot, where its gradient vanishes, lies at the outer rim, where the penalty vanishes as well.
     """
 
-    def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance) -> None:
-        """Take the pairs and their distance."""
-        self.name, self.pairs, self.distance = name, pairs, distance
+    def __init__(
+        self, name: str, pairs: BodyPairs, distance: PairDistance, pieces: Sequence[HalfspaceBody] = ()
+    ) -> None:
+        """Take the pairs and their distance; and the second bodies, where their sizes are to be parameters in
+        symbols."""
+        self.name, self.pairs, self.distance, self.pieces = name, pairs, distance, tuple(pieces)
 
     @property
     def functions(self) -> Mapping[str, Any]:
@@ -84,13 +88,14 @@ class PairTerm(Term):
 
     def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
         """The penalty of one configuration, or of one interval, in symbols."""
+        from hdplan.planner.collision.growth import growths
         from hdplan.planner.problem.pair_symbols import clearance_function
 
         if not isinstance(self.distance, HdsdfPairs):
             raise InputError(f"form: {self.distance.how} is not written in symbols; allowed: external")
-        settings = self.distance.gamma, self.distance.shaping_length
+        of_pairs = self.pairs, growths(self.pieces), self.distance.gamma, self.distance.shaping_length
         frames = place.frames.shape[1]
-        return clearance_function(place.kinematics, self.pairs, *settings, frames, place.exact, ends, place.movable)
+        return clearance_function(place.kinematics, *of_pairs, frames, place.exact, ends, place.movable)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""

@@ -162,7 +162,7 @@ class StaticTorque(Hinge):
         """Σ ½ max(|v| − (t − b), 0)², with the torques' closed derivatives."""
         kinematics, measure = place.kinematics, self.measure
         q = ca.MX.sym("q", kinematics.n)
-        own = SymbolicPlace(kinematics, q, ca.MX(12, 0), place.exact)
+        own = SymbolicPlace(kinematics, q, ca.MX(15, 0), place.exact)
         torque, slopes, bent = measure.torques.written()(own.placements, own.columns)
         rows, scale = measure.joints.tolist(), ca.DM(ARM / measure.limits)
         value, by_q = scale * torque[rows], ca.diag(scale) @ slopes[rows, :]

@@ -153,9 +153,9 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
 
 
 def on_frames(problem: Problem) -> Problem:
-    """Lay out the same problem with every standing obstacle on a frame of its own, so that it may be moved: a joint
-    beyond the robot's and those of the moving ones, in the scene's order. All moving link bodies are paired with it, as
-    what is proven of where it stands does not hold elsewhere."""
+    """Lay out the same problem with every standing obstacle on a frame of its own, so that it may be moved and grow: a
+    joint beyond the robot's and those of the moving ones, in the scene's order. All moving link bodies are paired with
+    it, as what is proven of where it stands, and how large it is, does not hold of others."""
     scene, bodies, settings = problem.scene, problem.bodies, problem.scene.planner
     first = problem.kinematics.nj + len(scene.moving)
     frame = {obstacle.name: first + i for i, obstacle in enumerate(scene.standing)}
@@ -166,7 +166,7 @@ def on_frames(problem: Problem) -> Problem:
     margins = np.array([scene.clearances[piece.name] + settings.activation for piece in pieces])
     supports = with_frames(problem.kinematics.supports, len(scene.obstacles))
     laid_out = body_pairs(bodies, pieces, pairs, margins, supports)
-    obstacles = _clearance(laid_out, _distance(laid_out, bodies, pieces, settings), settings)
+    obstacles = _clearance(laid_out, _distance(laid_out, bodies, pieces, settings), settings, pieces)
     return replace(problem, terms=replace(problem.terms, obstacles=obstacles))
 
 
@@ -201,11 +201,13 @@ def _with_own(problem: Problem, anew: Problem) -> Problem:
     return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 
 
-def _clearance(pairs: BodyPairs, distance: PairDistance, settings: PlannerSettings) -> PairTerm:
+def _clearance(
+    pairs: BodyPairs, distance: PairDistance, settings: PlannerSettings, pieces: tuple[HalfspaceBody, ...] = ()
+) -> PairTerm:
     """The clearance of standing obstacles."""
     if settings.swept:
-        return SweptClearance("obstacles", pairs, distance, settings.gamma, settings.shaping_length)
-    return Clearance("obstacles", pairs, distance)
+        return SweptClearance("obstacles", pairs, distance, settings.gamma, settings.shaping_length, pieces)
+    return Clearance("obstacles", pairs, distance, pieces)
 
 
 def _distance(

@@ -39,10 +39,16 @@ class MovingClearance(Clearance):
     loop = None  # its obstacles are placed first
 
     def __init__(
-        self, pairs: BodyPairs, distance: PairDistance, motions: Sequence[ObstacleMotion], law: MinimumJerk
+        self,
+        pairs: BodyPairs,
+        distance: PairDistance,
+        pieces: Sequence[HalfspaceBody],
+        motions: Sequence[ObstacleMotion],
+        law: MinimumJerk,
     ) -> None:
-        """Take pairs whose second bodies are carried by joints beyond the robot's, one for each of the motions."""
-        super().__init__("moving obstacles", pairs, distance)
+        """Take pairs and their second bodies, which are carried by joints beyond the robot's, one for each of the
+        motions."""
+        super().__init__("moving obstacles", pairs, distance, pieces)
         self.motions, self.law = tuple(motions), law
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
@@ -97,6 +103,7 @@ def moving_clearance(
     term = MovingClearance(
         laid_out,
         distance(laid_out, bodies, pieces),
+        pieces,
         [ObstacleMotion.of(each) for each in obstacles],
         MinimumJerk(scene.end_time),
     )

@@ -10,7 +10,8 @@ the derivatives of D by a motion of A, η the motion of B's frame:
     ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j |m_k| w·[S_j, S_k],   j nearer the base than k
     ∂²D/∂q_j∂η = m_j S_j·(−H η + ½ [w·[·, η]])        ∂²D/∂η² = H
 
-Of a body swept from one placement to another w and H are by both, and so are the joints: those at either end.
+Of a body swept from one placement to another w and H are by both, and so are the joints: those at either end. Where B
+grows, D and its derivatives are by its sizes too, which no joint moves.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic.all_planes import inside, normals_of, projections
+from hdplan.distance.symbolic.all_planes import SIZES, inside, projections
 from hdplan.distance.symbolic.halfspaces import as_wrenches, in_the_world, points_seen
 from hdplan.distance.symbolic.rigid_motions import bracket
 
@@ -36,6 +37,7 @@ class PairKind(NamedTuple):
     gamma: int
     shaping_length: float
     ends: int  # placements of A: one, or two of a swept body
+    grows: bool  # whether there are derivatives by the sizes of B
 
 
 @functools.cache
@@ -49,69 +51,80 @@ def ball(ends: int) -> ca.Function:
 
 
 @functools.cache
-def near(bodies: int, widest: float) -> ca.Function:
-    """Which balls (1, A) of bodies, of those that are listed, reach the box of a piece: 0 where D is sure to be
-    positive."""
-    sizes = {"centres": (3, bodies), "radii": (1, bodies), "frame": (12, 1), "box": (12, 1), "half": (3, 1)}
-    given = [ca.SX.sym(name, *size) for name, size in {**sizes, "listed": (1, bodies)}.items()]
-    centres, radii, frame, box, half, listed = given
-    turn = _rotation(frame) @ _rotation(box)
-    origin = _rotation(frame) @ box[9:] + frame[9:]
-    gaps = turn.T @ (centres - ca.repmat(origin, 1, bodies))
-    outside = ca.fmax(ca.fabs(gaps) - ca.repmat(half, 1, bodies), 0)
-    return ca.Function("near", given, [listed * (ca.sum1(outside**2) < (widest * radii) ** 2)])
+def box_seen() -> ca.Function:
+    """Of a box on a frame the three functions (4) of a point [y, 1] in the world whose values are its places along the
+    box's axes."""
+    frame, box = ca.SX.sym("frame", 12), ca.SX.sym("box", 12)
+    turn, origin = _rotation(frame) @ _rotation(box), _rotation(frame) @ box[9:] + frame[9:]
+    axes = [ca.vertcat(axis, -ca.dot(axis, origin)) for axis in ca.horzsplit(turn)]
+    return ca.Function("box_seen", [frame, box], [ca.densify(axis) for axis in axes])
 
 
 @functools.cache
 def pair(kind: PairKind) -> ca.Function:
-    """One pair's ½ min(D, 0)², given whether it is near, the placements of A and that of B, and both bodies; and its
-    derivative by A's motions, as wrenches (6 e)."""
-    return _where_near("pair", kind, [], lambda value, wrench, _: [value * value / 2, value * wrench], 1)
+    """One pair's ½ min(D, 0)², given whether it is near, the placements of A and that of B, A, and B's normals (K, 3)
+    and supports (K), with the derivatives of these (K, 3) where it grows; and its derivative by A's motions, as
+    wrenches (6 e), and by B's sizes (3) where it grows."""
+
+    def results(value: ca.MX, slopes: list[ca.MX], _: ca.MX) -> list[ca.MX]:
+        return [value * value / 2, *(value * each for each in slopes)]
+
+    return _where_near("pair", kind, [], results, 1)
 
 
 @functools.cache
 def pair_bend(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function:
     """One pair's second derivatives by the joints (n² of them, those at both ends for two); with B's frame `movable`
-    also by the joints and its motion (6 n), by the latter (36), and the derivative by it (6)."""
+    also by the joints and its motion (6 n), by the latter (36), and the derivative by it (6); where B grows, then by
+    sizes and joints (3 n), by sizes and motion (18), and by sizes (9)."""
     more = [*(ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)), ca.MX.sym("moves", n)]
-    chained = _chained(kind.ends, n, exact, movable)
+    chained = _chained(kind.ends, n, exact, movable, kind.grows)
 
-    def results(value: ca.MX, wrench: ca.MX, hessian: ca.MX) -> list[ca.MX]:
-        return list(chained.call([value, wrench, hessian, ca.vertcat(*more[:-1]), more[-1]]))
+    def results(value: ca.MX, slopes: list[ca.MX], hessian: ca.MX) -> list[ca.MX]:
+        return list(chained.call([value, *slopes, hessian, ca.vertcat(*more[:-1]), more[-1]]))
 
     return _where_near("pair_bend", kind, more, results, 2)
 
 
 def _where_near(
-    name: str, kind: PairKind, more: list[ca.MX], results: Callable[[ca.MX, ca.MX, ca.MX], list[ca.MX]], order: int
+    name: str,
+    kind: PairKind,
+    more: list[ca.MX],
+    results: Callable[[ca.MX, list[ca.MX], ca.MX], list[ca.MX]],
+    order: int,
 ) -> ca.Function:
-    """The Function (near, placements, body, planes, more …) -> results of D, its wrench and its Hessian; 0 where the
-    bodies are not near or a plane separates them at all of A's placements."""
+    """The Function (near, placements, body, planes, more …) -> results of min(D, 0), D's wrench with its derivatives by
+    sizes, and its Hessian; 0 where the bodies are not near or a plane separates them at all of A's placements."""
     placements = [ca.MX.sym(f"placement_{k}", 12) for k in range(kind.ends + 1)]
-    body, planes = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("planes", 4 * kind.planes)
+    body, normals = ca.MX.sym("body", 4 * kind.vertices + 1), ca.MX.sym("normals", kind.planes, 3)
+    supports, growth = ca.MX.sym("supports", kind.planes), [ca.MX.sym("growth", kind.planes, SIZES)] * kind.grows
     points, weights, radius = points_seen(placements, body)
-    x, least = projections(points, radius, planes)
+    x, least = projections(points, radius, normals, supports)
 
-    shape = points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends
-    inner = inside(*shape)
+    inner = inside(points.shape[1], kind.planes, kind.gamma, order, kind.shaping_length, kind.ends, kind.grows)
     seen, frame = inner.mx_in(), ca.MX.sym("frame", 12)
     value, gradient, *second = inner.call(seen)
-    hessian = in_the_world(frame, second[0]) if second else ca.MX()
-    found = results(ca.fmin(value, 0), as_wrenches(frame, gradient), hessian)
+    wrench, *by_sizes = ca.vertsplit(gradient, [0, 6 * kind.ends, gradient.numel()][: 2 + kind.grows])
+    hessian = in_the_world(frame, second[0], kind.ends) if second else ca.MX()
+    found = results(ca.fmin(value, 0), [as_wrenches(frame, wrench), *by_sizes], hessian)
     deep = ca.Function(name, [*seen, frame, *more], found, UNBRANCHED)
     chosen = ca.Function.conditional("unless_separated", [deep], nothing(deep))
     separated = ca.mmax(least) > 0
-    given = [*placements, body, planes, *more]
-    unless = chosen.call([separated, x, least, points, weights, normals_of(planes), placements[-1], *more])
+    given = [*placements, body, normals, supports, *growth, *more]
+    unless = chosen.call([separated, x, least, points, weights, normals, *growth, placements[-1], *more])
     return where(ca.Function(f"{name}_near", given, unless, UNBRANCHED))
 
 
 @functools.cache
-def _chained(ends: int, n: int, exact: bool, movable: bool) -> ca.Function:
-    """From min(D, 0) and D's derivatives by A's motions to those of ½ min(D, 0)² by joints and by B's motion."""
-    sizes = {"value": (1, 1), "wrench": (6 * ends, 1), "hessian": (6 * ends, 6 * ends)}
-    given = [ca.MX.sym(name, *size) for name, size in {**sizes, "screws": (6 * ends, n), "moves": (n, 1)}.items()]
-    value, wrench, hessian, screws, moves = given
+def _chained(ends: int, n: int, exact: bool, movable: bool, grows: bool) -> ca.Function:
+    """From min(D, 0) and D's derivatives by A's motions, and by B's sizes, to those of ½ min(D, 0)² by joints, by B's
+    motion, and by B's sizes."""
+    every = 6 * ends + SIZES * grows
+    sizes = {"value": (1, 1), "wrench": (6 * ends, 1)} | ({"by_sizes": (SIZES, 1)} if grows else {})
+    sizes |= {"hessian": (every, every), "screws": (6 * ends, n), "moves": (n, 1)}
+    given = [ca.MX.sym(name, *size) for name, size in sizes.items()]
+    value, wrench, *by_sizes, whole_hessian, screws, moves = given
+    hessian = whole_hessian[: 6 * ends, : 6 * ends]
     contact = value < 0
     moved = [part * ca.repmat(moves.T, 6, 1) for part in ca.vertsplit(screws, 6)]
     parts = ca.vertsplit(wrench, 6)
@@ -135,7 +148,15 @@ def _chained(ends: int, n: int, exact: bool, movable: bool) -> ca.Function:
             *(part.T @ (turn - row) for part, turn, row in zip(moved, turns, rows, strict=True))
         )
         results[2] += value * total(rows)
-    flat = [ca.vec(ca.densify(part)) for part in results[: 4 if movable else 1]]
+    if by_sizes:
+        (grown,) = by_sizes
+        results += [(contact * slope) @ grown.T, (contact * push) @ grown.T, (contact * grown) @ grown.T]
+        if exact:
+            mixed = ca.vertsplit(whole_hessian[: 6 * ends, 6 * ends :], 6)
+            results[4] += value * ca.vertcat(*(part.T @ by for part, by in zip(moved, mixed, strict=True)))
+            results[5] -= value * total(mixed)
+            results[6] += value * whole_hessian[6 * ends :, 6 * ends :]
+    flat = [ca.vec(ca.densify(part)) for part in (results if movable else results[:1])]
     return ca.Function("chained", given, flat)
 
 

@@ -1,8 +1,9 @@
 """Clearance of body pairs in symbols: Σ_pairs ½ min(D, 0)² at one configuration, or at the two ends of an interval.
 
-In: the pairs. Out: one Function of joint values and of the frames that carry obstacles, with first and second
-derivatives in closed form. It goes through the convex pieces one by one, and where a link body is near a piece through
-all link bodies (`one_pair`): so what is far away costs next to nothing in generated code.
+In: the pairs. Out: one Function of joint values and of the frames that carry obstacles, by how much these have grown
+included, with first and second derivatives in closed form. It goes through the convex pieces one by one, and where a
+link body is near a piece through all link bodies (`one_pair`): so what is far away costs next to nothing in generated
+code.
 """
 
 from __future__ import annotations
@@ -15,18 +16,23 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.distance.symbolic.closed import CLOSED, closed_function
 from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.growth import Growths
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, near, pair, pair_bend, total, where
+from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen, pair, pair_bend, total, where
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
-from hdplan.scenes.array_types import Rows
+from hdplan.scenes.array_types import Array, Rows
+
+FRAME = 12 + SIZES  # numbers of a frame: its placement, and by how much the sizes of what it carries have changed
 
 
 def clearance_function(
     kinematics: Kinematics,
     pairs: BodyPairs,
+    growths: Growths,
     gamma: int,
     shaping_length: float,
     frames: int,
@@ -34,40 +40,50 @@ def clearance_function(
     ends: int = 1,
     movable: bool = True,
 ) -> ca.Function:
-    """Return the Function (q (n,) at each of `ends` configurations, frames (12, F)) -> penalty.
+    """Return the Function (q (n,) at each of `ends` configurations, frames (15, F)) -> penalty.
 
     Joints of the pairs beyond the robot's are frames. Without `exact` the second derivative is that of the residuals'
     squares alone, Σ ∇D ∇Dᵀ where D < 0. With two ends D is that of the first body swept between them. Without `movable`
     it has no derivatives by the frames.
     """
-    carried = ca.MX.sym("frames", 12, frames)
+    carried = ca.MX.sym("frames", FRAME, frames)
     values = [ca.MX.sym(f"q{k}", kinematics.n) for k in range(ends)]
     places = [SymbolicPlace(kinematics, q, carried, exact, movable) for q in values]
     n, joints = kinematics.n, kinematics.nj
-    value, slope, pushed = ca.MX(0), ca.MX.zeros(n * ends), ca.MX.zeros(6, frames)
+    changes = ca.horzcat(ca.MX.zeros(SIZES, joints), carried[12:, :])  # links do not grow
+    value, slope = ca.MX(0), ca.MX.zeros(n * ends)
+    pushed, grown = ca.MX.zeros(6, frames), ca.MX.zeros(SIZES, frames)
     hessian = ca.MX.zeros(n * ends, n * ends)
-    bent = [ca.MX.zeros(rows, frames) for rows in (6 * n * ends, 36, 6)]  # as `pair_bend` has them, by frame
+    sizes = 6 * n * ends, 36, 6, SIZES * n * ends, 6 * SIZES, SIZES * SIZES
+    bent = [ca.MX.zeros(rows, frames) for rows in sizes]  # as `pair_bend` has them, by frame
     screws = [place.columns for place in places]
     for slots in sorted(set(pairs.plane_slots.tolist())):
-        met, kind = _Pieces.of(pairs, slots), PairKind(pairs.vertex_slots, slots, gamma, shaping_length, ends)
+        met = _Pieces.of(pairs, growths, slots)
+        grows = movable and met.growth is not None and frames > 0
+        kind = PairKind(pairs.vertex_slots, slots, gamma, shaping_length, ends, grows)
         placed = [place.placements[:, met.joint_a.tolist()] for place in places]
         own = places[0].placements[:, met.joint_b.tolist()]  # of the pieces
-        looked_at: list[Any] = [met.reached(placed, own), *(_repeated(each, met) for each in placed), own, met.planes]
+        change = changes[:, met.joint_b.tolist()]
+        looked_at: list[Any] = [met.reached(placed, own, change), *(_repeated(each, met) for each in placed)]
+        looked_at += [own, *met.planes, *(() if met.growth is None else (met.growth, change))]
         looked_at += [*(_repeated(each, met) for each in screws), met.moves]
-        depth, push, back = met.mapped(_pushes(kind, met, n)).call(looked_at)
+        depth, push, back, *more = met.mapped(_pushes(kind, met, n)).call(looked_at)
         value, slope = value + ca.sum2(depth), slope + ca.sum2(push)
         found = met.mapped(_bends(kind, met, n, exact, movable)).call(looked_at)
         hessian += ca.reshape(ca.sum2(found[0]), n * ends, n * ends)
         if movable and frames:
             on_frame = _selection(met.joint_b - joints, frames)
             pushed = ca.mac(back, on_frame, pushed)
-            bent = [ca.mac(each, on_frame, so_far) for so_far, each in zip(bent, found[1:], strict=True)]
+            grown = ca.mac(more[0], on_frame, grown) if grows else grown
+            for row, each in enumerate(found[1:]):
+                bent[row] = ca.mac(each, on_frame, bent[row])
     slopes = [each.T for each in ca.vertsplit(slope, n)]
     curvatures = [ca.horzsplit(row, n) for row in ca.vertsplit(hessian, n)]
     if not movable:
         return _handed_over(values, [carried], [value, *slopes], curvatures)
+    of_frames = _slope(carried[:12, :], pushed, grown)
     return _handed_over(
-        [*values, carried], [], [value, *slopes, _slope(carried, pushed)], _with_frames(curvatures, carried, bent)
+        [*values, carried], [], [value, *slopes, of_frames], _with_frames(curvatures, carried[:12, :], bent)
     )
 
 
@@ -78,15 +94,18 @@ class _Pieces:
     joint_a: Rows  # (A,)
     joint_b: Rows  # (B,)
     bodies: ca.DM  # (·, A) as in `BodyPairs`
-    planes: ca.DM  # (·, B)
+    planes: tuple[ca.DM, ca.DM]  # normals (K, 3 B) and supports (K, B)
+    growth: ca.DM | None  # (K, 3 B) derivatives of the supports by the sizes, if any of the pieces has sizes
     moves: ca.DM  # (n, A B)
     listed: ca.DM  # (1, A B) whether that pair is one of the pairs
     balls: tuple[ca.DM, ca.DM]  # centres (3, A) and radii (1, A)
-    boxes: tuple[ca.DM, ca.DM]  # (12, B) and half sizes (3, B)
+    boxes: ca.DM  # (12, B)
+    half_sizes: ca.DM  # (3, B)
+    widths: ca.DM  # (9, B) derivatives of the half sizes by the sizes (3, 3)
     widest: float
 
     @classmethod
-    def of(cls, pairs: BodyPairs, slots: int) -> _Pieces:
+    def of(cls, pairs: BodyPairs, growths: Growths, slots: int) -> _Pieces:
         """Those of the pairs with so many planes."""
         rows = np.flatnonzero(pairs.plane_slots == slots)
         body, first, a = np.unique(pairs.body[rows], return_index=True, return_inverse=True)
@@ -96,15 +115,22 @@ class _Pieces:
         listed[b, a], moves[b, a] = 1.0, pairs.moves[rows]
         boxes = pairs.boxes[piece]
         flat = np.hstack([boxes[:, :3, :3].reshape(-1, 9), boxes[:, :3, 3]])
+        table = pairs.plane_tables[slots][pairs.plane_row[once]]
+        normals, growing = table[:, : 3 * slots].reshape(-1, 3), [growths.get(b) for b in piece.tolist()]
+        supports = [np.zeros((slots, SIZES)) if each is None else each.supports for each in growing]
+        halves = [np.zeros((3, SIZES)) if each is None else each.half_size for each in growing]
         return cls(
             pairs.joint_a[first],
             pairs.joint_b[once],
             ca.DM(pairs.body_table[body].T),
-            ca.DM(pairs.plane_tables[slots][pairs.plane_row[once]].T),
+            (_side_by_side(normals, slots), ca.DM(table[:, 3 * slots :].T)),
+            _side_by_side(np.vstack(supports), slots) if any(each is not None for each in growing) else None,
             ca.DM(moves.reshape(-1, moves.shape[2]).T),
             ca.DM(listed.reshape(1, -1)),
             (ca.DM(pairs.centres[body].T), ca.DM(pairs.radii[body][None])),
-            (ca.DM(flat.T), ca.DM(pairs.half_sizes[piece].T)),
+            ca.DM(flat.T),
+            ca.DM(pairs.half_sizes[piece].T),
+            ca.DM(np.array([each.ravel(order="F") for each in halves]).T),
             pairs.widest,
         )
 
@@ -117,13 +143,34 @@ class _Pieces:
         """Over the pieces."""
         return function.map(self.sizes[1])
 
-    def reached(self, placed: Sequence[ca.MX], own: ca.MX) -> ca.MX:
-        """Which link bodies are near which piece (1, A B)."""
+    def reached(self, placed: Sequence[ca.MX], own: ca.MX, change: ca.MX) -> ca.MX:
+        """Which link bodies are near which piece (1, A B): whose ball reaches its box; 0 where D is sure to be
+        positive. All at once, so that compilers make vectors of it."""
         count, pieces = self.sizes
-        balls = ball(len(placed)).map(count)(*placed, *self.balls)
-        return near(count, self.widest).map(pieces)(
-            *(ca.repmat(each, 1, pieces) for each in balls), own, *self.boxes, self.listed
-        )
+        centres, radii = ball(len(placed)).map(count)(*placed, *self.balls)
+        points = ca.vertcat(centres, ca.DM.ones(1, count)).T
+        half = ca.MX(self.half_sizes)
+        if self.growth is not None:
+            half += _widened().map(pieces)(self.widths, change)
+        outside = ca.MX.zeros(count, pieces)
+        for axis, along in zip(box_seen().map(pieces).call([own, self.boxes]), ca.vertsplit(half), strict=True):
+            beyond = ca.fmax(ca.fabs(points @ axis) - ca.DM.ones(count, 1) @ along, 0)
+            outside += beyond * beyond
+        reach = self.widest * radii.T
+        close = ca.reshape(self.listed, count, pieces) * (outside < ca.repmat(reach * reach, 1, pieces))
+        return ca.reshape(close, 1, count * pieces)
+
+
+def _side_by_side(rows: Array, count: int) -> ca.DM:
+    """Of B matrices (K, 3), one below another, the matrix (K, 3 B)."""
+    return ca.DM(np.hstack(np.split(rows, len(rows) // count)))
+
+
+@functools.cache
+def _widened() -> ca.Function:
+    """From the derivatives (9) of half sizes by sizes and a change of these to that of the half sizes (3)."""
+    widths, change = ca.SX.sym("widths", 9), ca.SX.sym("change", SIZES)
+    return ca.Function("widened", [widths, change], [ca.reshape(widths, 3, SIZES) @ change])
 
 
 def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
@@ -132,23 +179,30 @@ def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
 
 def _given(kind: PairKind, met: _Pieces, n: int) -> tuple[list[ca.MX], list[ca.MX], list[ca.MX], ca.MX]:
     """Of one piece: which link bodies (1, A) are near, the inputs of a pair for all of them, screws and moves."""
-    count = met.sizes[0]
+    count, planes = met.sizes[0], kind.planes
     reached = ca.MX.sym("reached", 1, count)
     placed = [ca.MX.sym(f"placed{k}", 12, count) for k in range(kind.ends)]
-    own, planes = ca.MX.sym("own", 12), ca.MX.sym("planes", 4 * kind.planes)
+    own, normals, supports = ca.MX.sym("own", 12), ca.MX.sym("normals", planes, 3), ca.MX.sym("supports", planes)
+    given, alike = [reached, *placed, own, normals, supports], [own, normals, supports]
+    if met.growth is not None:
+        growth, change = ca.MX.sym("growth", planes, SIZES), ca.MX.sym("change", SIZES)
+        given, alike = [*given, growth, change], [own, normals, supports + growth @ change, *[growth] * kind.grows]
     screws = [ca.MX.sym(f"screws{k}", 6, n) for k in range(kind.ends)]
     moves = ca.MX.sym("moves", n, count)
-    alike = [ca.repmat(own, 1, count), ca.MX(met.bodies), ca.repmat(planes, 1, count)]
-    return [reached, *placed, own, planes, *screws, moves], [reached, *placed, *alike], screws, moves
+    frame, *of_planes = (ca.repmat(each, 1, count) for each in alike)
+    pairs = [reached, *placed, frame, ca.MX(met.bodies), *of_planes]
+    return [*given, *screws, moves], pairs, screws, moves
 
 
 def _pushes(kind: PairKind, met: _Pieces, n: int) -> ca.Function:
-    """Of one piece: its penalty, the derivatives by the joints (n e) and by the motion of the piece (6)."""
+    """Of one piece: its penalty, the derivatives by the joints (n e), by the motion of the piece (6), and by its sizes
+    (3) where it grows."""
     given, pairs, screws, moves = _given(kind, met, n)
-    depths, wrenches = pair(kind).map(met.sizes[0]).call(pairs)
+    depths, wrenches, *by_sizes = pair(kind).map(met.sizes[0]).call(pairs)
     parts = ca.vertsplit(wrenches, 6)
     slopes = [ca.sum2((each.T @ part) * moves) for each, part in zip(screws, parts, strict=True)]
-    return _any_near("pushes", given, [ca.sum2(depths), ca.vertcat(*slopes), -ca.sum2(total(parts))])
+    found = [ca.sum2(depths), ca.vertcat(*slopes), -ca.sum2(total(parts)), *map(ca.sum2, by_sizes)]
+    return _any_near("pushes", given, found)
 
 
 def _bends(kind: PairKind, met: _Pieces, n: int, exact: bool, movable: bool) -> ca.Function:
@@ -168,21 +222,22 @@ def _any_near(name: str, given: list[ca.MX], results: list[ca.MX]) -> ca.Functio
     return ca.Function(f"{name}_of_piece", given, close.call([ca.mmax(given[0]), *given]), UNBRANCHED)
 
 
-def _slope(carried: ca.MX, pushed: ca.MX) -> ca.MX:
-    """The derivatives (1, 12 F) by the frames, of wrenches (6, F) on them."""
-    if not carried.shape[1]:
+def _slope(placements: ca.MX, pushed: ca.MX, grown: ca.MX) -> ca.MX:
+    """The derivatives (1, 15 F) by the frames, of wrenches (6, F) on them, and by sizes (3, F)."""
+    if not placements.shape[1]:
         return ca.MX(1, 0)
-    return ca.vec(by_entries(1).map(carried.shape[1])(carried, pushed)).T
+    entries = by_entries(1).map(placements.shape[1])(placements, pushed)
+    return ca.vec(ca.vertcat(entries, grown)).T
 
 
-def _with_frames(curvatures: list[list[ca.MX]], carried: ca.MX, bent: Sequence[ca.MX]) -> list[list[ca.MX]]:
+def _with_frames(curvatures: list[list[ca.MX]], placements: ca.MX, bent: Sequence[ca.MX]) -> list[list[ca.MX]]:
     """Add the derivatives by the frames to those by the joints of each place."""
-    n, frames = curvatures[0][0].shape[0], carried.shape[1]
+    n, frames = curvatures[0][0].shape[0], placements.shape[1]
     across, within = ca.MX(n * len(curvatures), 0), ca.MX(0, 0)
     if frames:
-        across, within = _to_entries(n * len(curvatures)).map(frames)(carried, *bent)
+        across, within = _to_entries(n * len(curvatures)).map(frames)(placements, *bent)
     found = [[*row, part] for row, part in zip(curvatures, ca.vertsplit(across, n), strict=True)]
-    return [*found, [*(row[-1].T for row in found), ca.diagcat(*ca.horzsplit(within, 12))]]
+    return [*found, [*(row[-1].T for row in found), ca.diagcat(*ca.horzsplit(within, FRAME))]]
 
 
 def _handed_over(
@@ -209,11 +264,16 @@ def _selection(carrier: Rows, count: int) -> ca.DM:
 
 @functools.cache
 def _to_entries(n: int) -> ca.Function:
-    """One frame's second derivatives by its motion as those by the entries of its placement: with the joints (n, 12),
-    and with itself (12, 12)."""
-    placement, mixed, own, push = (
-        ca.MX.sym(name, size) for name, size in (("placement", 12), ("mixed", 6 * n), ("own", 36), ("push", 6))
+    """One frame's second derivatives, as `pair_bend` has them, as those by the entries of its placement and its sizes:
+    with the joints (n, 15), and with itself (15, 15)."""
+    sizes = {"mixed": (6, n), "own": (6, 6), "push": (6, 1)}
+    sizes |= {"joints": (n, SIZES), "motion": (6, SIZES), "growth": (SIZES, SIZES)}
+    placement, symbols = ca.MX.sym("placement", 12), [ca.MX.sym(name, rows * of) for name, (rows, of) in sizes.items()]
+    shapes = [(n, 6), *list(sizes.values())[1:]]
+    mixed, own, push, joints, motion, growth = (
+        ca.reshape(each, *shape) for each, shape in zip(symbols, shapes, strict=True)
     )
-    within, up = twice_by_entries()(placement, push, ca.reshape(own, 6, 6))
-    across = ca.reshape(mixed, n, 6) @ up.T
-    return ca.Function("to_entries", [placement, mixed, own, push], [across, within])
+    within, up = twice_by_entries()(placement, push, own)
+    moved = up @ motion
+    across = ca.horzcat(mixed @ up.T, joints)
+    return ca.Function("to_entries", [placement, *symbols], [across, ca.blockcat([[within, moved], [moved.T, growth]])])

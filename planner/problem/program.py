@@ -7,7 +7,7 @@ It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has
     subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
 
 The penalty comes in two forms. In symbols (`symbolic_penalty`) it is part of the graph: what lies between q_k and
-q_{k+1} is a function of q_k and d_k, and the poses of obstacles are parameters beside p. The external form calls
+q_{k+1} is a function of q_k and d_k, and poses and sizes of obstacles are parameters. The external form calls
 `Problem.penalty`, which is the same in loops, through a function with declared derivatives; as the stages may not be
 coupled by a Hessian, the block between q_k and q_{k+1} is written at stage k with δq_{k+1} = δq_k + δd_k, so that the
 step of a solver is the same. Gradients are exact, and so are Hessians, unless the Gauss-Newton curvature is to stand in
@@ -27,11 +27,12 @@ from numpy.typing import ArrayLike
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.own_term import hard_constraints
 from hdplan.planner.problem.penalty_function import PenaltyFunction, places
-from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
+from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty, linear
 from hdplan.planner.problem.warm_start import waypoints_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.shapes import Shape
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
@@ -50,7 +51,7 @@ class Program:
 
     problem: Problem
     x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
-    p: ca.MX  # weight of the penalty [1/m²]; in symbols then the poses of obstacles, as `values` gives them
+    p: ca.MX  # weight of the penalty [1/m²]; in symbols then poses and sizes of obstacles, as `values` gives them
     f: ca.MX
     added: ca.MX  # to f by `with_cost`
     rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
@@ -72,8 +73,8 @@ class Program:
 
     @property
     def standing(self) -> dict[str, ca.MX]:
-        """`nlp` without derivatives by the poses of obstacles, which stay where they are while a solver runs: the same
-        numbers, and Hessians several times as fast. An external penalty has none anyway."""
+        """`nlp` without derivatives by poses and sizes of obstacles, which stay as they are while a solver runs: the
+        same numbers, and Hessians several times as fast. An external penalty has none anyway."""
         if not isinstance(self.penalty, SymbolicPenalty):
             return self.nlp
         return self.nlp | {"f": _cost(self.problem, self.penalty.standing, self.x, self.p) + self.added}
@@ -90,15 +91,38 @@ class Program:
         equal = np.concatenate(self.lower) == np.concatenate(self.upper)
         return {"structure_detection": "auto", "equality": equal.tolist()}
 
-    def values(self, weight: float, poses: Mapping[str, ArrayLike] | None = None) -> Array:
+    def values(
+        self,
+        weight: float,
+        poses: Mapping[str, ArrayLike] | None = None,
+        sizes: Mapping[str, Shape] | None = None,
+    ) -> Array:
         """The p of a weight of the penalty [1/m²], and of other poses (4, 4) of obstacles by name than the scene's; of
-        a moving one (B, 4, 4), one for each sample of the problem. Raises InputError for what is no obstacle or no
-        pose, and for poses where the penalty is external."""
+        a moving one (B, 4, 4), one for each sample of the problem; and of boxes, spheres, cylinders and capsules of
+        other sizes in place of the scene's. Raises InputError for what is no obstacle, no pose or no such shape, and
+        for any of them where the penalty is external."""
         if isinstance(self.penalty, SymbolicPenalty):
-            return np.append(weight, self.penalty.values(poses or {}))
-        if poses:
-            raise InputError("poses: are parameters of form symbolic alone; this program's form is external")
+            return np.append(weight, self.penalty.values(poses or {}, sizes or {}))
+        for name, given in (("poses", poses), ("sizes", sizes)):
+            if given:
+                raise InputError(f"{name}: are parameters of form symbolic alone; this program's form is external")
         return np.array([weight])
+
+    def pose_of(self, obstacle: str) -> ca.MX:
+        """The pose of an obstacle, a part of p: twelve numbers, the rotation row by row, then the origin [m]; of a
+        moving one for each sample. Raises InputError where it is none."""
+        return self._part_of_p(obstacle, "pose")
+
+    def size_of(self, obstacle: str) -> ca.MX:
+        """The sizes of an obstacle [m], a part of p, in the order of its shape's fields. Raises InputError where they
+        are none."""
+        return self._part_of_p(obstacle, "size")
+
+    def _part_of_p(self, obstacle: str, what: str) -> ca.MX:
+        if not isinstance(self.penalty, SymbolicPenalty):
+            raise InputError(f"{what}: is a parameter of form symbolic alone; this program's form is external")
+        first, last = self.penalty.place_of(obstacle, what)
+        return self.p[1 + first : 1 + last]
 
     def between(self, start: ArrayLike, goal: ArrayLike) -> Program:
         """The same program from another start to another goal (n,): the same x, p, f and g with other `bounds`, so that
@@ -184,7 +208,9 @@ class Program:
 
         if given.get("calc_lam_p"):
             raise InputError("options: calc_lam_p: while a compiled solver runs, obstacles stand; allowed is False")
-        return compiled_solver(plugin, self.standing, {"calc_lam_p": False, **given})
+        complete = plugin == "ipopt" and not any(given.get(name) for name in ("calc_f", "calc_g", "calc_lam_x"))
+        options = {"calc_lam_p": False, "no_nlp_grad": complete, **given}  # of results that Ipopt has itself
+        return compiled_solver(plugin, self.standing, options)
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
         """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
@@ -227,9 +253,9 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
     x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
     penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
     p = ca.MX.sym("p", 1 + penalty.size)
-    q, step, change = _columns(problem, x)
-    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
-    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    dynamics = _dynamics(problem, x)
+    starts = range(0, 2 * n * (problem.waypoints - 1), 2 * n)
+    rows = tuple(ca.vertsplit(dynamics, [*starts, dynamics.numel()]))
     equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
     lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
     for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
@@ -244,24 +270,31 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
 def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX, p: ca.MX) -> ca.MX:
     """What is minimized."""
     settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
-    weight, poses = ca.vertsplit(p, [0, 1, p.numel()])
+    weight, places = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
-    cost = (
-        settings.velocity * ca.sumsqr(step) / (2 * h)
-        + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
-        + weight * (penalty(q, step, poses) if isinstance(penalty, SymbolicPenalty) else penalty.function(x))
-    )
+    smooth = settings.velocity * ca.sumsqr(step) / (2 * h) + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
+    bent, _ = ca.Function("smooth", [x], list(ca.hessian(smooth, x)))(0)
+    penalized = penalty(q, step, places, x) if isinstance(penalty, SymbolicPenalty) else penalty.function(x)
+    cost = ca.bilin(bent, x, x) / 2 + weight * penalized
     if problem.pace:
         cost += problem.pace.expression(step)
     return sum((term.written(q, step) for term in problem.terms.costs), cost)
 
 
+def _dynamics(problem: Problem, x: ca.MX) -> ca.MX:
+    """What is 0 of each stage, and at the last the waypoint after it; linear in x, and written as a product."""
+    q, step, change = _columns(problem, x)
+    defects = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    return linear(ca.vertcat(ca.vec(defects), q[:, -1] + step[:, -1]), x)
+
+
 def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     """The waypoints and steps of every stage (n, N − 1), and the changes of step (n, N − 2)."""
-    n = len(problem.start)
-    body, last = ca.vertsplit(x, [0, x.numel() - 2 * n, x.numel()])
-    q, step, change = ca.vertsplit(ca.reshape(body, 3 * n, problem.waypoints - 2), n)
-    return ca.horzcat(q, last[:n]), ca.horzcat(step, last[n:]), change
+    n, stages = len(problem.start), problem.waypoints - 1
+    first = 3 * n * np.arange(stages)[:, None] + np.arange(n)
+    found = [x[(first + shift).ravel().tolist()] for shift in (0, n)]
+    change = x[(first[:-1] + 2 * n).ravel().tolist()]
+    return ca.reshape(found[0], n, stages), ca.reshape(found[1], n, stages), ca.reshape(change, n, stages - 1)
 
 
 def _bound(name: str, given: ArrayLike, size: int) -> Array:

@@ -9,7 +9,7 @@ link that turns leaves it slightly in between; that is for the certificate to fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from hdplan.distance.symbolic.halfspaces import swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Inside, PairTerm
@@ -35,10 +36,18 @@ if TYPE_CHECKING:
 class SweptClearance(PairTerm):
     """The clearance of obstacles, swept over the intervals of a motion."""
 
-    def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance, gamma: int, shaping_length: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        pairs: BodyPairs,
+        distance: PairDistance,
+        gamma: int,
+        shaping_length: float,
+        pieces: Sequence[HalfspaceBody] = (),
+    ) -> None:
         """Take pairs whose second bodies all stand in the world; compile the swept distance, or find it in the
         cache."""
-        super().__init__(name, pairs, distance)
+        super().__init__(name, pairs, distance, pieces)
         self.gamma, self.shaping_length = gamma, shaping_length
         self.kernels = {count: self._kernel(count, 1) for count in sorted(pairs.plane_tables)}
 

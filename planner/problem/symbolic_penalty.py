@@ -2,16 +2,18 @@
 
     penalty = Σ_samples w_s Σ_terms penalty_term(q_s, frames_s) + Σ_terms penalty_term(motion)
 
-In: waypoints and steps, and the poses of obstacles, which are parameters. Out: an expression without a callback. Every
-term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused, never left out.
+In: waypoints and steps; poses and sizes of obstacles, which are parameters. Out: an expression without a callback.
+Every term writes itself (`Term.written_at_sample`, `written_over_motion`); one that does not is refused.
 """
 
 from __future__ import annotations
 
 import copy
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -19,43 +21,49 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.distance.poses import check_poses
+from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.planner.collision.growth import sizes_of
 from hdplan.planner.problem.lay_out import on_frames
 from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 from hdplan.planner.problem.terms import Term
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, listed, nearest
+from hdplan.scenes.shapes import Shape
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
 
+FRAME = 12 + SIZES  # numbers of a frame, as in `pair_symbols`
+GROWING = ("box", "sphere", "cylinder", "capsule")  # shapes with sizes as parameters
 WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motion"}
 
 
 @dataclass(frozen=True, eq=False)
-class ObstaclePoses:
-    """Where an obstacle is: a parameter of the graph."""
+class ObstaclePlaces:
+    """Where an obstacle is, and how large: parameters of the graph."""
 
     name: str
     poses: Array  # (C, 4, 4) of the scene: one, or of a moving obstacle one for each sample
     home: Array  # (4, 4) in which its bodies are given
+    shape: object  # of the scene
 
     @property
     def size(self) -> int:
         """How many numbers they are: 12 each, the rotation row by row, then the origin [m]."""
         return 12 * len(self.poses)
 
-    def frames(self, values: ca.MX, samples: int) -> ca.MX:
-        """Of poses as such numbers the placements (12, B) of the frame that carries the bodies."""
-        poses = ca.reshape(values, 12, len(self.poses))
-        home = ca.DM(np.concatenate([self.home[:3, :3].ravel(), self.home[:3, 3]]))
-        frames = _moved().map(len(self.poses))(poses, ca.repmat(home, 1, len(self.poses)))
-        return frames if len(self.poses) == samples else ca.repmat(frames, 1, samples)
+    @cached_property
+    def sizes(self) -> Array:
+        """Of its shape in the scene (k,) [m], none where it cannot grow."""
+        return sizes_of(self.shape)
 
-    def mark(self, values: ca.MX) -> ca.MX:
-        """0, or NaN where a pose is not rigid: a graph cannot raise an error, and far away no distance shows it."""
-        turns = ca.reshape(ca.reshape(values, 12, len(self.poses))[:9, :], 3, 3 * len(self.poses))
-        return sum((rigid_or_nan(turn.T) for turn in ca.horzsplit(turns, 3)), ca.MX(0))
+
+@functools.cache
+def _rigid() -> ca.Function:
+    """From a pose (12) to 0, or NaN where it is not rigid."""
+    pose = ca.MX.sym("pose", 12)
+    return ca.Function("rigid", [pose], [rigid_or_nan(ca.reshape(pose[:9], 3, 3).T)])
 
 
 @functools.cache
@@ -80,9 +88,9 @@ class SymbolicPenalty:
         if moving is not None:
             times = moving.law.time_at(problem.samples.parameter)
             for each, path in zip(scene.moving, moving.motions, strict=True):
-                found.append(ObstaclePoses(each.name, path.at(times), np.eye(4)))
+                found.append(ObstaclePlaces(each.name, path.at(times), np.eye(4), each.shape))
         for each in scene.standing:
-            found.append(ObstaclePoses(each.name, each.pose.matrix[None], each.pose.matrix))
+            found.append(ObstaclePlaces(each.name, each.pose.matrix[None], each.pose.matrix, each.shape))
         self.obstacles = tuple(found)
 
     @property
@@ -95,14 +103,38 @@ class SymbolicPenalty:
     @property
     def size(self) -> int:
         """The number of parameters."""
-        return sum(each.size for each in self.obstacles)
+        return self._ends[-1]
 
-    def values(self, poses: Mapping[str, ArrayLike]) -> Array:
+    @property
+    def _ends(self) -> list[int]:
+        """Where the parameters of the obstacles begin and end: their poses, then their sizes."""
+        each = [*(each.size for each in self.obstacles), *(len(each.sizes) for each in self.obstacles)]
+        return [int(end) for end in np.cumsum([0, *each])]
+
+    def place_of(self, obstacle: str, what: str) -> tuple[int, int]:
+        """Where the "pose" or the "size" of an obstacle is among the parameters. Raises InputError where it is none."""
+        known = [each.name for each in self.obstacles]
+        if obstacle not in known:
+            raise InputError(f"{what}: no obstacle is named {obstacle!r}{nearest(str(obstacle), known)}")
+        row = known.index(obstacle)
+        if what == "size" and not len(self.obstacles[row].sizes):
+            raise InputError(f"size: {self._cannot_grow(self.obstacles[row])}")
+        row += len(known) * (what == "size")
+        return self._ends[row], self._ends[row + 1]
+
+    @staticmethod
+    def _cannot_grow(each: ObstaclePlaces) -> str:
+        shape = type(each.shape).__name__.lower()
+        return f"{each.name}: of the kind {shape} they are no parameters; allowed are {listed(GROWING)}"
+
+    def values(self, poses: Mapping[str, ArrayLike], sizes: Mapping[str, Shape] | None = None) -> Array:
         """The parameters, with other poses for some obstacles: (4, 4), or of a moving one (B, 4, 4), one for each
-        sample. Raises InputError for what is no obstacle or no pose."""
-        known = {each.name: each for each in self.obstacles}
-        if strange := [name for name in poses if name not in known]:
-            raise InputError(f"poses: no obstacle is named {strange[0]!r}{nearest(str(strange[0]), known)}")
+        sample; and other sizes for some, as shapes. Raises InputError for what is no obstacle, no pose or no such
+        shape."""
+        sizes, known = sizes or {}, {each.name: each for each in self.obstacles}
+        for what, names in (("poses", poses), ("sizes", sizes)):
+            if strange := [name for name in names if name not in known]:
+                raise InputError(f"{what}: no obstacle is named {strange[0]!r}{nearest(str(strange[0]), known)}")
         found = []
         for name, each in known.items():
             given, count = check_poses(f"poses: {name}", poses.get(name, each.poses)), len(each.poses)
@@ -111,39 +143,80 @@ class SymbolicPenalty:
                 raise InputError(f"poses: {name}: found an array of shape {given.shape}, allowed is {allowed}")
             every = np.broadcast_to(given, each.poses.shape)
             found.append(np.concatenate([every[:, :3, :3].reshape(-1, 9), every[:, :3, 3]], axis=1).ravel())
+        for name, each in known.items():
+            shape = sizes.get(name, each.shape)
+            if name in sizes and not len(each.sizes):
+                raise InputError(f"sizes: {self._cannot_grow(each)}")
+            if type(shape) is not type(each.shape):
+                words = type(each.shape).__name__
+                raise InputError(f"sizes: {name}: a {words} of other sizes is expected, found {shape!r}")
+            found.append(sizes_of(shape))
         return np.concatenate(found) if found else np.empty(0)
 
-    def __call__(self, first: ca.MX, step: ca.MX, poses: ca.MX) -> ca.MX:
-        """The penalty of intervals that begin at `first` (n, N − 1) and lead on by `step`, with obstacles at `poses`,
-        numbers as in `values`."""
+    def __call__(self, first: ca.MX, step: ca.MX, places: ca.MX, x: ca.MX | None = None) -> ca.MX:
+        """The penalty of intervals that begin at `first` (n, N − 1) and lead on by `step`, with obstacles at `places`,
+        numbers as in `values`. Where these are linear in an x, the configurations are one product of it."""
         problem, samples = self.problem, self.problem.samples
         kinematics, terms = problem.kinematics, tuple(problem.terms)
         linkage, count = problem.robot.linkage, len(samples.weight)
-        parts = ca.vertsplit(poses, np.cumsum([0, *(each.size for each in self.obstacles)]).tolist())
-        frames = [each.frames(part, count) for each, part in zip(self.obstacles, parts, strict=False)]
+        moving, standing, mark = self._frames(places)
         if linkage is not None:
             first = ca.DM(linkage.matrix) @ first + ca.repmat(ca.DM(linkage.offset), 1, first.shape[1])
             step = ca.DM(linkage.matrix) @ step
         interval = samples.interval.tolist()
         looks = first[:, interval] + step[:, interval] @ ca.diag(ca.DM(samples.fraction))
+        if x is not None:
+            looks = ca.reshape(linear(ca.vec(looks), x), looks.shape)
 
-        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", 12, len(frames))
+        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", FRAME, len(self.obstacles))
         place = SymbolicPlace(kinematics, q, carried, self.exact, self.movable)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
-        result = sum((each.mark(part) for each, part in zip(self.obstacles, parts, strict=False)), ca.MX(0))
+        result = mark
         if at_sample:
             options: Any = {"never_inline": True, "is_diff_in": [True, self.movable]}
             mapped = ca.Function("sample", [q, carried], [sum(at_sample, ca.MX(0))], options).map(count)
-            by_sample = [ca.reshape(frame, 12, count) for frame in frames]
-            side_by_side = ca.reshape(ca.vertcat(*by_sample), 12, len(frames) * count) if frames else ca.MX(12, 0)
-            result += mapped(looks, side_by_side) @ ca.DM(samples.weight)
-        still = [
-            frame[:, 0] if len(each.poses) == 1 else ca.MX.zeros(12)
-            for frame, each in zip(frames, self.obstacles, strict=True)
-        ]
-        motion = SymbolicMotion(kinematics, first, step, ca.horzcat(ca.MX(12, 0), *still), self.exact, self.movable)
+            frames = ca.vertcat(ca.MX(0, count), *moving, ca.repmat(ca.vec(standing), 1, count))
+            by_sample = ca.reshape(frames, FRAME, len(self.obstacles) * count)
+            result += mapped(looks, by_sample) @ ca.DM(samples.weight)
+        still = ca.horzcat(ca.MX.zeros(FRAME, len(moving)), standing)
+        motion = SymbolicMotion(kinematics, first, step, still, self.exact, self.movable)
         over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
+
+    def _frames(self, places: ca.MX) -> tuple[list[ca.MX], ca.MX, ca.MX]:
+        """The frames of every moving obstacle at the samples (15, B), those of the standing ones (15, F), and 0, or NaN
+        where a pose is not rigid or a size is no length: a graph cannot raise an error, and far away no distance shows
+        it."""
+        every, counts = self.obstacles, [len(each.poses) for each in self.obstacles]
+        if not every:
+            return [], ca.MX(FRAME, 0), ca.MX(0)
+        poses, sizes = ca.vertsplit(places, [0, self._ends[len(every)], places.numel()])
+        homes = np.array([[*each.home[:3, :3].ravel(), *each.home[:3, 3]] for each in every])
+        frames = _moved().map(sum(counts))(ca.reshape(poses, 12, -1), ca.DM(np.repeat(homes, counts, axis=0).T))
+        mark = ca.sum2(_rigid().map(sum(counts))(ca.reshape(poses, 12, -1)))
+        change = ca.MX.zeros(SIZES, len(every))
+        if sizes.numel():
+            spread = np.zeros((SIZES * len(every), sizes.numel()))
+            rows = [SIZES * row + k for row, each in enumerate(every) for k in range(len(each.sizes))]
+            spread[rows, np.arange(len(rows))] = 1.0
+            at_home = np.concatenate([each.sizes for each in every])
+            change = ca.reshape(ca.sparsify(ca.DM(spread)) @ (sizes - at_home), SIZES, len(every))
+            mark += ca.sum1(ca.if_else(sizes >= 0, 0, math.nan))
+        moving = len(self.problem.scene.moving) if self.problem.terms.moving_obstacles is not None else 0
+        columns, changes = np.cumsum([0, *counts]).tolist(), ca.horzsplit(change)
+        found = [
+            ca.vertcat(frames[:, columns[row] : columns[row + 1]], ca.repmat(changes[row], 1, counts[row]))
+            for row in range(moving)
+        ]
+        return found, ca.vertcat(frames[:, columns[moving] :], change[:, moving:]), mark
+
+
+def linear(expression: ca.MX, x: ca.MX) -> ca.MX:
+    """The same column A x + b as one product: its derivatives are a fraction of those of what makes it up."""
+    at_zero = ca.Function("linear", [x], [ca.jacobian(expression, x), expression])
+    matrix, offset = at_zero(0)
+    product = ca.mtimes(ca.sparsify(matrix), x)
+    return product + offset if np.array(offset).any() else product
 
 
 def refuse_unwritten(term: Term) -> None:

@@ -36,7 +36,7 @@ class SymbolicPlace:
 
     kinematics: Kinematics
     q: ca.MX  # (n,)
-    frames: ca.MX  # (12, F) world from frame: the rotation row by row, then the origin [m]
+    frames: ca.MX  # (15, F) world from frame: the rotation row by row, then the origin [m]; change of sizes [m]
     exact: bool  # whether the penalties' second derivatives are, or are those of their residuals' squares alone
     movable: bool = True  # whether there are derivatives by the frames
 
@@ -49,7 +49,7 @@ class SymbolicPlace:
     @property
     def placements(self) -> ca.MX:
         """Of the joints and the frames (12, nj + F)."""
-        return ca.horzcat(self._state[0], self.frames)
+        return ca.horzcat(self._state[0], self.frames[:12, :])
 
     @property
     def columns(self) -> ca.MX:
@@ -105,7 +105,7 @@ def _of_carriers(
     kernel = moved.expand()
 
     q = ca.MX.sym("q", kinematics.n)
-    place = SymbolicPlace(kinematics, q, ca.MX(12, 0), exact)
+    place = SymbolicPlace(kinematics, q, ca.MX(15, 0), exact)
     value, wrench, curved = kernel(ca.DM.zeros(motion.numel()), *(place.placements[:, joint] for joint in joints))
     moves = [ca.DM(kinematics.supports[joint].astype(float)[None]) for joint in joints]
     screws = [place.columns * ca.repmat(carried, 6, 1) for carried in moves]
@@ -129,6 +129,6 @@ class SymbolicMotion:
     kinematics: Kinematics
     first: ca.MX  # (n, K) values of all joints at the beginning of each interval
     step: ca.MX  # (n, K) to its end
-    frames: ca.MX  # (12, F) of obstacles that stand; those of others are not meant to be looked at
+    frames: ca.MX  # (15, F) of obstacles that stand; those of others are not meant to be looked at
     exact: bool
     movable: bool

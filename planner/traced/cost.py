@@ -107,6 +107,8 @@ def jax_cost(problem: Problem) -> JaxCost:
     """
     instance(problem, Problem, "problem")
     where = f"{problem.scene.source}: " if problem.scene.source else ""
+    for cost in problem.terms.costs:
+        raise InputError(f"{where}the term '{cost.name}' is not written in JAX: only distances of bodies are")
     for term in problem.terms:
         if not isinstance(term, PairTerm) or type(term) not in (Clearance, MovingClearance):
             raise InputError(f"{where}the term '{term.name}' is not written in JAX: only distances of bodies are")

@@ -27,10 +27,10 @@ from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.planner.problem.whole_graph import ROUNDING, agreed, close, graph_of, loops_at, motion
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9  # relative to the largest number: the same sums in another order
 WEIGHT = 1e4  # of the penalty [1/m²]
 
 
@@ -43,51 +43,12 @@ def problem_of(name: str, **changes: object) -> Problem:
     return build(few_waypoints(load_scene(name), **changes))  # type: ignore[arg-type]
 
 
-def motion(problem: Problem, rng: np.random.Generator, spread: float = 0.3) -> Array:
-    line = np.linspace(problem.start, problem.goal, problem.waypoints)
-    return np.clip(line + spread * rng.normal(size=line.shape), *problem.robot.inner)
-
-
-def close(found: object, expected: Array, tolerance: float = ROUNDING) -> None:
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1e-9, float(np.abs(expected).max())))
-
-
-def graph_of(problem: Problem, exact: bool = True) -> ca.Function:
-    """The penalty of waypoints (n, N) and poses, its gradient and Hessian by all waypoints."""
-    penalty = SymbolicPenalty(problem, exact)
-    n, count = len(problem.start), problem.waypoints
-    x, poses = ca.MX.sym("x", n * count), ca.MX.sym("poses", penalty.size)
-    waypoints = ca.reshape(x, n, count)
-    value = penalty(waypoints[:, :-1], waypoints[:, 1:] - waypoints[:, :-1], poses)
-    hessian, gradient = ca.hessian(value, x)
-    return ca.Function("graph", [x, poses], [value, gradient, hessian])
-
-
-def loops_at(problem: Problem, positions: Array, exact: bool = True) -> tuple[float, Array, Array]:
-    """The same by the loops."""
-    found, (count, n) = problem.penalty(positions), positions.shape
-    diagonal, coupling = found.diagonal, found.coupling
-    if exact:
-        bend = problem.bend(positions)
-        diagonal, coupling = diagonal + bend[0], coupling + bend[1]
-    hessian = np.zeros((count, n, count, n))
-    for k in range(count):
-        hessian[k, :, k] = diagonal[k]
-    for k in range(count - 1):
-        hessian[k + 1, :, k] += coupling[k]
-        hessian[k, :, k + 1] += coupling[k].T
-    return found.cost, found.gradient.ravel(), hessian.reshape(count * n, count * n)
-
-
 def agree(problem: Problem, motions: list[Array], exact: bool = True) -> float:
     """Hold the graph to the loops at motions; return the largest penalty that was seen."""
     graph, poses, seen = graph_of(problem, exact), SymbolicPenalty(problem, exact).values({}), 0.0
     for positions in motions:
         cost, slope, hessian = loops_at(problem, positions, exact)
-        value, gradient, curvature = (np.array(part) for part in graph(positions.ravel(), poses))
-        assert float(value[0, 0]) == pytest.approx(cost, rel=ROUNDING, abs=1e-18)
-        close(gradient.ravel(), slope)
-        close(curvature, hessian)
+        agreed(graph(positions.ravel(), poses), (cost, slope, hessian))
         seen = max(seen, cost)
     return seen
 

@@ -1,13 +1,21 @@
-"""The problem in symbols as a function of its waypoints alone, for laws about it."""
+"""The problem in symbols as a function of its waypoints, and the same by the loops, for laws about it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9  # relative to the largest number: the same sums in another order
 
 
 @dataclass(frozen=True)
@@ -31,3 +39,47 @@ def whole_graph(problem: Problem) -> WholeGraph:
     cost = smooth + weight * penalty(first, step, ca.MX(ca.DM(penalty.values({}))))
     hessian, gradient = ca.hessian(cost, x)
     return WholeGraph(x, weight, cost, gradient, hessian)
+
+
+def motion(problem: Problem, rng: np.random.Generator, spread: float = 0.3) -> Array:
+    line = np.linspace(problem.start, problem.goal, problem.waypoints)
+    return np.clip(line + spread * rng.normal(size=line.shape), *problem.robot.inner)
+
+
+def close(found: object, expected: Array, tolerance: float = ROUNDING) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1e-9, float(np.abs(expected).max())))
+
+
+def graph_of(problem: Problem, exact: bool = True, movable: bool = True) -> ca.Function:
+    """The penalty of waypoints (n, N) and poses, its gradient and Hessian by all waypoints."""
+    penalty = SymbolicPenalty(problem, exact, movable)
+    n, count = len(problem.start), problem.waypoints
+    x, poses = ca.MX.sym("x", n * count), ca.MX.sym("poses", penalty.size)
+    waypoints = ca.reshape(x, n, count)
+    value = penalty(waypoints[:, :-1], waypoints[:, 1:] - waypoints[:, :-1], poses)
+    hessian, gradient = ca.hessian(value, x)
+    return ca.Function("graph", [x, poses], [value, gradient, hessian])
+
+
+def loops_at(problem: Problem, positions: Array, exact: bool = True) -> tuple[float, Array, Array]:
+    """The same by the loops."""
+    found, (count, n) = problem.penalty(positions), positions.shape
+    diagonal, coupling = found.diagonal, found.coupling
+    if exact:
+        bend = problem.bend(positions)
+        diagonal, coupling = diagonal + bend[0], coupling + bend[1]
+    hessian = np.zeros((count, n, count, n))
+    for k in range(count):
+        hessian[k, :, k] = diagonal[k]
+    for k in range(count - 1):
+        hessian[k + 1, :, k] += coupling[k]
+        hessian[k, :, k + 1] += coupling[k].T
+    return found.cost, found.gradient.ravel(), hessian.reshape(count * n, count * n)
+
+
+def agreed(found: Sequence[ca.DM], expected: tuple[float, Array, Array]) -> None:
+    """Hold a graph's value, gradient and Hessian to the loops'."""
+    value, gradient, hessian = (np.array(part) for part in found)
+    assert float(value[0, 0]) == pytest.approx(expected[0], rel=ROUNDING, abs=1e-18)
+    close(gradient.ravel(), expected[1])
+    close(hessian, expected[2])

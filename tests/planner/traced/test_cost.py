@@ -131,7 +131,16 @@ def test_terms_that_are_not_in_it_are_refused_by_name() -> None:
     conveyor, exact = hdplan.load_scene("panda_conveyor"), hdplan.load_scene("planar_arm")
     exact = dataclasses.replace(exact, planner=dataclasses.replace(exact.planner, distance="fcl"))
     swept = dataclasses.replace(exact, planner=hdplan.PlannerSettings(swept=True))
+    planar = problem("planar_arm")
+    own = {
+        kind: planar.with_term(hdplan.OwnTerm(f"of {kind}", each, kind))
+        for kind, each in (("cost", lambda q, step: q[0] ** 2), ("penalty", lambda q, step: q[:1] ** 2))
+    }
+    held = planar.with_term(hdplan.OwnTerm("held", lambda q, step: step[0], "constraint", -1.0, 1.0))
     for asked, said in (
+        (own["cost"], "the term 'of cost' is not written in JAX"),
+        (own["penalty"], "the term 'of penalty' is not written in JAX"),
+        (held, "the term 'held' is not written in JAX"),
         (hdplan.build(conveyor), "the term 'velocity' is not written in JAX"),
         (hdplan.build(exact), "planner.distance: must be hdsdf"),
         (hdplan.build(swept), "the term 'obstacles' is not written in JAX"),
