@@ -94,7 +94,15 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
             else:
                 farthest *= SHORTER
     enough = (1.0 - GAIN) * value
-    return any(promise(path) < enough and search.keep(path, enough) for path in sorted(found, key=promise))
+    for path in sorted(found, key=promise):
+        if promise(path) >= enough:
+            break
+        motion = search.timed(path, enough)
+        if motion is not None and search.keep(path, motion):
+            return True
+        if motion is None and promise(path) > 0.0:  # those behind it promise even less
+            break
+    return False
 
 
 def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:
