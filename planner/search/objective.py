@@ -57,6 +57,10 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
+    def quickest(self, path: Array) -> float:
+        """Return a closer bound of it for all timings of waypoints (N, n), which takes longer to find."""
+        return self.least_along(path)
+
     def longest(self, value: float) -> float:
         """Return a duration [s] such that no motion that takes so long or longer costs less than `value`."""
         return math.inf
@@ -99,6 +103,10 @@ class Time(Objective):
         """Return the motion's duration."""
         assert motion.duration is not None
         return motion.duration
+
+    def quickest(self, path: Array) -> float:
+        """Return the time of the fastest law within the limits of velocity, acceleration and torque."""
+        return self.retimer.quickest_along(path)
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""

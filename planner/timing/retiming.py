@@ -84,6 +84,15 @@ class Retimer:
         chords = np.diff(smooth(path)(np.linspace(0.0, 1.0, CHORDS + 1)), axis=0)
         return float((np.abs(chords) / self.rates["velocity"]).max(axis=1).sum())
 
+    def quickest_along(self, path: Array) -> float:
+        """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
+        if np.ptp(path, axis=0).max() < STANDS:
+            return 0.0
+        try:
+            return float(self._time_optimal(smooth(self._inset(path))).knots[-1]) / self.timing.scale
+        except HdplanError:
+            return math.inf
+
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
         if self.timing.duration is None:
