@@ -1,8 +1,10 @@
 """How good motions are under limits of rates: their time, length, jerk and energy, on MotionBenchMaker's problems.
 
-    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...] [--csv F]
+    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...] [--payload KG]
+    [--csv F]
 
-Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³. With `pose`, the goal is the pose to which the
+Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³; with --payload, a mass GRASP before the hand, and
+the URDF's torques are limits too. With `pose`, the goal is the pose to which the
 request's joints bring the hand. Prints a row for every kind of goal and every number of rounds of polishing (the
 scene's default without --polish): certified problems; mean time of the motion and mean length of its path; the largest
 jerk of all, as proven; the mean energy ∫ Σ|τ q̇| dt, where the robot has masses; what planning and proving took by the
@@ -34,7 +36,9 @@ from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.output import write_output
 
-Key = tuple[str, str, int, str, str]
+GRASP = (0.0, 0.0, 0.1)  # [m] a payload's centre of mass, in the hand's frame
+
+Key = tuple[str, str, int, float, str, str]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +48,7 @@ class Outcome:
     robot: str
     goals: str
     rounds: int
+    payload: float  # [kg]
     set: str
     problem: str
     verdict: str  # "certified", or why not
@@ -63,24 +68,28 @@ class Outcome:
     @property
     def key(self) -> Key:
         """What was planned."""
-        return self.robot, self.goals, self.rounds, self.set, self.problem
+        return self.robot, self.goals, self.rounds, self.payload, self.set, self.problem
 
 
 # --- planning ---------------------------------------------------------------------------------------------------------
 
 
-def posed(problem: RealProblem, goals: str, rounds: int | None) -> hdplan.Scene:
-    """The problem with the limits, the kind of goal and the rounds of polishing; None: the scene's default."""
+def posed(problem: RealProblem, goals: str, rounds: int | None, payload: float) -> hdplan.Scene:
+    """The problem with the limits, the kind of goal, the payload and the rounds of polishing; None: the scene's
+    default."""
     scene = dataclasses.replace(problem.load(), limits=LIMITS)
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
+    if payload:
+        held = hdplan.Payload(HANDS[problem.robot], payload, GRASP)
+        scene = dataclasses.replace(scene, limits=dataclasses.replace(LIMITS, torque="urdf"), payload=held)
     return with_pose_goal(scene, HANDS[problem.robot]) if goals == "pose" else scene
 
 
-def run(problem: RealProblem, goals: str, rounds: int, limit: float) -> Outcome:
+def run(problem: RealProblem, goals: str, rounds: int, payload: float, limit: float) -> Outcome:
     """Plan one problem and measure its motion."""
-    what = (problem.robot, goals, rounds, problem.set, problem.number)
+    what = (problem.robot, goals, rounds, payload, problem.set, problem.number)
     try:
-        scene = posed(problem, goals, rounds)
+        scene = posed(problem, goals, rounds, payload)
         began, used = time.perf_counter(), time.process_time()
         result = hdplan.plan(scene, time_limit=limit)
         wall, processor = time.perf_counter() - began, time.process_time() - used
@@ -158,7 +167,8 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
         "energy mean [J]": f"{_mean([o.energy for o in good]):.1f}",
         "plan median / p95 [ms]": _spread([o.plan for o in ran]),
         "proofs median / p95 [ms]": _spread([o.proofs for o in ran]),
-        "both, processor time median / p95 [ms]": _spread([o.processor for o in ran]),
+        "both, processor time mean / median / p95 [ms]": f"{1e3 * _mean([o.processor for o in ran]):.0f} / "
+        + _spread([o.processor for o in ran]),
     }
 
 
@@ -181,6 +191,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--goals", nargs="*", choices=("pose", "joints"), default=["pose", "joints"])
     parser.add_argument("--polish", nargs="*", type=int, help="rounds; the default's without it")
+    parser.add_argument("--payload", type=float, default=0.0, help="[kg] in the hand, with the URDF's torques as limits")
     parser.add_argument("--time-limit", type=float, default=30.0)
     parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
     options = parser.parse_args()
@@ -191,19 +202,19 @@ def main() -> None:
 
     def planned() -> Iterator[Outcome]:
         for goals, rounds in kinds:
-            todo = [p for p in problems if (p.robot, goals, rounds, p.set, p.number) not in known]
+            todo = [p for p in problems if (p.robot, goals, rounds, options.payload, p.set, p.number) not in known]
             for problem in todo[:1]:
-                run(problem, goals, rounds, options.time_limit)  # warm
+                run(problem, goals, rounds, options.payload, options.time_limit)  # warm
             for problem in todo:
-                yield run(problem, goals, rounds, options.time_limit)
+                yield run(problem, goals, rounds, options.payload, options.time_limit)
 
-    polish = options.polish or [posed(problems[0], "joints", None).polish]
+    polish = options.polish or [posed(problems[0], "joints", None, 0.0).polish]
     kinds = [(goals, rounds) for goals in options.goals for rounds in polish]
     with threadpool_limits(1):
         for outcome in kept(options.csv, list(known.values()), planned()):
             known[outcome.key] = outcome
             print(line(outcome), file=sys.stderr)
-    asked = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
+    asked = [[known[p.robot, *kind, options.payload, p.set, p.number] for p in problems] for kind in kinds]
     print(markdown_text([row(outcomes) for outcomes in asked]))
 
 

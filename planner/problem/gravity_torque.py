@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,7 @@ import pinocchio as pin
 from hdplan.distance.symbolic.closed import closed_function
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
-from hdplan.planner.problem.hinge import BAND, Hinge, Measures, band_below
+from hdplan.planner.problem.hinge import BAND, Hinge, band_below
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
@@ -40,7 +41,7 @@ class GravityTorques:
     centres: Array  # (nj, 3) in their joints' frames [m]
     supports: Mask  # (nj, n) whether a body moves with a coordinate
 
-    @property
+    @cached_property
     def before(self) -> Mask:
         """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 of the model has coordinate
         j."""
@@ -58,21 +59,33 @@ class GravityTorques:
             supports=Chain.of(model).carried_by,
         )
 
-    def __call__(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
-        """Return g (B, n) and ∂g/∂q (B, n, n) at B configurations."""
-        moved = self._moved(kinematics)
+    def torque(self, kinematics: KinematicsBatch) -> Array:
+        """Return g (B, n) at B configurations."""
+        result: Array = -(self._moved(kinematics) @ self.gravity)
+        return result
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """Return ∂g/∂q (B, n, n) at B configurations."""
         turned = cross(np.broadcast_to(self.gravity, kinematics.angular.shape), kinematics.angular)
-        slope = -(moved @ turned.transpose(0, 2, 1))  # [j, k]
-        slope = np.where(self.before, slope, np.where(self.before.T, slope.transpose(0, 2, 1), 0.0))
-        return -(moved @ self.gravity), slope
+        slope = -(self._moved(kinematics) @ turned.transpose(0, 2, 1))  # [j, k]
+        return np.where(self.before, slope, np.where(self.before.T, slope.transpose(0, 2, 1), 0.0))
 
     def _moved(self, kinematics: KinematicsBatch) -> Array:
         """w (B, n, 3)."""
-        places = (kinematics.rotations @ self.centres[..., None])[..., 0] + kinematics.translations
-        after = self.supports * self.masses[:, None]  # (nj, n)
-        moments = np.einsum("bj,ibx->ijx", after, places)
-        moved: Array = after.sum(axis=0)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
+        count, joints = kinematics.placements.shape[:2]
+        moments = (kinematics.placements.reshape(count, 12 * joints) @ self._moments).reshape(kinematics.linear.shape)
+        moved: Array = (self.masses @ self.supports)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
         return moved
+
+    @cached_property
+    def _moments(self) -> Array:
+        """What makes Σ_{b after j} m_b c_b (3 n) of the entries of all placements (12 nj): one product for all."""
+        entries = np.concatenate([self.centres, np.ones((len(self.masses), 1))], axis=1) * self.masses[:, None]
+        weights = np.einsum("bc,bj->bcj", entries, self.supports)
+        result = np.zeros((len(self.masses), 12, self.supports.shape[1], 3))
+        for axis in range(3):
+            result[..., axis][:, [3 * axis, 3 * axis + 1, 3 * axis + 2, 9 + axis]] = weights
+        return result.reshape(12 * len(self.masses), -1)
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """Return ∂²g/∂q² (B, n, n, n) at B configurations."""
@@ -139,15 +152,19 @@ class GravityMeasure:
         """The limits, as lengths (m,) [m]."""
         return np.full(len(self.joints), ARM)
 
-    def __call__(self, kinematics: KinematicsBatch) -> Measures:
-        """Evaluate."""
-        torque, slope = self.torques(kinematics)
-        torque, slope, scale = torque[:, self.joints], slope[:, self.joints], ARM / self.limits
-        return Measures((scale * torque)[..., None], (scale[:, None] * slope)[..., None, :])
+    def value(self, kinematics: KinematicsBatch) -> Array:
+        """The shares."""
+        torque = self.torques.torque(kinematics)[:, self.joints]
+        return (ARM / self.limits * torque)[..., None]
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """Those of the torques."""
+        slope = self.torques.slope(kinematics)[:, self.joints]
+        return ((ARM / self.limits)[:, None] * slope)[..., None, :]
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """Those of the torques."""
-        torque, _ = self.torques(kinematics)
+        torque = self.torques.torque(kinematics)
         scale = ARM / self.limits * np.sign(torque[:, self.joints])
         bent: Array = scale[..., None, None] * self.torques.bend(kinematics)[:, self.joints]
         return bent

@@ -14,7 +14,6 @@ counts as clear while half of the band is left, as room for what happens between
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -22,17 +21,9 @@ import numpy as np
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 BAND = 0.02  # [m] largest width of the band below the bound in which the penalty acts
-
-
-@dataclass(frozen=True)
-class Measures:
-    """m measures at B configurations."""
-
-    value: Array  # (B, m, k) v [m]
-    slope: Array  # (B, m, k, n) dv/dq
 
 
 class Measure(Protocol):
@@ -43,8 +34,12 @@ class Measure(Protocol):
         """The bound of each of the m measures (m,) [m]."""
         ...
 
-    def __call__(self, kinematics: KinematicsBatch) -> Measures:
-        """Evaluate."""
+    def value(self, kinematics: KinematicsBatch) -> Array:
+        """The vectors v (B, m, k) [m]."""
+        ...
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """Their derivatives dv/dq (B, m, k, n)."""
         ...
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
@@ -62,52 +57,78 @@ class Hinge(Term):
     def inside(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
         """The residuals (B, m k) [m], as long as each measure has entered its band, and their derivative (B, m k, n); 0
         where it has not."""
-        found = self.measure(kinematics)
+        value = self.measure.value(kinematics)
+        at, residual, slope = self._entered(kinematics, value, self._beyond(value))
+        count = len(value), value.shape[1] * value.shape[2]
+        return scattered(count, at, residual), scattered((*count, kinematics.columns.shape[1]), at, slope)
+
+    def _beyond(self, value: Array) -> Array:
+        """How far each measure is beyond the begin of its band (B, m) [m]."""
         bound = self.measure.bound
-        length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (bound - band_below(bound)), 0.0)
-        entered = (inside > 0.0)[..., None]
-        divisor = np.where(entered, length[..., None], 1.0)
-        unit = np.where(entered, found.value / divisor, 0.0)
-        along = unit[..., None] * (unit[..., None, :] @ found.slope)
-        across = (inside[..., None] / divisor)[..., None] * (found.slope - along)
-        count = len(inside), unit.shape[1] * unit.shape[2]
-        return (inside[..., None] * unit).reshape(count), (along + across).reshape(*count, found.slope.shape[-1])
+        beyond: Array = np.maximum(np.linalg.norm(value, axis=2) - (bound - band_below(bound)), 0.0)
+        return beyond
+
+    def _entered(self, kinematics: KinematicsBatch, value: Array, beyond: Array) -> tuple[Rows, Array, Array]:
+        """The configurations (r,) in which a measure has entered its band, the residuals there (r, m k) and their
+        derivative (r, m k, n): most often they are few."""
+        at = np.flatnonzero(beyond.any(axis=1))
+        value, beyond = value[at], beyond[at]
+        slope = self.measure.slope(KinematicsBatch(kinematics.placements[at], kinematics.columns[at]))
+        entered = (beyond > 0.0)[..., None]
+        divisor = np.where(entered, np.linalg.norm(value, axis=2, keepdims=True), 1.0)
+        unit = np.where(entered, value / divisor, 0.0)
+        along = unit[..., None] * (unit[..., None, :] @ slope)
+        across = (beyond[..., None] / divisor)[..., None] * (slope - along)
+        count = len(at), value.shape[1] * value.shape[2]
+        return at, (beyond[..., None] * unit).reshape(count), (along + across).reshape(*count, slope.shape[-1])
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How much of the band is used up, as a depth (B,) [m], the same all along the motion."""
-        inside, _ = self.inside(kinematics)
-        return self._depth(inside)
+        return self._depth(self._beyond(self.measure.value(kinematics)))
 
-    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
-        """The penalty at the samples of a motion."""
-        inside, slope = self.inside(kinematics)
-        weight = samples.weight[:, None]
-        gradient = ((weight * inside)[:, None] @ slope)[:, 0]
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
+        """The penalty at the samples of a motion; None where no measure enters its band."""
+        value = self.measure.value(kinematics)
+        beyond = self._beyond(value)
+        if not beyond.any():
+            return None
+        at, residual, slope = self._entered(kinematics, value, beyond)
+        (batch, n), weight = kinematics.columns.shape[:2], samples.weight[at][:, None]
+        gradient = ((weight * residual)[:, None] @ slope)[:, 0]
         curvature = weight[..., None] * (slope.transpose(0, 2, 1) @ slope)
-        return Penalty(float(0.5 * np.sum(weight * inside**2)), gradient, curvature, self._depth(inside))
+        return Penalty(
+            float(0.5 * np.sum(weight * residual**2)),
+            scattered((batch, n), at, gradient),
+            scattered((batch, n, n), at, curvature),
+            self._depth(beyond),
+        )
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """With e = max(g − (t − b), 0) and J = dv/dq, what e²/2 has beyond dr ᵀdr: e ∇²g − (e/g)² Jᵀ(I − u uᵀ) J."""
-        found = self.measure(kinematics)
-        length = np.linalg.norm(found.value, axis=2)
-        inside = np.maximum(length - (self.measure.bound - band_below(self.measure.bound)), 0.0)
-        entered = inside > 0.0
-        scale = samples.weight[:, None] * inside
+        value, slope = self.measure.value(kinematics), self.measure.slope(kinematics)
+        beyond, length = self._beyond(value), np.linalg.norm(value, axis=2)
+        entered = beyond > 0.0
+        scale = samples.weight[:, None] * beyond
         if not entered.any():
-            return np.zeros((len(inside), *found.slope.shape[-1:] * 2))
+            return np.zeros((len(beyond), *slope.shape[-1:] * 2))
         divisor = np.where(entered, length, 1.0)
-        along = ((found.value / divisor[..., None])[..., None, :] @ found.slope)[..., 0, :]
-        across = found.slope.swapaxes(-1, -2) @ found.slope - along[..., :, None] * along[..., None, :]
-        bent = self.measure.bend(kinematics) - (inside / divisor**2)[..., None, None] * across
+        along = ((value / divisor[..., None])[..., None, :] @ slope)[..., 0, :]
+        across = slope.swapaxes(-1, -2) @ slope - along[..., :, None] * along[..., None, :]
+        bent = self.measure.bend(kinematics) - (beyond / divisor**2)[..., None, None] * across
         result: Array = np.einsum("bm,bmij->bij", scale, bent)
         return result
 
-    def _depth(self, inside: Array) -> Array:
+    def _depth(self, beyond: Array) -> Array:
         band = band_below(self.measure.bound)
-        inside = np.linalg.norm(inside.reshape(len(inside), len(band), inside.shape[1] // len(band)), axis=2)
-        depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
+        depth: Array = (self.activation * beyond / band + np.maximum(beyond - band, 0.0)).max(axis=1)
         return depth
+
+
+def scattered(shape: tuple[int, ...], at: Rows, values: Array) -> Array:
+    """Values (r, ...) at rows (r,) of an array of zeros."""
+    result = np.zeros(shape)
+    result[at] = values
+    return result
 
 
 def band_below(bound: Array) -> Array:

@@ -48,13 +48,16 @@ class Pace:
         size = np.abs(x)
         largest = size.max(axis=1, keepdims=True)
         ratio = np.divide(size, largest, out=np.ones_like(size), where=largest > 0.0)  # keeps powers within range
-        total = (ratio**P).sum(axis=1, keepdims=True)
+        square = ratio * ratio
+        fourth = square * square
+        slender = fourth * fourth * fourth * square  # the power P − 2, by products: pow takes ten times as long
+        total = (slender * square).sum(axis=1, keepdims=True)
         length = largest * total ** (1 / P)  # (N − 1, 1) ‖x‖_p, times h
-        direction = ratio ** (P - 1) * np.sign(x)
+        direction = slender * ratio * np.sign(x)
         outer = total ** (2 / P - 1)
         slope = (count - 1) * largest * outer * direction * self.shares
         bend = (2 - P) / total[..., None] * direction[:, :, None] * direction[:, None, :]
-        bend[:, range(n), range(n)] += (P - 1) * ratio ** (P - 2)
+        bend[:, range(n), range(n)] += (P - 1) * slender
         bend *= (count - 1) * outer[..., None] * self.shares[:, None] * self.shares
         gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
         gradient[1:] += slope

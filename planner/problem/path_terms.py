@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.hinge import Hinge, Measure, Measures, band_below
+from hdplan.planner.problem.hinge import Hinge, Measure, band_below
 from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
 from hdplan.planner.problem.symbolic_place import JointPlaces, SymbolicPlace
 from hdplan.planner.robot.link_frame import link_frame, relative_links
@@ -82,13 +82,17 @@ class UprightMeasure:
     moves: Mask  # (n,) coordinates that move the link
     bound: Array  # (1,) [m]
 
-    def __call__(self, kinematics: KinematicsBatch) -> Measures:
-        """Evaluate."""
+    def value(self, kinematics: KinematicsBatch) -> Array:
+        """LEVER θ."""
         axis = kinematics.rotations[:, self.joint] @ self.axis
-        aside, sine = _unit(np.cross(axis, UP))
-        angle = np.arctan2(sine, axis @ UP)
-        slope = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
-        return Measures(LEVER * angle[:, None, None], LEVER * slope[:, None, None])
+        angle: Array = np.arctan2(_unit(np.cross(axis, UP))[1], axis @ UP)
+        return LEVER * angle[:, None, None]
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """As the module's docstring says."""
+        aside, _ = _unit(np.cross(kinematics.rotations[:, self.joint] @ self.axis, UP))
+        slope: Array = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
+        return LEVER * slope[:, None, None]
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """As the link turns by ω, with c the unit vector across a on the side of z: cot θ (c·ω)² − (a·ω) (c·ω); 0 where
@@ -128,16 +132,26 @@ class WithinMeasure:
     axes: Array  # (m, 3) of the box, in the world, where it has sides
     bound: Array  # (m,) half its edges [m]
 
-    def __call__(self, kinematics: KinematicsBatch) -> Measures:
-        """Evaluate."""
-        place = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
+    def value(self, kinematics: KinematicsBatch) -> Array:
+        """u, an axis at a time."""
+        off: Array = (self._place(kinematics) - self.centre) @ self.axes.T
+        return off[..., None]
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """The velocity of the point along each axis."""
+        place = self._place(kinematics)
         velocity = (kinematics.linear + np.cross(kinematics.angular, place[:, None])) * self.moves[:, None]
-        off = (place - self.centre) @ self.axes.T
-        return Measures(off[..., None], (self.axes @ velocity.transpose(0, 2, 1))[..., None, :])
+        slope: Array = self.axes @ velocity.transpose(0, 2, 1)
+        return slope[..., None, :]
+
+    def _place(self, kinematics: KinematicsBatch) -> Array:
+        """The point (B, 3) in the world."""
+        place: Array = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
+        return place
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """That of the point along each axis."""
-        place = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
+        place = self._place(kinematics)
         signs = np.sign((place - self.centre) @ self.axes.T)
         along = [sign[:, None] * axis for sign, axis in zip(signs.T, self.axes, strict=True)]
         return np.stack(
@@ -165,22 +179,22 @@ class RelativeMeasure:
     moves: tuple[Mask, Mask]  # (n,) coordinates that move the one and not the other
     bound: Array  # (2,) [m]
 
-    def __call__(self, kinematics: KinematicsBatch) -> Measures:
-        """Evaluate."""
+    def value(self, kinematics: KinematicsBatch) -> Array:
+        """p − c, and LEVER φ."""
+        (place, turned), (asked, wanted) = self._placed(kinematics)
+        return np.stack([place - asked, LEVER * _rotation_vector(turned @ wanted.transpose(0, 2, 1))], axis=1)
+
+    def slope(self, kinematics: KinematicsBatch) -> Array:
+        """The velocity of the one place past the other, and how φ changes as the links turn."""
         linear, angular = [], []
         (place, turned), (asked, wanted) = self._placed(kinematics)
         for point, moves in zip((place, asked), self.moves, strict=True):
             linear.append((kinematics.linear + np.cross(kinematics.angular, point[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
         turn = turned @ wanted.transpose(0, 2, 1)
-        vector = _rotation_vector(turn)
         faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
-        return Measures(
-            np.stack([place - asked, LEVER * vector], axis=1),
-            np.stack(
-                [(linear[0] - linear[1]).transpose(0, 2, 1), LEVER * _rate(vector) @ faster.transpose(0, 2, 1)], axis=1
-            ),
-        )
+        turning = LEVER * _rate(_rotation_vector(turn)) @ faster.transpose(0, 2, 1)
+        return np.stack([(linear[0] - linear[1]).transpose(0, 2, 1), turning], axis=1)
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
         """With u the direction of the way and ṗ the velocity of the place: that of the place along u, and (|ṗ|² −

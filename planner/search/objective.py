@@ -57,6 +57,14 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
+    def quickest(self, path: Array) -> float:
+        """Return a closer bound of it for all timings of waypoints (N, n), which takes longer to find."""
+        return self.least_along(path)
+
+    def longest(self, value: float) -> float:
+        """Return a duration [s] such that no motion that takes so long or longer costs less than `value`."""
+        return math.inf
+
     def last(self, path: Array, motion: Trajectory | None) -> float:
         """Return what a motion cost from which a search begins, as waypoints (N, n) and, if it had times, as it was; ∞
         if that is not known."""
@@ -95,6 +103,14 @@ class Time(Objective):
         """Return the motion's duration."""
         assert motion.duration is not None
         return motion.duration
+
+    def quickest(self, path: Array) -> float:
+        """Return the time of the fastest law within the limits of velocity, acceleration and torque."""
+        return self.retimer.quickest_along(path)
+
+    def longest(self, value: float) -> float:
+        """Return the duration itself."""
+        return value
 
     def last(self, path: Array, motion: Trajectory | None) -> float:
         """Return its duration."""

@@ -2,8 +2,8 @@
 is certified and better.
 
 Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; each that
-follows, the most promising of WAYS motions from further guesses, to each goal in turn: perhaps there is a better way
-around, or a better goal. To improve a motion is to solve until it has converged, with the penalty setting in ever
+follows, the most promising of WAYS motions from further guesses, to each goal in turn, that are not ALIKE those before:
+perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has converged, with the penalty setting in ever
 closer to obstacles (CLOSER), where time is the objective with the cost of its pace, and with its end sliding along the
 goal set. What promises most is retimed and certified; if that fails, the next.
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +30,11 @@ from hdplan.scenes.array_types import Array
 CLOSER = (0.5, 0.3, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
+SAME = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
+ALIKE = 0.05  # [rad] or [m] between two ways, at most, that are one
+HOPELESS = 1.2  # a way that takes longer than the best motion by this factor, at its quickest, is not improved
 WAYS = 8  # that are compared in a round, before the most promising one is improved
 
 
@@ -46,7 +49,8 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
         return tuple(closer(search.problem, each, search.objective.name == "time") for each in chosen)
 
-    further: Iterator[tuple[int, Guess]] | None = None
+    further: Iterator[tuple[int, Callable[[], Guess]]] | None = None
+    improved: list[Array] = []  # the ways (N, n) that were, as they were before
     for _ in range(rounds):
         best, value = searches[taken].best, searches[taken].value
         assert best is not None
@@ -54,22 +58,26 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
         if further is None:
+            improved.append(best.path)
             if not searches[taken].touched:
                 _improve(searches[taken], stages(taken), best.path, value)
             further = _further(searches, seed)
             continue
-        found = []
-        for i, guess in itertools.islice(further, WAYS):
+        found: list[tuple[float, int, Array]] = []
+        for i, draw in itertools.islice(further, WAYS):
             search = searches[i]
             if search.objective.least(search.problem) >= value:
                 continue
+            guess = draw()
             search.begin()
             if solution := search.clear(search.problem, guess.positions, guess.weight):
                 path = solution.trajectory.positions
-                found.append((search.objective.least_along(path), i, path))
+                if all(np.abs(path - other).max() > ALIKE for other in improved):
+                    found.append((search.objective.least_along(path), i, path))
         if found:
             _, i, path = min(found, key=lambda each: each[:2])
-            if _improve(searches[i], stages(i), path, value):
+            improved.append(path)
+            if searches[i].objective.quickest(path) <= HOPELESS * value and _improve(searches[i], stages(i), path, value):
                 taken = i
 
 
@@ -77,13 +85,17 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
     """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
     led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less than
     `value`."""
-    promise, found, goal, farthest = search.objective.least_along, [], path[-1], FARTHEST
+    promise, goal, farthest = search.objective.least_along, path[-1], FARTHEST
+    found: list[Array] = []
     for stage in stages:
         problem = replace(stage, goal=goal)
         solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED)
         if solution is None:
             break
-        found.append(path := solution.trajectory.positions)
+        before, path = path, solution.trajectory.positions
+        if found and np.abs(path - before).max() < SAME:  # nothing is close: it is the same for those that follow
+            break
+        found.append(path)
         end = search.slide(problem, solution, farthest) if search.slide else None
         if end is not None:
             moved = path + np.linspace(0.0, 1.0, len(path))[:, None] * (end - goal)
@@ -94,13 +106,24 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
             else:
                 farthest *= SHORTER
     enough = (1.0 - GAIN) * value
-    return any(promise(path) < enough and search.keep(path, enough) for path in sorted(found, key=promise))
+    for path in sorted(found, key=promise):
+        if promise(path) >= enough:
+            break
+        motion = search.timed(path, enough)
+        if motion is not None and search.keep(path, motion):
+            return True
+        if motion is None and promise(path) > 0.0:  # those behind it promise even less
+            break
+    return False
 
 
-def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:
-    """Yield a search and a guess for it, in turn, without end; the first guesses of untried goals come first."""
+def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Callable[[], Guess]]]:
+    """Yield a search and what draws a guess for it, in turn, without end; the first guesses of untried goals come
+    first. A guess that is not asked for costs nothing."""
     ways = [seeds(search.problem, seed + 1) for search in searches]
     lines = [next(guesses) for guesses in ways]
-    yield from ((i, Guess(line, FIRST_WEIGHT)) for i, line in enumerate(lines) if not searches[i].attempts)
+    for i, line in enumerate(lines):
+        if not searches[i].attempts:
+            yield i, functools.partial(Guess, line, FIRST_WEIGHT)
     while True:
-        yield from ((i, Guess(next(guesses))) for i, guesses in enumerate(ways))
+        yield from ((i, lambda guesses=guesses: Guess(next(guesses))) for i, guesses in enumerate(ways))

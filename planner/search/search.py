@@ -109,6 +109,7 @@ class Search:
         self.touches = problem.scene.polish > 0 and self.objective.name == "smoothness" and slide is None
         self.touched = False  # whether the best motion got its last touches
         self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
+        self.passed = False  # whether a motion was found that costs more than a certified one to another goal
         self.reconsidered = False  # whether the straight line had its second opinion
         self.certify_seconds = 0.0
 
@@ -122,9 +123,10 @@ class Search:
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
             problem, solution = self._solve(problem, guess, weight)
-            if value < math.inf and self.objective.least_along(solution.trajectory.positions) >= value:
+            if value < math.inf and not self._promises(solution.trajectory.positions, value):
                 self._took(solution)
-                return self.over
+                self.passed = True
+                return True
             try:
                 if turn == 0 and self.touches:
                     self._took(solution)
@@ -155,10 +157,15 @@ class Search:
     def _once_more(self, first: Guess) -> bool:
         """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
         solution = once_more(self, first.positions)
-        if solution is None or not self.keep(solution.trajectory.positions, math.inf):
+        motion = None if solution is None else self.timed(solution.trajectory.positions, math.inf)
+        if solution is None or motion is None or not self.keep(solution.trajectory.positions, motion):
             return False
         self.settled = self.touched = abs(self.value - first.last) <= ALIKE * first.last
         return True
+
+    def _promises(self, path: Array, value: float) -> bool:
+        """Whether a motion along waypoints (N, n) would cost less than `value`."""
+        return self.objective.least_along(path) < value and self.timed(path, value) is not None
 
     @property
     def over(self) -> bool:
@@ -225,16 +232,23 @@ class Search:
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
         return None
 
-    def keep(self, path: Array, value: float) -> bool:
-        """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less
-        than `value` and is certified."""
+    def timed(self, path: Array, value: float) -> Trajectory | None:
+        """Give times to a path (N, n) where the scene asks for them; None if it can have none, or costs `value` or
+        more."""
         trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
         if self.retimer is not None:
             try:
-                trajectory = self.retimer(trajectory).trajectory
+                timed = self.retimer.quicker(trajectory, self.objective.longest(value))
             except HdplanError:
-                return False
-        if self.objective.value(path, trajectory) >= value or self.problem.left(path):
+                return None
+            if timed is None:
+                return None
+            trajectory = timed.trajectory
+        return None if self.objective.value(path, trajectory) >= value else trajectory
+
+    def keep(self, path: Array, trajectory: Trajectory) -> bool:
+        """Keep a motion along a path (N, n) if it is certified."""
+        if self.problem.left(path):
             return False
         certificate = self._certificate(trajectory)
         if certificate.certified:
@@ -323,7 +337,7 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
             if value < search.objective.least(search.problem):
                 continue
             over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
-            if search.settled or (over and not search.certified):
+            if search.settled or (over and not search.certified and not search.passed):
                 return
 
 

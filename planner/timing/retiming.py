@@ -16,6 +16,7 @@ the fastest law, stretched to the duration.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +84,15 @@ class Retimer:
         chords = np.diff(smooth(path)(np.linspace(0.0, 1.0, CHORDS + 1)), axis=0)
         return float((np.abs(chords) / self.rates["velocity"]).max(axis=1).sum())
 
+    def quickest_along(self, path: Array) -> float:
+        """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
+        if np.ptp(path, axis=0).max() < STANDS:
+            return 0.0
+        try:
+            return float(self._time_optimal(smooth(self._inset(path))).knots[-1]) / self.timing.scale
+        except HdplanError:
+            return math.inf
+
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
         if self.timing.duration is None:
@@ -98,6 +108,12 @@ class Retimer:
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
+        timed = self.quicker(path, math.inf)
+        assert timed is not None
+        return timed
+
+    def quicker(self, path: Trajectory, than: float) -> Timed | None:
+        """Return the same if it takes less than so many seconds; None, most often sooner, if it does not."""
         spline, duration = smooth(self._inset(path.positions)), self.timing.duration
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
@@ -106,11 +122,12 @@ class Retimer:
         if np.ptp(path.positions, axis=0).max() < STANDS:
             shortest = 1.0 / self.timing.rate
             return self._timed(path, spline, MinimumJerk(shortest), shortest)
-        laws = self._laws(spline)
+        most = math.inf if duration is not None else than * self.timing.scale
+        laws = self._laws(spline, most)
         if duration is not None:
             return self._timed(path, spline, laws[0][1], duration)
-        law, duration = self._fastest(spline, laws)
-        return self._timed(path, spline, law, duration / self.timing.scale)
+        law, duration = self._fastest(spline, laws, most)
+        return self._timed(path, spline, law, duration / self.timing.scale) if law and duration < most else None
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -125,29 +142,36 @@ class Retimer:
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
-    def _fastest(self, spline: BSpline, laws: list[tuple[float, Averaged]]) -> tuple[Averaged, float]:
-        """Return the law that is shortest on the executed curve, and its duration there.
+    def _fastest(
+        self, spline: BSpline, laws: list[tuple[float, Averaged]], most: float
+    ) -> tuple[Averaged | None, float]:
+        """Return the law that is shortest on the executed curve, and its duration there; no law if it takes `most` or
+        longer.
 
         The quintics between rows exceed a jerk that changes within a row, by more or less as the rows happen to lie: a
         longer window may make a shorter motion, and so may a few rows less.
         """
-        fastest, least, best = laws[0][1], 0.0, np.inf
+        fastest, least, best = None, 0.0, most
         for shortest, law in laws:
             if shortest >= best:
                 break
-            duration = self._allowed(spline, law, shortest)
+            duration = self._allowed(spline, law, shortest, most)
             if duration < best:
                 fastest, least, best = law, shortest, duration
+        if fastest is None:
+            return None, best
         tried = (
             np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.timing.rate)) / self.timing.rate
         )
         shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
         return fastest, next(shorter, best)
 
-    def _laws(self, spline: BSpline) -> list[tuple[float, Averaged]]:
+    def _laws(self, spline: BSpline, most: float) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
-        shortest first."""
+        shortest first. None where the fastest law of all takes `most` or longer."""
         law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
+        if law.knots[-1] + shortest >= most:
+            return []
         tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(law, float(window)) for window in np.unique(tried)]
         found: dict[int, float] = {}
@@ -176,14 +200,14 @@ class Retimer:
         longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
         return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
-    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
+    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float, most: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
-        than needed; from one at which they hold at samples."""
+        than needed; from one at which they hold at samples. ∞ if it takes `most` or longer."""
         best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
-            if duration >= best:
+            if duration >= best or duration >= most:
                 break
             stretch = self._executed(spline, law, duration)
             if stretch <= 1.0:
@@ -191,7 +215,7 @@ class Retimer:
                 if stretch > TIGHT:
                     break
             duration *= stretch
-        if not np.isfinite(best):
+        if not np.isfinite(best) and duration < most:
             raise HdplanError("no time law was found within the limits on the executed curve")
         return best
 

@@ -102,13 +102,13 @@ def test_a_motion_without_a_time_law_does_not_cost_the_certified_one(
     def report(event: Event) -> None:
         certified.extend([event.certificate] if event.certificate and event.certificate.certified else [])
 
-    def only_before(retimer: Retimer, path: Trajectory) -> Timed:
+    def only_before(retimer: Retimer, path: Trajectory, than: float) -> Timed | None:
         if certified:
             raise error
-        return timer(retimer, path)
+        return timer(retimer, path, than)
 
-    timer = Retimer.__call__
-    monkeypatch.setattr(Retimer, "__call__", only_before)
+    timer = Retimer.quicker
+    monkeypatch.setattr(Retimer, "quicker", only_before)
     result = plan(scene, report=report)
     assert result.certified
     assert result.certificate == certified[0]
