@@ -15,6 +15,7 @@ import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -80,7 +81,8 @@ class PairTerm(Term):
     @cached_property
     def _term(self) -> Record | None:
         """For the loops in C, if the distance is one of them."""
-        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
+        compiled = isinstance(self.distance, HdsdfPairs | ExactPairs)
+        return loops.term(self.pairs, self.distance) if compiled else None
 
     def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
         """The penalty of one configuration, or of one interval, in symbols."""

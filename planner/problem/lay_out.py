@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
+from hdplan.planner.collision.exact import ExactPairs, as_solids, parts_of
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_loosely, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -194,6 +195,22 @@ def more_closely(problem: Problem) -> Problem:
         return problem
     query, now = Query(problem.start, problem.goal), time.perf_counter()  # nothing more is split
     return _with_own(problem, lay_out(problem.setup, query, deadline=now, closely=True))
+
+
+def exactly(problem: Problem) -> Problem:
+    """Return the same problem with the exact distance of what the bodies enclose in place of the HD-SDF of the bodies,
+    from standing obstacles and between links."""
+    settings, terms = problem.scene.planner, problem.terms
+    model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
+    parts = parts_of(problem.robot, problem.bodies, settings.link_bodies)
+    if isinstance(standing := terms.obstacles, Clearance):
+        solids = problem.halfspace_bodies[: len(standing.pairs.boxes)]
+        exact = Clearance(standing.name, standing.pairs, ExactPairs(standing.pairs, parts, solids))
+        terms = replace(terms, obstacles=exact)
+    if (own := terms.self_collision) is not None:
+        distance = ExactPairs(own.pairs, parts, as_solids(model.planes, parts))
+        terms = replace(terms, self_collision=Clearance(own.name, own.pairs, distance))
+    return replace(problem, terms=terms)
 
 
 def _with_own(problem: Problem, anew: Problem) -> Problem:
