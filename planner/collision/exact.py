@@ -1,5 +1,5 @@
-"""The exact signed distance of what bodies enclose, for narrow places: a link's own hull, or the hull of each part of it,
-against the obstacle's own shape.
+"""The exact signed distance of what bodies enclose, for narrow places: a link's own hull, or the hull of each part of
+it, against the obstacle's own shape.
 
 The pairs, and the broad phase, are those of the outer bodies, which contain the parts: where outer bodies are apart,
 nothing more is done. Where they are not,
@@ -34,6 +34,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import made_once
 from hdplan.scenes.shapes import Shape
 
+NONE = np.empty((0, 3))
 LANES = 8  # numbers in the widest vector of a processor
 
 
@@ -102,13 +103,14 @@ def _swept(shape: Shape | ConvexBody) -> Swept:
 
 @made_once(8)
 def parts_of(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str) -> tuple[LinkBody, ...]:
-    """Return for each outer body what it encloses of its link, or itself where that is not known."""
+    """Return for each outer body what it encloses of its link, or itself where that is not known. Of a part's hull the
+    corners alone are known, which are all that an exact distance needs."""
     found: list[LinkBody] = []
     for link, group in itertools.groupby(bodies, lambda body: body.link):
         own = list(group)
-        parts = link_parts(robot, link, geometry) or (np.empty((0, 3)),) * len(own)
+        parts = link_parts(robot, link, geometry) or (NONE,) * len(own)
         found += [
-            LinkBody(link, body.joint, ConvexBody.from_points(part)) if len(part) else body
+            LinkBody(link, body.joint, ConvexBody(part, NONE, NONE, np.empty(0))) if len(part) else body
             for body, part in zip(own, parts, strict=True)
         ]
     return tuple(found)

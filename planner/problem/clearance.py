@@ -81,8 +81,7 @@ class PairTerm(Term):
     @cached_property
     def _term(self) -> Record | None:
         """For the loops in C, if the distance is one of them."""
-        compiled = isinstance(self.distance, HdsdfPairs | ExactPairs)
-        return loops.term(self.pairs, self.distance) if compiled else None
+        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs | ExactPairs) else None
 
     def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
         """The penalty of one configuration, or of one interval, in symbols."""

@@ -179,8 +179,9 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
 def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
     [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
-    smoothness."""
+    smoothness. Exact distances keep where it sets in: they leave nothing for what happens between the samples."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
+    activation = scene.planner.activation if problem.exact else activation
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
     laid_out = _with_own(problem, lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely))
     if not quick or limits is None or not (limits <= FASTEST).any():
@@ -198,23 +199,26 @@ def more_closely(problem: Problem) -> Problem:
 
 
 def exactly(problem: Problem) -> Problem:
-    """Return the same problem with the exact distance of what the bodies enclose in place of the HD-SDF of the bodies,
-    from standing obstacles and between links."""
+    """Return the same problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
+    from standing obstacles and between links; the problem itself where another distance is asked for."""
     settings, terms = problem.scene.planner, problem.terms
+    if problem.exact or settings.distance != "hdsdf" or settings.swept:
+        return problem
     model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
     parts = parts_of(problem.robot, problem.bodies, settings.link_bodies)
-    if isinstance(standing := terms.obstacles, Clearance):
+    if (standing := terms.obstacles) is not None:
         solids = problem.halfspace_bodies[: len(standing.pairs.boxes)]
-        exact = Clearance(standing.name, standing.pairs, ExactPairs(standing.pairs, parts, solids))
-        terms = replace(terms, obstacles=exact)
+        distance = ExactPairs(standing.pairs, parts, solids)
+        terms = replace(terms, obstacles=_clearance(standing.pairs, distance, settings))
     if (own := terms.self_collision) is not None:
         distance = ExactPairs(own.pairs, parts, as_solids(model.planes, parts))
         terms = replace(terms, self_collision=Clearance(own.name, own.pairs, distance))
-    return replace(problem, terms=terms)
+    return replace(problem, terms=terms, exact=True)
 
 
 def _with_own(problem: Problem, anew: Problem) -> Problem:
-    """Give a problem that was laid out anew the user's own terms."""
+    """Give a problem that was laid out anew the user's own terms, and distances as exact."""
+    anew = exactly(anew) if problem.exact else anew
     return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 
 
