@@ -75,11 +75,16 @@ class ExactPairs(PairDistance):
             *(np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
         )
 
-    @property
+    @cached_property
     def _twin(self) -> PairDistance:
         from hdplan.planner.collision.euclidean import FclPairs
 
-        return FclPairs(self.pairs, self.parts, self.solids)
+        parts = [replace(part, body=_whole(part.body)) for part in self.parts]
+        solids = [
+            replace(each, shape=_whole(each.shape)) if isinstance(each.shape, ConvexBody) else each
+            for each in self.solids
+        ]
+        return FclPairs(self.pairs, parts, solids)
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above 0 where D is."""
@@ -90,6 +95,11 @@ class ExactPairs(PairDistance):
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
         loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
         return distance, wrench, distance
+
+
+def _whole(body: ConvexBody) -> ConvexBody:
+    """The same body with its faces and edges."""
+    return ConvexBody.from_points(body.vertices, body.radius)
 
 
 def _swept(shape: Shape | ConvexBody) -> Swept:

@@ -96,41 +96,49 @@ static int weigh(int m, double e[3][3], const double* first, double g[3][4]) {
   return 1;
 }
 
-/* The point v of least norm of the plane through the corners of a simplex; whether it is inside of them. */
-static int foot(simplex* of, double* v) {
-  double e[3][3], g[3][4], rest = 1.0;
+/* The point v of least norm of the plane through m corners, and their shares in it; whether it is inside of them. */
+static int foot(int m, const corner* const* at, double* share, double* v) {
+  double e[3][3], g[3][4];
   int inside = 1;
-  for (int i = 0; i + 1 < of->count; ++i) difference(of->at[i + 1].p, of->at[0].p, e[i]);
-  if (!weigh(of->count, e, of->at[0].p, g)) return 0;
-  copy(of->at[0].p, v);
-  for (int i = 0; i + 1 < of->count; ++i) {
-    const double share = of->share[i + 1] = g[i][of->count - 1];
-    rest -= share;
-    inside = inside && share > 0.0;
-    for (int j = 0; j < 3; ++j) v[j] += share * e[i][j];
+  for (int i = 0; i + 1 < m; ++i) difference(at[i + 1]->p, at[0]->p, e[i]);
+  if (!weigh(m, e, at[0]->p, g)) return 0;
+  copy(at[0]->p, v);
+  share[0] = 1.0;
+  for (int i = 0; i + 1 < m; ++i) {
+    share[i + 1] = g[i][m - 1];
+    share[0] -= share[i + 1];
+    inside = inside && share[i + 1] > 0.0;
+    for (int j = 0; j < 3; ++j) v[j] += share[i + 1] * e[i][j];
   }
-  of->share[0] = rest;
-  return inside && rest > 0.0;
+  return inside && share[0] > 0.0;
 }
 
 /* Reduce a simplex to the face, among those with its last corner, that is nearest to the origin; v is the nearest
    point. */
 static void reduce(simplex* of, double* v) {
   const int last = of->count - 1;
-  simplex best = {0};
-  double least = INFINITY;
+  double least = INFINITY, kept[4];
+  int best = 0, count = 0;
   for (int mask = 0; mask < 1 << last; ++mask) {
-    simplex face = {0};
-    double found[3];
-    face.at[face.count++] = of->at[last];
+    const corner* face[4] = {of->at + last};
+    double share[4], found[3];
+    int m = 1;
     for (int i = 0; i < last; ++i)
-      if (mask >> i & 1) face.at[face.count++] = of->at[i];
-    if (!foot(&face, found) || !(dot(found, found) < least)) continue;
+      if (mask >> i & 1) face[m++] = of->at + i;
+    if (!foot(m, face, share, found) || !(dot(found, found) < least)) continue;
     least = dot(found, found);
-    best = face;
+    best = mask;
+    count = m;
+    for (int i = 0; i < m; ++i) kept[i] = share[i];
     copy(found, v);
   }
-  *of = best;
+  of->count = 0;
+  for (int i = 0; i < last; ++i)
+    if (best >> i & 1) of->at[of->count++] = of->at[i];
+  for (int i = 0; i < of->count; ++i) of->share[i] = kept[i + 1];
+  if (count == 0) return; /* of what is not a number */
+  of->share[of->count] = kept[0];
+  of->at[of->count++] = of->at[last];
 }
 
 static int is_among(const simplex* of, const double* p) {
@@ -144,8 +152,12 @@ static int is_among(const simplex* of, const double* p) {
 static double apart(const two_solids* of, double far, simplex* at, double* normal, double* point) {
   double v[3], gap = -INFINITY, length = 0.0;
   const double away[3] = {-normal[0], -normal[1], -normal[2]};
-  *at = (simplex){.count = 1, .at = {corner_along(of, away)}, .share = {1.0}};
+  at->count = 1;
+  at->share[0] = 1.0;
+  at->at[0] = corner_along(of, away);
+  copy(at->at[0].a, point);
   copy(at->at[0].p, v);
+  if (dot(normal, v) > far) return dot(normal, v);
   for (int round = 0; round < ROUNDS; ++round) {
     const double square = dot(v, v), back[3] = {-v[0], -v[1], -v[2]};
     length = sqrt(square);
@@ -291,12 +303,21 @@ static int grow(polytope* grown, const corner* added) {
   return count > 0;
 }
 
-/* The point of a that comes to the foot of the origin on a face. */
-static void deepest(const polytope* grown, const face* of, double* point) {
-  simplex at = {.count = 3, .at = {grown->at[of->at[0]], grown->at[of->at[1]], grown->at[of->at[2]]}};
-  double v[3];
-  if (!foot(&at, v)) return;
-  for (int j = 0; j < 3; ++j) point[j] = at.share[0] * at.at[0].a[j] + at.share[1] * at.at[1].a[j] + at.share[2] * at.at[2].a[j];
+/* The point of a that comes to the foot of the origin on the nearest faces, which lie in one plane: on that of them which
+   has the foot inside, or nearly. */
+static void deepest(const polytope* grown, double* point) {
+  double most = -INFINITY;
+  for (int row = 0; row < grown->faces; ++row) {
+    const face* of = grown->face + row;
+    const corner* at[3] = {grown->at + of->at[0], grown->at + of->at[1], grown->at + of->at[2]};
+    double share[3] = {0.0}, v[3];
+    if (of->height > grown->depth + EXACT) continue;
+    (void)foot(3, at, share, v);
+    const double least = least_of(share[0], least_of(share[1], share[2]));
+    if (!(least > most)) continue;
+    most = least;
+    for (int j = 0; j < 3; ++j) point[j] = share[0] * at[0]->a[j] + share[1] * at[1]->a[j] + share[2] * at[2]->a[j];
+  }
 }
 
 /* How deep the bodies overlap without their balls, with the normal and the deepest point of a. */
@@ -314,7 +335,10 @@ static double overlap(const two_solids* of, const simplex* from, double* normal,
     const corner next = bounded(&grown, found.normal);
     const double height = dot(found.normal, next.p);
     if (height - found.height <= EXACT) {
-      if (height <= grown.depth) deepest(&grown, &found, grown.point);
+      if (height > grown.depth + EXACT) break; /* only where rounding spoilt the polytope */
+      grown.depth = height;
+      copy(found.normal, grown.outward);
+      deepest(&grown, grown.point);
       break;
     }
     goes_on = grow(&grown, &next);
