@@ -14,6 +14,7 @@ from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
+from hdplan.planner.collision import exact as exact_pairs
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.exact import ExactPairs, parts_of
@@ -71,7 +72,7 @@ def test_it_is_the_oracles_on_random_bodies() -> None:
 
 @needs_loops
 def test_round_bodies_are_round() -> None:
-    """A ball beside, above, at the rim of and inside a cylinder, and along the axes of an ellipsoid; a ball in a ball."""
+    """A ball beside, above, at the rim of and inside a cylinder, on an ellipsoid's axis, and in a ball."""
     ball = LinkBody("ball", 1, ConvexBody.sphere(0.05))
     shapes = (Cylinder(0.1, 0.4), Ellipsoid((0.1, 0.2, 0.3)), Sphere(0.1))
     pairs = exact((ball,) * 3, tuple(from_shape("post", shape, np.eye(4)) for shape in shapes))
@@ -152,13 +153,14 @@ def test_beyond_the_margin_it_says_no_more_than_that() -> None:
     assert (found <= truth - 0.01 + EXACT).all()
 
 
+@needs_loops
 def test_what_is_not_a_number_ends() -> None:
     pairs, at = exact(free_bodies(3, 8), clutter(3, 9)), poses(2, 10, spread=0.4)
     at[:] = np.nan
-    assert not (everything(pairs, at)[0] > 0.0).any() if library() else True
+    assert not (everything(pairs, at)[0] > 0.0).any()
 
 
-@pytest.mark.parametrize("name", ["panda_cage", "ur5_table", "planar_arm", "panda_carry"])
+@pytest.mark.parametrize("name", ["panda_cage", "panda_carry"])
 def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loop and twin agree, a batch is a loop, the penalty's gradient is its derivative, and no exact distance is below
     what the HD-SDF says of the bodies."""
@@ -181,9 +183,8 @@ def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None
         ahead, behind = (term.at_samples(problem.placed(drawn + s * step * turn), samples).cost for s in (1, -1))
         slope = float(np.sum(penalty.gradient * turn))
         assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-3, abs=1e-6)
-    for module in (clearance, clearance.loops, __import__("hdplan.planner.collision.exact", fromlist=["library"])):
-        if hasattr(module, "library"):
-            monkeypatch.setattr(module, "library", lambda: None)
+    for module in (clearance, exact_pairs):
+        monkeypatch.setattr(module, "library", lambda: None)
     for term in problem.terms:
         if isinstance(term, Clearance):
             twin, penalty = term.at_samples(kinematics, samples), found[term.name]
@@ -191,7 +192,7 @@ def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None
             np.testing.assert_allclose(twin.depth, penalty.depth, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["panda_cage", "ur5_table"])
+@pytest.mark.parametrize("name", ["panda_carry", "ur5_table"])
 def test_parts_lie_within_their_bodies(name: str) -> None:
     problem = build(load_scene(name))
     parts = parts_of(problem.robot, problem.bodies, problem.scene.planner.link_bodies)
