@@ -13,7 +13,6 @@ same by coal, one pair after another; it serves where hdplan was installed witho
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -25,16 +24,12 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
-from hdplan.planner.collision.link_parts import link_parts
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.geometry.shapes import Swept, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.once import made_once
 from hdplan.scenes.shapes import Shape
 
-NONE = np.empty((0, 3))
 LANES = 8  # numbers in the widest vector of a processor
 
 
@@ -109,21 +104,6 @@ def _swept(shape: Shape | ConvexBody) -> Swept:
     if outline is None:
         raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
     return outline.swept(shape)
-
-
-@made_once(8)
-def parts_of(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str) -> tuple[LinkBody, ...]:
-    """Return for each outer body what it encloses of its link, or itself where that is not known. Of a part's hull the
-    corners alone are known, which are all that an exact distance needs."""
-    found: list[LinkBody] = []
-    for link, group in itertools.groupby(bodies, lambda body: body.link):
-        own = list(group)
-        parts = link_parts(robot, link, geometry) or (NONE,) * len(own)
-        found += [
-            LinkBody(link, body.joint, ConvexBody(part, NONE, NONE, np.empty(0))) if len(part) else body
-            for body, part in zip(own, parts, strict=True)
-        ]
-    return tuple(found)
 
 
 def as_solids(planes: Sequence[HalfspaceBody], parts: Sequence[LinkBody]) -> tuple[HalfspaceBody, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
-from hdplan.planner.collision.exact import ExactPairs, as_solids, parts_of
+from hdplan.planner.collision.exact import ExactPairs, as_solids
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_loosely, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -205,13 +205,12 @@ def exactly(problem: Problem) -> Problem:
     if problem.exact or settings.distance != "hdsdf" or settings.swept:
         return problem
     model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
-    parts = parts_of(problem.robot, problem.bodies, settings.link_bodies)
     if (standing := terms.obstacles) is not None:
         solids = problem.halfspace_bodies[: len(standing.pairs.boxes)]
-        distance = ExactPairs(standing.pairs, parts, solids)
+        distance = ExactPairs(standing.pairs, model.parts, solids)
         terms = replace(terms, obstacles=_clearance(standing.pairs, distance, settings))
     if (own := terms.self_collision) is not None:
-        distance = ExactPairs(own.pairs, parts, as_solids(model.planes, parts))
+        distance = ExactPairs(own.pairs, model.parts, as_solids(model.planes, model.parts))
         terms = replace(terms, self_collision=Clearance(own.name, own.pairs, distance))
     return replace(problem, terms=terms, exact=True)
 

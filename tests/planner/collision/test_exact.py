@@ -1,5 +1,5 @@
-"""Laws of the exact distance in C: it is the oracle's on random and adversarial bodies, never above it, and its wrench is
-its derivative; and of what it is the distance of: the parts lie within the bodies."""
+"""Laws of the exact distance in C: it is the oracle's on random and adversarial bodies, and its wrench is its
+derivative; and of what it is the distance of: the parts lie within the bodies."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.collision import exact as exact_pairs
 from hdplan.planner.collision.broad_phase import body_pairs
+from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.exact import ExactPairs, parts_of
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -195,8 +196,9 @@ def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize("name", ["panda_carry", "ur5_table"])
 def test_parts_lie_within_their_bodies(name: str) -> None:
     problem = build(load_scene(name))
-    parts = parts_of(problem.robot, problem.bodies, problem.scene.planner.link_bodies)
-    for part, body in zip(parts, problem.bodies, strict=True):
+    settings = problem.scene.planner
+    model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
+    for part, body in zip(model.parts, problem.bodies, strict=True):
         assert (part.link, part.joint) == (body.link, body.joint)
         beyond, _ = distance_to_hull(part.body.vertices, body.body.vertices)
         assert (beyond <= body.body.radius + 1e-6).all()
