@@ -126,7 +126,7 @@ def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
     return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball
 
 
-def _corners(half: Array) -> Array:
+def _box_corners(half: Array) -> Array:
     """Return the corners (8, 3) of a box."""
     corners: Array = np.array(list(itertools.product((-1, 1), repeat=3))) * half
     return corners
@@ -160,9 +160,9 @@ TABLE: dict[type, Operations] = {
         outline=Outline(
             half_size=lambda shape: np.array(shape.size) / 2,
             support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
-            around=lambda shape: _corners(np.array(shape.size) / 2),
+            around=lambda shape: _box_corners(np.array(shape.size) / 2),
             round_about="nothing",
-            swept=lambda shape: Swept(_corners(np.array(shape.size) / 2)),
+            swept=lambda shape: Swept(_box_corners(np.array(shape.size) / 2)),
         ),
         from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
         sizes="size",

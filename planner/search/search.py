@@ -32,6 +32,7 @@ from hdplan.planner.solvers.solution import (
     Solution,
     Solver,
     SolverStatus,
+    ends_overlap,
     is_clear,
 )
 from hdplan.scenes.array_types import Array
@@ -145,7 +146,10 @@ class Search:
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
             if solution.status is SolverStatus.STALLED or not certificate.unproven:
-                break
+                if self.attempts <= GUESSES or not self.is_tight or (exact := exactly(problem)) is problem:
+                    break
+                problem, guess, weight = exact, solution.trajectory.positions, DETOUR_WEIGHT
+                continue
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
         if (closer := more_closely(self.problem)) is not self.problem:
@@ -344,7 +348,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
     yield from map(Guess, itertools.islice(ways, GUESSES - 1))
-    if search.is_tight and (exact := exactly(search.problem)) is not search.problem:
+    if search.is_tight and ends_overlap(search.problem) and (exact := exactly(search.problem)) is not search.problem:
         search.problem, ways = exact, seeds(exact, seed)
         yield Guess(next(ways), FIRST_WEIGHT)
     yield from map(Guess, ways)
