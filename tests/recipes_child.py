@@ -85,6 +85,7 @@ ROW = """    Octahedron: Operations(
             support=lambda shape, n: np.abs(n * shape.radii).max(axis=1),
             around=lambda shape: _corners(shape),
             round_about="nothing",
+            swept=lambda shape: Swept(_corners(shape)),
         ),
         sizes="radii",
     ),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.cache import content_key, store
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_part
@@ -28,6 +29,8 @@ GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alon
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 OFTEN = 0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
 
+NONE = np.empty((0, 3))
+
 BodyPair = tuple[int, int]  # rows of CollisionModel.bodies: the one that gives vertices, the one that gives planes
 LinkPair = tuple[str, str]
 
@@ -38,7 +41,8 @@ class CollisionModel:
 
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies, from base to tip
-    planes: tuple[HalfspaceBody, ...]  # by planes what each encloses of its link, for the second side of a pair
+    parts: tuple[LinkBody, ...]  # the hull of what each encloses of its link, or itself where that is not known
+    planes: tuple[HalfspaceBody, ...]  # around the same, for the second side of a pair
     reach: tuple[Reach, ...]  # balls that they never leave
     self_pairs: tuple[BodyPair, ...]  # to be kept apart
     distances_kept: tuple[float, ...]  # [m] proven for each of them within the joint limits; 0 where none is
@@ -50,22 +54,30 @@ def collision_model_of(robot: Robot, geometry: str, planes: str) -> CollisionMod
     """Return the collision model of a robot with the bodies and planes of these settings: one object for equal
     arguments."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
-    enclosed = _enclosed(robot, bodies, geometry, planes)
+    parts = _parts(robot, bodies, geometry)
+    enclosed = tuple(_enclosed(body, part, planes) for body, part in zip(bodies, parts, strict=True))
     reach = tuple(reach_of(robot.unfolded, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, enclosed)
     kept = _distances_kept(robot, kinematics, bodies, enclosed, pairs)
-    return CollisionModel(kinematics, bodies, enclosed, reach, pairs, kept, unresolved)
+    return CollisionModel(kinematics, bodies, parts, enclosed, reach, pairs, kept, unresolved)
 
 
-def _enclosed(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str, planes: str) -> tuple[HalfspaceBody, ...]:
-    """By planes what each body encloses of its link."""
-    found = []
+def _parts(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str) -> tuple[LinkBody, ...]:
+    """What each body encloses of its link. Of its hull the corners alone are known, which are all that is needed."""
+    found: list[LinkBody] = []
     for link, own in itertools.groupby(bodies, lambda body: body.link):
-        parts = link_parts(robot, link, geometry)
-        for row, body in enumerate(own):
-            part = parts[row] if parts else np.empty((0, 3))
-            found.append(from_link_part(link, body.joint, body.body, part, planes))
+        group = list(own)
+        parts = link_parts(robot, link, geometry) or (NONE,) * len(group)
+        for body, part in zip(group, parts, strict=True):
+            hull = ConvexBody(part, NONE, NONE, np.empty(0)) if len(part) else body.body
+            found.append(LinkBody(link, body.joint, hull))
     return tuple(found)
+
+
+def _enclosed(body: LinkBody, part: LinkBody, planes: str) -> HalfspaceBody:
+    """By planes what a body encloses of its link."""
+    corners = NONE if part.body is body.body else part.body.vertices
+    return from_link_part(body.link, body.joint, body.body, corners, planes)
 
 
 def _distances_kept(

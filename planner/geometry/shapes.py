@@ -33,6 +33,17 @@ ROUND_SIDES = 16  # of the prism around a cylinder
 FINE = 3  # subdivisions of an icosphere
 
 
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """A convex body: the hull of vertices (m, 3), swept by a disc normal to z, an ellipsoid along the axes and a ball
+    [m]."""
+
+    vertices: Array
+    disc: float = 0.0
+    radii: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ball: float = 0.0
+
+
 @dataclass(frozen=True)
 class Outline:
     """Formulas of a convex shape in its own frame, about whose origin it is symmetric."""
@@ -41,6 +52,7 @@ class Outline:
     support: Callable[[Any, Array], Array]  # h(n) = max_{x in it} n·x [m], exact, for unit directions (k, 3) -> (k,)
     around: Callable[[Any], Array]  # (m, 3) corners of a polyhedron that contains it [m]
     round_about: Literal["nothing", "axis", "centre"]  # decides which directions enclose it tightly
+    swept: Callable[[Any], Swept]  # the same body, exactly
     linear: bool = False  # whether support and half size are in its sizes, and the directions that enclose it the same
 
 
@@ -115,6 +127,17 @@ def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
     return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball
 
 
+def _box_corners(half: Array) -> Array:
+    """Return the corners (8, 3) of a box."""
+    corners: Array = np.array(list(itertools.product((-1, 1), repeat=3))) * half
+    return corners
+
+
+def _ends(length: float) -> Array:
+    """Return the ends (2, 3) of an axis along z."""
+    return np.array([[0.0, 0.0, -length / 2], [0.0, 0.0, length / 2]])
+
+
 def _around_cylinder(radius: float, half: float) -> Array:
     angles = 2 * np.pi * (np.arange(ROUND_SIDES) + 0.5) / ROUND_SIDES
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) / np.cos(np.pi / ROUND_SIDES)
@@ -138,8 +161,9 @@ TABLE: dict[type, Operations] = {
         outline=Outline(
             half_size=lambda shape: np.array(shape.size) / 2,
             support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
-            around=lambda shape: np.array(list(itertools.product((-1, 1), repeat=3))) * (np.array(shape.size) / 2),
+            around=lambda shape: _box_corners(np.array(shape.size) / 2),
             round_about="nothing",
+            swept=lambda shape: Swept(_box_corners(np.array(shape.size) / 2)),
             linear=True,
         ),
         from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
@@ -156,6 +180,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: np.full(len(n), shape.radius),
             around=lambda shape: _around_ball(shape.radius, 0.0),
             round_about="centre",
+            swept=lambda shape: Swept(np.zeros((1, 3)), ball=shape.radius),
             linear=True,
         ),
         from_coal=(coal.Sphere, lambda found: Sphere(found.radius)),
@@ -172,6 +197,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: np.linalg.norm(n * shape.radii, axis=1),
             around=lambda shape: _around_ball(1.0, 0.0) * shape.radii,
             round_about="centre",
+            swept=lambda shape: Swept(np.zeros((1, 3)), radii=shape.radii),
         ),
         from_coal=(coal.Ellipsoid, lambda found: Ellipsoid(tuple(np.asarray(found.radii).tolist()))),
         sizes="radii",
@@ -187,6 +213,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.length / 2 * np.abs(n[:, 2]),
             around=lambda shape: _around_cylinder(shape.radius, shape.length / 2),
             round_about="axis",
+            swept=lambda shape: Swept(_ends(shape.length), disc=shape.radius),
             linear=True,
         ),
         from_coal=(coal.Cylinder, lambda found: Cylinder(found.radius, 2.0 * found.halfLength)),
@@ -203,6 +230,7 @@ TABLE: dict[type, Operations] = {
             support=lambda shape, n: shape.radius + shape.length / 2 * np.abs(n[:, 2]),
             around=lambda shape: _around_ball(shape.radius, shape.length / 2),
             round_about="axis",
+            swept=lambda shape: Swept(_ends(shape.length), ball=shape.radius),
             linear=True,
         ),
         from_coal=(coal.Capsule, lambda found: Capsule(found.radius, 2.0 * found.halfLength)),

@@ -15,6 +15,7 @@ import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -84,7 +85,7 @@ class PairTerm(Term):
     @cached_property
     def _term(self) -> Record | None:
         """For the loops in C, if the distance is one of them."""
-        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
+        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs | ExactPairs) else None
 
     def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
         """The penalty of one configuration, or of one interval, in symbols."""

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
+from hdplan.planner.collision.exact import ExactPairs, as_solids
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_loosely, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -178,8 +179,9 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
 def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
     [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
-    smoothness."""
+    smoothness. Exact distances keep where it sets in: they leave nothing for what happens between the samples."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
+    activation = scene.planner.activation if problem.exact else activation
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
     laid_out = _with_own(problem, lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely))
     if not quick or limits is None or not (limits <= FASTEST).any():
@@ -196,8 +198,26 @@ def more_closely(problem: Problem) -> Problem:
     return _with_own(problem, lay_out(problem.setup, query, deadline=now, closely=True))
 
 
+def exactly(problem: Problem) -> Problem:
+    """Return the same problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
+    from standing obstacles and between links; the problem itself where another distance is asked for."""
+    settings, terms = problem.scene.planner, problem.terms
+    if problem.exact or settings.distance != "hdsdf" or settings.swept:
+        return problem
+    model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
+    if (standing := terms.obstacles) is not None:
+        solids = problem.halfspace_bodies[: len(standing.pairs.boxes)]
+        distance = ExactPairs(standing.pairs, model.parts, solids)
+        terms = replace(terms, obstacles=_clearance(standing.pairs, distance, settings))
+    if (own := terms.self_collision) is not None:
+        distance = ExactPairs(own.pairs, model.parts, as_solids(model.planes, model.parts))
+        terms = replace(terms, self_collision=Clearance(own.name, own.pairs, distance))
+    return replace(problem, terms=terms, exact=True)
+
+
 def _with_own(problem: Problem, anew: Problem) -> Problem:
-    """Give a problem that was laid out anew the user's own terms."""
+    """Give a problem that was laid out anew the user's own terms, and distances as exact."""
+    anew = exactly(anew) if problem.exact else anew
     return replace(anew, terms=replace(anew.terms, own=problem.terms.own, costs=problem.terms.costs))
 
 

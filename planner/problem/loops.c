@@ -5,13 +5,15 @@
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 #include "../collision/close_pairs.h"
+#include "../collision/exact_loop.h"
 #include "../collision/hdsdf_loop.h"
 #include "../kinematics/forward_loop.h"
 
-/* A penalty on pairs: the order and the length of their distance's shaping, and by how much each coordinate moves the
-   first body of a pair against the second, 0, 1 or −1 (pairs, n). */
+/* A penalty on pairs: the order and the length of their distance's shaping, or the solids between which it is exact, and
+   by how much each coordinate moves the first body of a pair against the second, 0, 1 or −1 (pairs, n). */
 typedef struct {
   const tables* pairs;
+  const solids* solids;
   long long n;
   int gamma;
   double length;
@@ -31,13 +33,16 @@ typedef struct {
 
 /* --- penalties -------------------------------------------------------------------------------------------------- */
 
-/* A sum on the way; `moving` and `slope` (n) are the coordinates that move a pair, and dD/dq_i by them. */
+/* A sum on the way; `moving` and `slope` (n) are the coordinates that move a pair, and dD/dq_i by them. The normal is
+   that of the last row of `pair`: the samples of a motion follow one another. */
 typedef struct {
   const term* of;
   const samples* at;
   const derivatives* to;
   long long* moving;
   double *slope, total;
+  long long pair;
+  double normal[3];
 } sum;
 
 /* dD/dq_i = column_i · wrench, times how q_i moves the pair. Returns the number of coordinates that move it. */
@@ -55,6 +60,18 @@ static long long put_slopes(const sum* adding, long long sample, long long pair,
   return active;
 }
 
+/* The exact D of a row, with its wrench. */
+static double exactly(sum* adding, long long sample, long long pair, double* wrench) {
+  const term* of = adding->of;
+  if (adding->pair != pair) {
+    adding->pair = pair;
+    adding->normal[0] = adding->normal[1] = 0.0;
+    adding->normal[2] = 1.0;
+  }
+  const double* frames = adding->at->placements + 12 * sample * adding->at->joints;
+  return exact(of->solids, of->pairs, pair, frames, adding->normal, wrench);
+}
+
 /* Add ½ w min(D, 0)² of a row that no plane separates, with w D ∇D and w ∇D ∇Dᵀ. */
 static void add(void* given, long long sample, long long pair, double apart, projection* found) {
   sum* adding = given;
@@ -62,14 +79,16 @@ static void add(void* given, long long sample, long long pair, double apart, pro
   const derivatives* to = adding->to;
   const tables* pairs = adding->of->pairs;
   const long long n = adding->of->n;
-  double wrench[6];
+  double wrench[6], distance = 0.0;
   if (apart > 0.0) return;
+  if (adding->of->solids && !((apart = distance = exactly(adding, sample, pair, wrench)) < 0.0)) return;
   if (-apart > to->depth[sample]) to->depth[sample] = -apart;
   if (!at->weight) return;
   const double *frame = at->placements + 12 * (sample * at->joints + pairs->joint_b[pair]), weight = at->weight[sample];
   const link_body body = body_of(pairs, pair);
   const halfspaces planes = planes_of(pairs, pair);
-  const double distance = hdsdf(adding->of->gamma, adding->of->length, frame, &body, &planes, apart, found, wrench);
+  if (!adding->of->solids)
+    distance = hdsdf(adding->of->gamma, adding->of->length, frame, &body, &planes, apart, found, wrench);
   adding->total += 0.5 * weight * distance * distance;
   const long long active = put_slopes(adding, sample, pair, wrench), *moving = adding->moving;
   const double* slope = adding->slope;
@@ -91,7 +110,7 @@ typedef struct {
 
 /* Returns ½ Σ weight min(D, 0)² over the rows that `least` does not separate, −1 without memory; adds to derivatives. */
 static double penalties(const term* of, const samples* at, double least, const derivatives* to, const room* work) {
-  sum adding = {.of = of, .at = at, .to = to, .moving = work->moving, .slope = work->slope};
+  sum adding = {.of = of, .at = at, .to = to, .moving = work->moving, .slope = work->slope, .pair = -1};
   if (visit(of->pairs, at->batch, at->joints, at->placements, NULL, of->pairs->reach, least, add, &adding)) return -1.0;
   return adding.total;
 }
@@ -179,6 +198,9 @@ WRAPPER(make_term) {
   term of = {.pairs = record(&taken, "tables", "tables")};
   of.gamma = (int)whole(&taken, "gamma", 1, 1000);
   of.length = number(&taken, "length");
+  of.solids = record_or_none(&taken, "solids", "solids");
+  if (of.solids && of.pairs && (of.solids->bodies != of.pairs->bodies || of.solids->boxes != of.pairs->boxes))
+    wrong(&taken, "solids", "of these pairs");
   of.moves = numbers(&taken, "moves", SHAPE(of.pairs ? of.pairs->pairs : 0, ANY));
   of.n = taken.shape[1];
   return made(&taken, "term", &of, sizeof of);

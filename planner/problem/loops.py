@@ -15,6 +15,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.terms import Penalty
@@ -36,9 +37,11 @@ def penalties(
     return float(cost), gradient, curvature, depth
 
 
-def term(pairs: BodyPairs, distance: HdsdfPairs) -> Record:
+def term(pairs: BodyPairs, distance: HdsdfPairs | ExactPairs) -> Record:
     """The C struct of that name."""
-    return Record("term", pairs.tables, distance.gamma, distance.shaping_length, pairs.moves)
+    if isinstance(distance, ExactPairs):
+        return Record("term", pairs.tables, 1, 0.0, distance.record, pairs.moves)
+    return Record("term", pairs.tables, distance.gamma, distance.shaping_length, None, pairs.moves)
 
 
 class AtSamples:

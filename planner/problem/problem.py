@@ -101,6 +101,7 @@ class Problem:
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
     notes: tuple[str, ...]  # for the user
     closely: bool = False  # whether clouds, and meshes that are not split, are enclosed by many small boxes
+    exact: bool = False  # whether distances are exact, of what the bodies enclose
     pace: Pace | None = None  # of the cost, where a motion is to be quick
 
     def __repr__(self) -> str:

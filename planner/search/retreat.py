@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.problem import Problem
@@ -35,9 +36,14 @@ def _with_room(problem: Problem) -> tuple[Clearance, ...]:
     """The clearance of links and standing obstacles, obstacles at ROOM."""
     settings, found = problem.scene.planner, []
     for term, more in ((problem.terms.obstacles, ROOM - settings.activation), (problem.terms.self_collision, 0.0)):
-        if term is not None:
-            pairs = term.pairs.enlarged(max(more, 0.0))
-            found.append(Clearance(term.name, pairs, HdsdfPairs(pairs, settings.gamma, settings.shaping_length)))
+        if term is None:
+            continue
+        if isinstance(term.distance, ExactPairs):
+            distance = term.distance.enlarged(max(more, 0.0))
+            found.append(Clearance(term.name, distance.pairs, distance))
+            continue
+        pairs = term.pairs.enlarged(max(more, 0.0))
+        found.append(Clearance(term.name, pairs, HdsdfPairs(pairs, settings.gamma, settings.shaping_length)))
     return tuple(found)
 
 

@@ -25,6 +25,7 @@ SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviat
 NEIGHBOURS = 8  # nearest nodes to which a new one is connected
 LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored; the latter on a path to be taken
 DEPTH = 0.01  # [m] inside the margin at which a piece of an edge costs twice as much
+FREE = 0.8  # share of the activation that a node may use up where distances are exact
 WORN = 3.0  # factor on the cost of an edge that has been tried
 PULLS = 30  # steps that bring a configuration onto the path constraints
 
@@ -105,8 +106,11 @@ class Roadmap:
 
     def _clear(self, configurations: Array) -> Mask:
         """Which configurations (B, n) become nodes: those outside all margins, or, if there are none, as beside what
-        stands under the robot's base, those that are as clear as a motion has to be."""
+        stands under the robot's base, those that are as clear as a motion has to be. Where distances are exact, those
+        that are free."""
         depth = self.problem.depth(configurations)
+        if self.problem.exact:
+            return np.asarray(depth <= FREE * self.problem.scene.planner.activation)
         clear: Mask = depth == 0.0
         return clear if clear.any() else depth <= ENOUGH * self.problem.scene.planner.activation
 

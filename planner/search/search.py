@@ -1,5 +1,5 @@
 """The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again.
+again; and where the first guesses all fail by contacts, go on with exact distances, which take longer.
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.lay_out import more_closely
+from hdplan.planner.problem.lay_out import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
@@ -32,6 +32,7 @@ from hdplan.planner.solvers.solution import (
     Solution,
     Solver,
     SolverStatus,
+    ends_overlap,
     is_clear,
 )
 from hdplan.scenes.array_types import Array
@@ -45,6 +46,7 @@ GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 ALIKE = 0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
+CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,10 @@ class Search:
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
             if solution.status is SolverStatus.STALLED or not certificate.unproven:
-                break
+                if self.attempts <= GUESSES or not self.is_tight or (exact := exactly(problem)) is problem:
+                    break
+                problem, guess, weight = exact, solution.trajectory.positions, DETOUR_WEIGHT
+                continue
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
         if (closer := more_closely(self.problem)) is not self.problem:
@@ -272,6 +277,12 @@ class Search:
         assert self.best is not None
         return (0.0, self.value) if self.certified else _rank(self.best.certificate, self.best.left)
 
+    @property
+    def is_tight(self) -> bool:
+        """Whether the best motion fails by what it comes too close to: the bodies and their distance may be too loose
+        for the place."""
+        return self.best is not None and self.best.certificate.status in CONTACTS
+
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
         if self.last is not None:
@@ -342,13 +353,18 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
 
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
-    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's."""
+    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's; after the first GUESSES,
+    where it is contacts that they fail by, with exact distances, and from the straight line again."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
     yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
+    yield from map(Guess, itertools.islice(ways, GUESSES - 1))
+    if search.is_tight and ends_overlap(search.problem) and (exact := exactly(search.problem)) is not search.problem:
+        search.problem, ways = exact, seeds(exact, seed)
+        yield Guess(next(ways), FIRST_WEIGHT)
     yield from map(Guess, ways)
 
 

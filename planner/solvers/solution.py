@@ -187,6 +187,12 @@ def is_narrow(problem: Problem) -> bool:
     return bool(np.any(_end_depths(problem) > ENOUGH * problem.scene.planner.activation))
 
 
+def ends_overlap(problem: Problem) -> bool:
+    """Whether the bodies themselves overlap at an end, which is free if its links are: there they are too loose."""
+    settings = problem.scene.planner
+    return bool(np.any(_end_depths(problem) > settings.clearance + settings.activation))
+
+
 def is_clear(problem: Problem, positions: Array) -> bool:
     """Whether every sample of a motion (N, n) keeps its distance."""
     samples = problem.samples

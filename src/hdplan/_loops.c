@@ -3,7 +3,7 @@
 #include "../../distance/compiled/border.h"
 
 extern PyMethodDef forward_functions[], inverse_functions[], reach_functions[], close_pairs_functions[],
-    hdsdf_functions[], separation_functions[], bounds_functions[], parts_functions[], newton_step_functions[],
+    hdsdf_functions[], exact_functions[], separation_functions[], bounds_functions[], parts_functions[], newton_step_functions[],
     evaluation_functions[];
 
 PyMODINIT_FUNC PyInit__loops(void);
@@ -13,7 +13,7 @@ PyMODINIT_FUNC PyInit__loops(void) {
       PyModuleDef_HEAD_INIT, "_loops", "Loops of C: each is called by the Python module of its name.", -1, NULL, NULL,
       NULL, NULL, NULL};
   PyMethodDef* all[] = {forward_functions,    inverse_functions,    reach_functions,  close_pairs_functions,
-                        hdsdf_functions,      separation_functions, bounds_functions, parts_functions,
+                        hdsdf_functions,      exact_functions,      separation_functions, bounds_functions, parts_functions,
                         newton_step_functions, evaluation_functions};
   PyObject* module = PyModule_Create(&definition);
   size_t i;

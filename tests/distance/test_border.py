@@ -23,6 +23,7 @@ from hdplan.planner.build import build
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.lay_out import exactly
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -44,12 +45,15 @@ OPTIONAL = {
     "close_rows": {"placements", "centres", "reach"},
     "side": {"parts"},
     "penalties": {"weight"},
+    "term": {"solids"},
 }
 FREE = {
     "tables": {("planes", 0)},
     "term": {("moves", 1)},
     "world": {("vertices", 0)},
     "hdsdf_rows": {("placements", 0), ("placements", 1)},
+    "solids": {("rows", 0)},
+    "exact_rows": {("placements", 0), ("placements", 1)},
     "walk": {("stack", 0), ("open", 0)},
     "separation": {("vertices", 0)},
     "approach": {("q", 0)},
@@ -74,9 +78,10 @@ def run_scenes() -> None:
     problem = build(load_scene("panda_cage"))
     kinematics, loops = problem.placed(problem.polyline()), library()
     assert loops is not None
-    for term in problem.terms:
+    for term in (*problem.terms, *exactly(problem).terms):
         if isinstance(term, Clearance):
             term.inside(kinematics)
+            term.depth(kinematics)
             term.pairs.close_between(kinematics)
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)

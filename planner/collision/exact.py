@@ -1,0 +1,111 @@
+"""The exact signed distance of what bodies enclose, for narrow places: a link's own hull, or the hull of each part of
+it, against the obstacle's own shape.
+
+The pairs, and the broad phase, are those of the outer bodies, which contain the parts: where outer bodies are apart,
+nothing more is done. Where they are not,
+
+    D = d(A, B) − margin
+
+in a loop of C: GJK where the solids are apart, the expanding polytope where they overlap (`gjk.c`). Its gradient is the
+motion of A's witness point along the normal (the envelope theorem), which jumps where d has kinks. `euclidean` has the
+same by coal, one pair after another; it serves where hdplan was installed without a C compiler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.geometry.shapes import Swept, operations
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.shapes import Shape
+
+LANES = 8  # numbers in the widest vector of a processor
+
+
+class ExactPairs(PairDistance):
+    """D of the pairs' solids, less the margin."""
+
+    def __init__(self, pairs: BodyPairs, parts: Sequence[LinkBody], solids: Sequence[HalfspaceBody]) -> None:
+        """Take pairs of outer bodies, and for the rows that they index, what the bodies enclose."""
+        self.pairs, self.parts, self.solids = pairs, parts, solids
+
+    @property
+    def how(self) -> str:
+        """Compiled, or by coal."""
+        return "exact Euclidean distance, compiled C" if library() else self._twin.how
+
+    def enlarged(self, by: float) -> ExactPairs:
+        """The same with a margin that is larger [m]."""
+        return ExactPairs(self.pairs.enlarged(by), self.parts, self.solids)
+
+    @cached_property
+    def record(self) -> Record:
+        """The C struct `solids`."""
+        rows: list[Array] = []
+        widths, discs, radii, balls, places = [], [], [], [], []
+        second = ((solid.solid, solid.placement) for solid in self.solids)
+        for shape, place in [*((part.body, np.eye(4)) for part in self.parts), *second]:
+            swept = _swept(shape)
+            spare = -len(swept.vertices) % LANES
+            rows.append(np.vstack([swept.vertices, np.tile(swept.vertices[:1], (spare, 1))]).T.ravel())
+            widths.append(len(swept.vertices) + spare)
+            discs.append(swept.disc)
+            radii.append(swept.radii)
+            balls.append(swept.ball)
+            places.append(np.append(place[:3, :3].ravel(), place[:3, 3]))
+        first = np.cumsum([0, *(len(row) for row in rows)])[:-1]
+        return Record(
+            *("solids", len(self.parts), first, np.array(widths), np.concatenate(rows), np.array(discs)),
+            *(np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
+        )
+
+    @cached_property
+    def _twin(self) -> PairDistance:
+        from hdplan.planner.collision.euclidean import FclPairs
+
+        parts = [replace(part, body=_whole(part.body)) for part in self.parts]
+        solids = [
+            replace(each, shape=_whole(each.shape)) if isinstance(each.shape, ConvexBody) else each
+            for each in self.solids
+        ]
+        return FclPairs(self.pairs, parts, solids)
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs at samples; some number above 0 where D is."""
+        loops = library()
+        if loops is None:
+            return self._twin(kinematics, sample, pair)
+        distance, wrench = np.empty(len(pair)), np.empty((len(pair), 6))
+        rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
+        loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
+        return distance, wrench, distance
+
+
+def _whole(body: ConvexBody) -> ConvexBody:
+    """The same body with its faces and edges."""
+    return ConvexBody.from_points(body.vertices, body.radius)
+
+
+def _swept(shape: Shape | ConvexBody) -> Swept:
+    if isinstance(shape, ConvexBody):
+        return Swept(shape.vertices, ball=shape.radius)
+    outline = operations(shape).outline
+    if outline is None:
+        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
+    return outline.swept(shape)
+
+
+def as_solids(planes: Sequence[HalfspaceBody], parts: Sequence[LinkBody]) -> tuple[HalfspaceBody, ...]:
+    """Return links' halfspace bodies with their parts as what they enclose."""
+    return tuple(replace(each, shape=part.body) for each, part in zip(planes, parts, strict=True))

@@ -1,0 +1,22 @@
+/* The exact distance of the rows of the broad phase, for other loops. */
+
+#ifndef HDPLAN_EXACT_LOOP_H
+#define HDPLAN_EXACT_LOOP_H
+
+#include "close_pairs.h"
+#include "gjk.h"
+
+/* The solids of the bodies and boxes that `tables` has pairs of: vertices from first[k] on, three rows of width[k]
+   numbers, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
+typedef struct {
+  long long bodies, boxes;
+  const long long *first, *width;
+  const double *rows, *discs, *radii, *balls, *places, *margins;
+} solids;
+
+/* The signed distance of a pair at placements of the joints, less the margin: exact, or some number more than 0 where it
+   is that; its wrench about the world's origin goes to `wrench`. `normal` (3) is a unit vector that says where to look
+   first, and then the normal in the second solid's frame. */
+double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench);
+
+#endif

@@ -1,0 +1,358 @@
+#include "gjk.h"
+
+#include "../../distance/compiled/clones.h"
+#include "../../distance/compiled/vectors.h"
+
+enum { LANES = 8, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
+
+#define CLOSE 1e-10     /* relative difference of a squared distance and its lower bound that is good enough */
+#define TOUCHING 1e-7   /* [m] bodies so close count as overlapping, as the normal is lost in rounding */
+#define EXACT 1e-9      /* [m] difference of a depth and its bound that is good enough */
+#define THIN 1e-10      /* [m] above a face that is no height */
+
+static void copy(const double* from, double* to) {
+  for (int i = 0; i < 3; ++i) to[i] = from[i];
+}
+
+/* --- supports --------------------------------------------------------------------------------------------------- */
+
+/* The vertex that is farthest along v, eight looked at at once; of equal ones the first of its lane. */
+CLONES
+static void farthest(const solid* body, const double* v, double* found) {
+  const double *restrict x = body->rows, *restrict y = x + body->width, *restrict z = y + body->width;
+  double best[LANES];
+  long long at[LANES], which = 0;
+  for (int i = 0; i < LANES; ++i) {
+    best[i] = v[0] * x[i] + v[1] * y[i] + v[2] * z[i];
+    at[i] = 0;
+  }
+  for (long long k = LANES; k < body->width; k += LANES)
+    for (int i = 0; i < LANES; ++i) {
+      const double along = v[0] * x[k + i] + v[1] * y[k + i] + v[2] * z[k + i];
+      at[i] = along > best[i] ? k : at[i];
+      best[i] = along > best[i] ? along : best[i];
+    }
+  for (int i = 1; i < LANES; ++i)
+    if (best[i] > best[which]) which = i;
+  const long long row = at[which] + which;
+  found[0] = x[row];
+  found[1] = y[row];
+  found[2] = z[row];
+}
+
+/* The point of a body, without its ball, that is farthest along v, all in its own frame. */
+static void support(const solid* body, const double* v, double* point) {
+  const double aside = sqrt(v[0] * v[0] + v[1] * v[1]);
+  farthest(body, v, point);
+  if (body->disc != 0.0 && aside > 0.0)
+    for (int i = 0; i < 2; ++i) point[i] += body->disc * v[i] / aside;
+  if (!body->radii) return;
+  const double *radii = body->radii, scaled[3] = {radii[0] * v[0], radii[1] * v[1], radii[2] * v[2]};
+  const double length = norm(scaled);
+  for (int i = 0; length > 0.0 && i < 3; ++i) point[i] += radii[i] * scaled[i] / length;
+}
+
+/* A point p of the difference a − b, and the point of a that it comes from. */
+typedef struct {
+  double p[3], a[3];
+} corner;
+
+/* The corner of a − b that is farthest along v. */
+static corner corner_along(const two_solids* of, const double* v) {
+  const double opposite[3] = {-v[0], -v[1], -v[2]};
+  double local[3], own[3], theirs[3];
+  corner found;
+  turned_back(of->place, v, local);
+  support(of->a, local, own);
+  placed(of->place, own, found.a);
+  support(of->b, opposite, theirs);
+  difference(found.a, theirs, found.p);
+  return found;
+}
+
+/* --- apart: the simplex of a − b that is nearest to the origin ---------------------------------------------------- */
+
+typedef struct {
+  int count;
+  corner at[4];
+  double share[4]; /* of the corners in the nearest point */
+} simplex;
+
+/* The weights of p_1 … p_m−1, in the last column of g, for which v = p_0 + Σ w_i e_i, e_i = p_i − p_0, is orthogonal to
+   all e_i: Gauss-Jordan on the Gram matrix, which needs no pivots. Returns 0 where the e_i are not independent. */
+static int weigh(int m, double e[3][3], const double* first, double g[3][4]) {
+  for (int i = 0; i + 1 < m; ++i) {
+    for (int j = 0; j + 1 < m; ++j) g[i][j] = dot(e[i], e[j]);
+    g[i][m - 1] = -dot(e[i], first);
+  }
+  for (int i = 0; i + 1 < m; ++i) {
+    if (!(g[i][i] > 1e-14 * dot(e[i], e[i]))) return 0;
+    for (int row = 0; row + 1 < m; ++row) {
+      const double factor = g[row][i] / g[i][i];
+      for (int column = i; row != i && column < m; ++column) g[row][column] -= factor * g[i][column];
+    }
+  }
+  for (int i = 0; i + 1 < m; ++i) g[i][m - 1] /= g[i][i];
+  return 1;
+}
+
+/* The point v of least norm of the plane through m corners, and their shares in it; whether it is inside of them. */
+static int foot(int m, const corner* const* at, double* share, double* v) {
+  double e[3][3], g[3][4];
+  int inside = 1;
+  for (int i = 0; i + 1 < m; ++i) difference(at[i + 1]->p, at[0]->p, e[i]);
+  if (!weigh(m, e, at[0]->p, g)) return 0;
+  copy(at[0]->p, v);
+  share[0] = 1.0;
+  for (int i = 0; i + 1 < m; ++i) {
+    share[i + 1] = g[i][m - 1];
+    share[0] -= share[i + 1];
+    inside = inside && share[i + 1] > 0.0;
+    for (int j = 0; j < 3; ++j) v[j] += share[i + 1] * e[i][j];
+  }
+  return inside && share[0] > 0.0;
+}
+
+/* Reduce a simplex to the face, among those with its last corner, that is nearest to the origin; v is the nearest
+   point. */
+static void reduce(simplex* of, double* v) {
+  const int last = of->count - 1;
+  double least = INFINITY, kept[4];
+  int best = 0, count = 0;
+  for (int mask = 0; mask < 1 << last; ++mask) {
+    const corner* face[4] = {of->at + last};
+    double share[4], found[3];
+    int m = 1;
+    for (int i = 0; i < last; ++i)
+      if (mask >> i & 1) face[m++] = of->at + i;
+    if (!foot(m, face, share, found) || !(dot(found, found) < least)) continue;
+    least = dot(found, found);
+    best = mask;
+    count = m;
+    for (int i = 0; i < m; ++i) kept[i] = share[i];
+    copy(found, v);
+  }
+  of->count = 0;
+  for (int i = 0; i < last; ++i)
+    if (best >> i & 1) of->at[of->count++] = of->at[i];
+  for (int i = 0; i < of->count; ++i) of->share[i] = kept[i + 1];
+  if (count == 0) return; /* of what is not a number */
+  of->share[of->count] = kept[0];
+  of->at[of->count++] = of->at[last];
+}
+
+static int is_among(const simplex* of, const double* p) {
+  for (int i = 0; i < of->count; ++i)
+    if (p[0] == of->at[i].p[0] && p[1] == of->at[i].p[1] && p[2] == of->at[i].p[2]) return 1;
+  return 0;
+}
+
+/* The distance of the bodies without their balls, its normal and the nearest point of a, as `signed_distance`; or −1,
+   with a simplex in which the origin lies, or nearly. */
+static double apart(const two_solids* of, double far, simplex* at, double* normal, double* point) {
+  double v[3], gap = -INFINITY, length = 0.0;
+  const double away[3] = {-normal[0], -normal[1], -normal[2]};
+  at->count = 1;
+  at->share[0] = 1.0;
+  at->at[0] = corner_along(of, away);
+  copy(at->at[0].a, point);
+  copy(at->at[0].p, v);
+  if (dot(normal, v) > far) return dot(normal, v);
+  for (int round = 0; round < ROUNDS; ++round) {
+    const double square = dot(v, v), back[3] = {-v[0], -v[1], -v[2]};
+    length = sqrt(square);
+    if (length < TOUCHING) return -1.0;
+    const corner next = corner_along(of, back);
+    gap = dot(v, next.p) / length;
+    for (int i = 0; i < 3; ++i) normal[i] = v[i] / length;
+    if (gap > far || length * (length - gap) <= CLOSE * square || is_among(at, next.p)) break;
+    at->at[at->count++] = next;
+    reduce(at, v);
+    if (at->count == 4 || at->count == 0) return -1.0;
+    if (!(dot(v, v) < square)) break;
+  }
+  for (int j = 0; j < 3; ++j) {
+    point[j] = 0.0;
+    for (int i = 0; i < at->count; ++i) point[j] += at->share[i] * at->at[i].a[j];
+  }
+  return gap > 0.0 ? gap : -1.0;
+}
+
+/* --- overlapping: the face of a − b that is nearest to the origin, from inside ----------------------------------- */
+
+/* A face of a polytope: its corners, in order around its outward unit normal, and n·p of them. */
+typedef struct {
+  int at[3];
+  double normal[3], height;
+} face;
+
+/* A polytope within a − b that grows, and the least height of a plane around a − b so far, with its normal and the point
+   of a in it. */
+typedef struct {
+  const two_solids* of;
+  int corners, faces;
+  corner at[CORNERS];
+  face face[FACES];
+  double depth, outward[3], point[3];
+} polytope;
+
+/* The corner along a unit vector; its plane bounds the depth. */
+static corner bounded(polytope* grown, const double* n) {
+  const corner found = corner_along(grown->of, n);
+  const double height = dot(n, found.p);
+  if (height < grown->depth) {
+    grown->depth = height;
+    copy(n, grown->outward);
+    copy(found.a, grown->point);
+  }
+  return found;
+}
+
+/* Add the face with these corners, if it is one. */
+static int add_face(polytope* grown, int i, int j, int k) {
+  double first[3], second[3];
+  if (grown->faces == FACES) return 0;
+  face* added = grown->face + grown->faces;
+  *added = (face){.at = {i, j, k}};
+  difference(grown->at[j].p, grown->at[i].p, first);
+  difference(grown->at[k].p, grown->at[i].p, second);
+  cross(first, second, added->normal);
+  const double length = norm(added->normal);
+  if (!(length > 1e-12 * (dot(first, first) + dot(second, second)))) return 0;
+  for (int row = 0; row < 3; ++row) added->normal[row] /= length;
+  added->height = dot(added->normal, grown->at[i].p);
+  ++grown->faces;
+  return 1;
+}
+
+/* A unit vector that is orthogonal to the first `count` corners' plane or line; any one without. */
+static void orthogonal(const polytope* grown, int count, double* n) {
+  double first[3] = {1.0, 0.0, 0.0}, second[3];
+  if (count > 1) difference(grown->at[1].p, grown->at[0].p, first);
+  if (count > 2) {
+    difference(grown->at[2].p, grown->at[0].p, second);
+  } else {
+    int least = 0;
+    for (int i = 1; i < 3; ++i)
+      if (fabs(first[i]) < fabs(first[least])) least = i;
+    for (int i = 0; i < 3; ++i) second[i] = i == least;
+  }
+  cross(first, second, n);
+  const double length = norm(n);
+  for (int i = 0; i < 3; ++i) n[i] /= length;
+}
+
+/* Begin with a simplex, completed to a tetrahedron. Returns 0 where a − b is flat. */
+static int begin(polytope* grown, const simplex* from) {
+  double n[3], aside[3];
+  grown->at[0] = from->count ? from->at[0] : bounded(grown, (const double[3]){1.0, 0.0, 0.0});
+  grown->corners = 1;
+  for (int i = 1; i < from->count && i < 3; ++i) grown->at[grown->corners++] = from->at[i];
+  while (grown->corners < 4) {
+    orthogonal(grown, grown->corners, n);
+    const double opposite[3] = {-n[0], -n[1], -n[2]};
+    const corner up = from->count == 4 && grown->corners == 3 ? from->at[3] : bounded(grown, n);
+    const corner down = bounded(grown, opposite);
+    difference(up.p, grown->at[0].p, aside);
+    const double above = fabs(dot(aside, n));
+    difference(down.p, grown->at[0].p, aside);
+    const double below = fabs(dot(aside, n));
+    if (!(most_of(above, below) > THIN)) return 0;
+    grown->at[grown->corners++] = from->count == 4 && above > THIN ? up : above > below ? up : down;
+  }
+  difference(grown->at[3].p, grown->at[0].p, aside);
+  orthogonal(grown, 3, n);
+  const int below = dot(aside, n) > 0.0; /* the first three are seen from below if the fourth is above them */
+  const int turn[4][3] = {{0, 1, 2}, {0, 3, 1}, {1, 3, 2}, {2, 3, 0}};
+  grown->faces = 0;
+  for (int i = 0; i < 4; ++i)
+    if (!add_face(grown, turn[i][0], turn[i][below ? 2 : 1], turn[i][below ? 1 : 2])) return 0;
+  return 1;
+}
+
+/* Replace the faces that a new corner is above by those that it has with the edges around them. Returns 0 where rounding
+   allows none. */
+static int grow(polytope* grown, const corner* added) {
+  int edges[EDGES][2], count = 0;
+  if (grown->corners == CORNERS) return 0;
+  for (int row = 0; row < grown->faces;) {
+    const face seen = grown->face[row];
+    if (!(dot(seen.normal, added->p) - seen.height > THIN)) {
+      ++row;
+      continue;
+    }
+    grown->face[row] = grown->face[--grown->faces];
+    for (int i = 0; i < 3; ++i) {
+      const int from = seen.at[i], to = seen.at[(i + 1) % 3];
+      int other = 0;
+      while (other < count && !(edges[other][0] == to && edges[other][1] == from)) ++other;
+      if (other < count) {
+        --count;
+        edges[other][0] = edges[count][0];
+        edges[other][1] = edges[count][1];
+      } else {
+        edges[count][0] = from;
+        edges[count++][1] = to;
+      }
+    }
+  }
+  grown->at[grown->corners] = *added;
+  for (int i = 0; i < count; ++i)
+    if (!add_face(grown, edges[i][0], edges[i][1], grown->corners)) return 0;
+  ++grown->corners;
+  return count > 0;
+}
+
+/* The point of a that comes to the foot of the origin on the nearest faces, which lie in one plane: on that of them which
+   has the foot inside, or nearly. */
+static void deepest(const polytope* grown, double* point) {
+  double most = -INFINITY;
+  for (int row = 0; row < grown->faces; ++row) {
+    const face* of = grown->face + row;
+    const corner* at[3] = {grown->at + of->at[0], grown->at + of->at[1], grown->at + of->at[2]};
+    double share[3] = {0.0}, v[3];
+    if (of->height > grown->depth + EXACT) continue;
+    (void)foot(3, at, share, v);
+    const double least = least_of(share[0], least_of(share[1], share[2]));
+    if (!(least > most)) continue;
+    most = least;
+    for (int j = 0; j < 3; ++j) point[j] = share[0] * at[0]->a[j] + share[1] * at[1]->a[j] + share[2] * at[2]->a[j];
+  }
+}
+
+/* How deep the bodies overlap without their balls, with the normal and the deepest point of a. */
+static double overlap(const two_solids* of, const simplex* from, double* normal, double* point) {
+  polytope grown;
+  grown.of = of;
+  grown.depth = INFINITY;
+  (void)bounded(&grown, (const double[3]){-normal[0], -normal[1], -normal[2]});
+  int goes_on = begin(&grown, from);
+  while (goes_on) {
+    const face* nearest = grown.face;
+    for (int row = 1; row < grown.faces; ++row)
+      if (grown.face[row].height < nearest->height) nearest = grown.face + row;
+    const face found = *nearest;
+    const corner next = bounded(&grown, found.normal);
+    const double height = dot(found.normal, next.p);
+    if (height - found.height <= EXACT) {
+      if (height > grown.depth + EXACT) break; /* only where rounding spoilt the polytope */
+      grown.depth = height;
+      copy(found.normal, grown.outward);
+      deepest(&grown, grown.point);
+      break;
+    }
+    goes_on = grow(&grown, &next);
+  }
+  for (int i = 0; i < 3; ++i) normal[i] = -grown.outward[i];
+  copy(grown.point, point);
+  return grown.depth;
+}
+
+double signed_distance(const two_solids* of, double far, double* normal, double* point) {
+  const double balls = of->a->ball + of->b->ball;
+  simplex at;
+  double distance = apart(of, far + balls, &at, normal, point);
+  if (distance < 0.0) distance = -overlap(of, &at, normal, point);
+  for (int i = 0; i < 3; ++i) point[i] -= of->a->ball * normal[i];
+  return distance - balls;
+}

@@ -1,0 +1,204 @@
+"""Laws of the exact distance in C: it is the oracle's on random and adversarial bodies, and its wrench is its
+derivative; and of what it is the distance of: the parts lie within the bodies."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.distance.baselines.coal import signed_distance, signed_distances
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.build import build
+from hdplan.planner.collision import exact as exact_pairs
+from hdplan.planner.collision.broad_phase import body_pairs
+from hdplan.planner.collision.collision_model import collision_model_of
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.exact import ExactPairs
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
+from hdplan.planner.collision.hull_distance import distance_to_hull
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.problem import clearance
+from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.lay_out import exactly
+from hdplan.planner.problem.samples import Samples
+from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
+from hdplan.scenes.yaml_format.reader import load_scene
+
+from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, placed, poses
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-7  # [m]
+WIDE = 10.0  # [m] a margin that nothing is beyond, so that every distance is exact
+needs_loops = pytest.mark.skipif(not library(), reason="built without a C compiler")
+
+
+def exact(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody]) -> ExactPairs:
+    """Each body against the other of the same number."""
+    pairs = body_pairs(bodies, others, [(k, k) for k in range(len(bodies))], WIDE, NO_JOINTS)
+    return ExactPairs(pairs, bodies, others)
+
+
+def everything(pairs: ExactPairs | FclPairs, at: Array) -> tuple[Array, Array]:
+    """The distances (B, P) and their wrenches (B, P, 6) of all pairs at all poses (B, 4, 4)."""
+    sample, pair = (index.ravel() for index in np.indices((len(at), len(pairs.pairs))))
+    distance, wrench, _ = pairs(placed(at), sample, pair)
+    return distance.reshape(len(at), -1) + WIDE, wrench.reshape(len(at), -1, 6)
+
+
+def truth_of(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], at: Array) -> Array:
+    """The oracle's distances (B, P); NaN of round bodies."""
+    found = np.full((len(at), len(bodies)), np.nan)
+    for k, (body, other) in enumerate(zip(bodies, others, strict=True)):
+        if (shape := convex(other)) is not None:
+            found[:, k] = signed_distances(body.body, at, shape, np.tile(other.placement, (len(at), 1, 1)))
+    return found
+
+
+@needs_loops
+def test_it_is_the_oracles_on_random_bodies() -> None:
+    bodies, others, at = free_bodies(60, 1), clutter(60, 2, spread=0.2), poses(30, 3, spread=0.3)
+    (distance, wrench), truth = everything(exact(bodies, others), at), truth_of(bodies, others, at)
+    known = np.isfinite(truth)
+    np.testing.assert_allclose(distance[known], truth[known], rtol=0, atol=EXACT)
+    np.testing.assert_allclose(np.linalg.norm(wrench[..., :3], axis=-1), 1.0, atol=1e-9)
+    assert (distance < -0.01).sum() > 100
+    assert (distance > 0.01).sum() > 100
+
+
+@needs_loops
+def test_round_bodies_are_round() -> None:
+    """A ball beside, above, at the rim of and inside a cylinder, on an ellipsoid's axis, and in a ball."""
+    ball = LinkBody("ball", 1, ConvexBody.sphere(0.05))
+    shapes = (Cylinder(0.1, 0.4), Ellipsoid((0.1, 0.2, 0.3)), Sphere(0.1))
+    pairs = exact((ball,) * 3, tuple(from_shape("post", shape, np.eye(4)) for shape in shapes))
+    at = np.tile(np.eye(4), (5, 1, 1))
+    at[:, :3, 3] = [[0.18, 0.24, 0.1], [0.03, 0.04, 0.3], [0.4, 0.0, 0.6], [0.03, 0.04, 0.0], [0.0, 0.0, 0.32]]
+    distance, _ = everything(pairs, at)
+    np.testing.assert_allclose(distance[:4, 0], [0.15, 0.05, 0.45, -0.1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(distance[4, 1:], [-0.03, 0.17], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(distance[3, 2], 0.05 - 0.15, rtol=0, atol=1e-6)
+
+
+@needs_loops
+@pytest.mark.parametrize("nudge", [0.0, 1e-12, 1e-9, 1e-7, 1e-5])
+def test_parallel_touching_and_coinciding_boxes(nudge: float) -> None:
+    """Faces, edges and corners that meet exactly, or nearly; cubes, plates and needles; and one centre."""
+    rng = np.random.default_rng(11)
+    sizes = rng.choice([0.001, 0.1, 0.2, 0.3], size=(40, 3))
+    bodies = tuple(LinkBody("link", 1, ConvexBody.box(size)) for size in sizes)
+    others = tuple(from_shape("box", Box(tuple(size)), np.eye(4)) for size in rng.permutation(sizes))
+    at = np.tile(np.eye(4), (40, 1, 1))
+    at[:, :3, 3] = rng.choice([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3], size=(40, 3)) + nudge * rng.normal(size=(40, 3))
+    distance, wrench = everything(exact(bodies, others), at)
+    assert np.isfinite(wrench).all()
+    np.testing.assert_allclose(np.linalg.norm(wrench[..., :3], axis=-1), 1.0, atol=1e-9)
+    halves = (sizes + np.array([other.half_size * 2 for other in others])) / 2
+    apart = np.abs(at[:, None, :3, 3]) - halves[None]
+    inside = apart.max(axis=2)
+    truth = np.where(inside < 0.0, inside, np.linalg.norm(np.maximum(apart, 0.0), axis=2))
+    np.testing.assert_allclose(distance, truth, rtol=0, atol=EXACT)
+
+
+@needs_loops
+def test_boxes_on_edge_and_slanted() -> None:
+    """Turned by multiples of 45 and of 30 degrees about the axes, where edges meet edges and corners faces."""
+    rng = np.random.default_rng(12)
+    body, other = ConvexBody.box([0.2, 0.1, 0.05]), from_shape("box", Box((0.1, 0.2, 0.3)), np.eye(4))
+    at = []
+    for _ in range(300):
+        axis, angle = rng.choice([-1.0, 0.0, 1.0], size=3), rng.choice([np.pi / 4, np.pi / 2, np.pi / 6])
+        if not axis.any():
+            axis = np.array([0.0, 0.0, 1.0])
+        pose = moved(np.eye(4)[None], np.zeros(3), axis / np.linalg.norm(axis) * angle, 1.0)[0]
+        pose[:3, 3] = rng.choice([-0.1, 0.0, 0.05, 0.1, 0.2], size=3)
+        at.append(pose)
+    distance, _ = everything(exact((LinkBody("link", 1, body),), (other,)), np.array(at))
+    truth = [signed_distance(body, pose, convex(other), np.eye(4)).distance for pose in at]
+    np.testing.assert_allclose(distance[:, 0], truth, rtol=0, atol=EXACT)
+
+
+@needs_loops
+def test_it_is_coals_wrench_and_its_own_derivative() -> None:
+    """Three ways, away from kinks, which show as one-sided derivatives that differ."""
+    bodies, others, at = free_bodies(40, 4), clutter(40, 5, spread=0.2), poses(10, 6, spread=0.4)
+    pairs = exact(bodies, others)
+    middle, wrench = everything(pairs, at)
+    by_coal = everything(FclPairs(pairs.pairs, bodies, others), at)[1]
+    rng, step, checked = np.random.default_rng(7), 1e-5, 0
+    for _ in range(6):
+        linear, angular = rng.normal(size=(2, 3))
+        velocity = np.concatenate([linear, angular])
+        ahead, behind = (everything(pairs, moved(at, linear, angular, sign * step))[0] for sign in (1, -1))
+        forward, backward = (ahead - middle) / step, (middle - behind) / step
+        smooth = np.abs(forward - backward) < 1e-3
+        np.testing.assert_allclose((wrench @ velocity)[smooth], ((forward + backward) / 2)[smooth], atol=1e-3)
+        assert np.mean(np.abs((wrench - by_coal) @ velocity)[smooth] < 1e-3) > 0.99
+        checked += int(smooth.sum())
+    assert checked > 0.7 * 6 * middle.size
+
+
+@needs_loops
+def test_beyond_the_margin_it_says_no_more_than_that() -> None:
+    bodies, others, at = free_bodies(40, 8), clutter(40, 9, spread=0.2), poses(20, 10, spread=0.4)
+    far, (truth, _) = exact(bodies, others).enlarged(0.01 - WIDE), everything(exact(bodies, others), at)
+    found = everything(far, at)[0] - WIDE
+    close = truth < 0.01
+    np.testing.assert_allclose(found[close], truth[close] - 0.01, rtol=0, atol=EXACT)
+    assert (found[~close] >= -EXACT).all()
+    assert (found <= truth - 0.01 + EXACT).all()
+
+
+@needs_loops
+def test_what_is_not_a_number_ends() -> None:
+    pairs, at = exact(free_bodies(3, 8), clutter(3, 9)), poses(2, 10, spread=0.4)
+    at[:] = np.nan
+    assert not (everything(pairs, at)[0] > 0.0).any()
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_carry"])
+def test_the_problem_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loop and twin agree, a batch is a loop, the penalty's gradient is its derivative, and no exact distance is below
+    what the HD-SDF says of the bodies."""
+    loose = build(load_scene(name))
+    problem = exactly(loose)
+    assert exactly(problem) is problem
+    assert pickle.loads(pickle.dumps(problem)).depth(problem.start[None]) == problem.depth(problem.start[None])
+    drawn = problem.robot.draw(np.random.default_rng(0), 12)
+    kinematics, samples = problem.placed(drawn), Samples((1,) * 12)
+    assert (problem.depth(drawn) <= loose.depth(drawn) + EXACT).all()
+    found = {term.name: term.at_samples(kinematics, samples) for term in problem.terms if isinstance(term, Clearance)}
+    assert found
+    for term in problem.terms:
+        if not isinstance(term, Clearance):
+            continue
+        penalty = found[term.name]
+        single = [term.at_samples(problem.placed(q[None]), Samples((1,))) for q in drawn]
+        np.testing.assert_allclose(penalty.depth, [each.depth[0] for each in single], atol=EXACT)
+        step, turn = 1e-6, np.random.default_rng(1).normal(size=drawn.shape)
+        ahead, behind = (term.at_samples(problem.placed(drawn + s * step * turn), samples).cost for s in (1, -1))
+        slope = float(np.sum(penalty.gradient * turn))
+        assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-3, abs=1e-6)
+    for module in (clearance, exact_pairs):
+        monkeypatch.setattr(module, "library", lambda: None)
+    for term in problem.terms:
+        if isinstance(term, Clearance):
+            twin, penalty = term.at_samples(kinematics, samples), found[term.name]
+            assert twin.cost == pytest.approx(penalty.cost, rel=1e-6, abs=1e-12)
+            np.testing.assert_allclose(twin.depth, penalty.depth, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["panda_carry", "ur5_table"])
+def test_parts_lie_within_their_bodies(name: str) -> None:
+    problem = build(load_scene(name))
+    settings = problem.scene.planner
+    model = collision_model_of(problem.robot, settings.link_bodies, settings.normals)
+    for part, body in zip(model.parts, problem.bodies, strict=True):
+        assert (part.link, part.joint) == (body.link, body.joint)
+        beyond, _ = distance_to_hull(part.body.vertices, body.body.vertices)
+        assert (beyond <= body.body.radius + 1e-6).all()

@@ -1,0 +1,90 @@
+"""Laws of searches in narrow places: the first guesses are as ever, and where all of them fail by contacts, the next
+ones are solved with exact distances."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.build import build
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.problem.lay_out import closer, exactly
+from hdplan.planner.search.retreat import retreats
+from hdplan.planner.search.roadmap import Roadmap, seeds
+from hdplan.planner.search.search import GUESSES, Search, _guesses
+from hdplan.planner.solvers import solver_named
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def search(scene: Scene) -> Search:
+    """A search that reports to nobody."""
+    problem = build(scene)
+    given = problem, Certifier(problem.setup), None, solver_named("gauss_newton"), 0.0, math.inf
+    return Search(*given, lambda event: None, lambda: False)
+
+
+def failing(status: Status) -> Any:
+    """A best motion whose certificate says so."""
+    certificate = dataclasses.make_dataclass("Certificate", ["status"])(status)
+    return dataclasses.make_dataclass("Best", ["certificate"])(certificate)
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_corridor"])
+def test_the_first_guesses_are_as_ever_and_the_next_ones_exact(name: str) -> None:
+    under_way = search(load_scene(name))
+    ever, problem = seeds(under_way.problem, 5), under_way.problem
+    guesses = _guesses(under_way, 5, None)
+    for guess, same in itertools.islice(zip(guesses, ever, strict=False), GUESSES):
+        np.testing.assert_array_equal(guess.positions, same)
+    assert under_way.problem is problem
+    under_way.best = failing(Status.IN_CONTACT)
+    exact = seeds(exactly(problem), 5)
+    for guess, same in itertools.islice(zip(guesses, exact, strict=False), 4):
+        np.testing.assert_array_equal(guess.positions, same)
+    assert under_way.problem.exact
+
+
+@pytest.mark.parametrize("status", [Status.TOO_FAST, Status.OFF_PATH, Status.OVERLOADED])
+def test_what_fails_by_something_else_goes_on_as_it_was(status: Status) -> None:
+    under_way = search(load_scene("panda_corridor"))
+    problem, guesses = under_way.problem, _guesses(under_way, 0, None)
+    for _ in itertools.islice(guesses, GUESSES):
+        pass
+    under_way.best = failing(status)
+    next(guesses)
+    assert under_way.problem is problem
+
+
+@pytest.mark.parametrize("settings", [{"distance": "fcl"}, {"swept": True}])
+def test_another_distance_that_was_asked_for_stays(settings: dict[str, Any]) -> None:
+    scene = load_scene("planar_arm")
+    problem = build(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, **settings)))
+    assert exactly(problem) is problem
+
+
+def test_what_is_laid_out_anew_stays_exact() -> None:
+    problem = exactly(build(load_scene("panda_cage")))
+    near = closer(problem, 0.01, quick=False)
+    assert near.exact
+    assert near.depth(problem.polyline()).max() == problem.depth(problem.polyline()).max()  # where it sets in
+
+
+def test_ways_back_and_nodes_are_free_by_the_exact_distance() -> None:
+    problem = exactly(build(load_scene("panda_cage")))
+    certifier = Certifier(problem.setup)
+    first, last = retreats(problem)
+    for way in (first, last):
+        if len(way):
+            assert problem.depth(way[-1:])[0] <= problem.depth(np.array([problem.start, problem.goal])).max()
+    roadmap = Roadmap(problem, np.random.default_rng(0))
+    roadmap.grow()
+    assert len(roadmap.nodes) > 2
+    touching = [bool(certifier.contacts(q, 0.0)) for q in roadmap.nodes[2:]]
+    assert not any(touching)
