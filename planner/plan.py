@@ -6,6 +6,7 @@ import functools
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
 from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
@@ -100,7 +101,9 @@ def plan(
     clearances = [reachable_clearance(aim, certifier) for aim in aims]  # refuses ends in collision before any fitting
     retimer = _retimer(setup)
     with compile_time() as stopwatch:
-        problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+        queries = [_standing(aim, certifier, retimer) for aim in aims]
+        before = began + min(time_limit, FOR_MESHES * seconds_left())
+        problems = [lay_out(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
         problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
@@ -196,11 +199,21 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
     if isinstance(goal, JointTarget):
         if not setup.turned:
             return (goal,), ()
-        near = JointTarget(goal.field, tuple(setup.query.goal.tolist()))
+        near = replace(goal, positions=tuple(setup.query.goal.tolist()), by_name=None, state=None)
         return (near, goal), ()  # something may stand in the short way
     from hdplan.planner.search.goals import goal_choice
 
     return goal_choice(certifier, seed)
+
+
+def _standing(aim: Setup, certifier: Certifier, retimer: Retimer | None) -> Query:
+    """Return the ends of the path: the scene's, or, where the robot moves through them, where it would stand, which is
+    to be free, as braking is."""
+    if retimer is None or retimer.ends is None:
+        return aim.query
+    from hdplan.planner.search.brakes import check_brakes
+
+    return check_brakes(aim, certifier, retimer.ends)
 
 
 def _retimer(setup: Setup) -> Retimer | None:

@@ -7,6 +7,7 @@ outer bodies at samples, and neither relies on the other.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import time
@@ -228,18 +229,23 @@ class Search:
     def keep(self, path: Array, value: float) -> bool:
         """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less
         than `value` and is certified."""
-        trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
-        if self.retimer is not None:
-            try:
-                trajectory = self.retimer(trajectory).trajectory
-            except HdplanError:
+        along = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+        for trajectory in self._timed(along):
+            if self.objective.value(path, trajectory) >= value or self.problem.left(path):
                 return False
-        if self.objective.value(path, trajectory) >= value or self.problem.left(path):
-            return False
-        certificate = self._certificate(trajectory)
-        if certificate.certified:
-            self.best = Best(path, trajectory, certificate, self.steps, whole=True)
-        return certificate.certified
+            certificate = self._certificate(trajectory)
+            if certificate.certified:
+                self.best = Best(path, trajectory, certificate, self.steps, whole=True)
+                return True
+        return False
+
+    def _timed(self, path: Trajectory) -> Iterator[Trajectory]:
+        """Yield the motions along a path, the quickest first; none if there is no time law, or too many rows."""
+        if self.retimer is None:
+            yield path
+            return
+        with contextlib.suppress(HdplanError):
+            yield from (timed.trajectory for timed in self.retimer.ways(path))
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
@@ -283,15 +289,13 @@ class Search:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
         hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
         suspect = self._deepest(solution.trajectory.positions) if hopeless else None
-        trajectory, parameter = solution.trajectory, None
-        if self.retimer is not None:
-            timed = self.retimer(trajectory)
-            trajectory, parameter = timed
-            suspect = None if suspect is None else timed.place_of(sum(suspect) / (self.problem.waypoints - 1))
-        certificate = self.certifier.certify(trajectory, required=self.required, suspect=suspect)
+        for trajectory, parameter, near in self._motions(solution.trajectory, suspect):
+            certificate = self.certifier.certify(trajectory, required=self.required, suspect=near)
+            self.certify_seconds += certificate.seconds
+            if certificate.certified:
+                break
         self.last = None
         self._took(solution)
-        self.certify_seconds += certificate.seconds
         path = solution.trajectory.positions
         left = self.problem.left(path)
         if self.best is None or _rank(certificate, left) < _rank(self.best.certificate, self.best.left):
@@ -302,6 +306,18 @@ class Search:
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
         return certificate, sorted(failed)
+
+    def _motions(
+        self, path: Trajectory, suspect: tuple[int, float] | None
+    ) -> Iterator[tuple[Trajectory, Array | None, tuple[int, float] | None]]:
+        """Yield the motions along a path, the quickest first: each with where its rows are on the path, and a place on
+        it in its own intervals."""
+        if self.retimer is None:
+            yield path, None, suspect
+            return
+        for timed in self.retimer.ways(path):
+            place = None if suspect is None else timed.place_of(sum(suspect) / (self.problem.waypoints - 1))
+            yield timed.trajectory, timed.parameter, place
 
     def _deepest(self, positions: Array) -> tuple[int, float]:
         """Where a motion (N, n) is deepest inside a margin: a waypoint interval, and a fraction of it."""

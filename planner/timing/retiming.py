@@ -12,11 +12,15 @@ Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), 
 in time until every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is
 chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no obstacle moves, it is
 the fastest law, stretched to the duration.
+
+*Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
+(`moving_ends`).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +34,9 @@ from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing.moving_ends import MovingEnds
 
 Array = NDArray[np.float64]
 
@@ -70,6 +77,13 @@ class Retimer:
         self.limits = timing_limits(setup)
         self.rates = setup.limits
         self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
+        self.rate = self.timing.rate
+        self.ends: MovingEnds | None = None
+        if setup.moving_ends:
+            from hdplan.planner.timing.moving_ends import MovingEnds
+
+            self.ends = MovingEnds(setup, self.limits)
+            self.rate = self.ends.rate
 
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
@@ -84,8 +98,9 @@ class Retimer:
         return float((np.abs(chords) / self.rates["velocity"]).max(axis=1).sum())
 
     def too_short(self, start: Array, goal: Array) -> str | None:
-        """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
-        if self.timing.duration is None:
+        """Say why no motion between two configurations (n,) at rest is as short as the scene's duration; None if one
+        may."""
+        if self.timing.duration is None or self.ends is not None:
             return None
         least = least_times(goal - start, self.rates)
         joint = int(least.argmax())
@@ -98,19 +113,60 @@ class Retimer:
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
-        spline, duration = smooth(self._inset(path.positions)), self.timing.duration
+        return next(self.ways(path))
+
+    def ways(self, path: Trajectory) -> Iterator[Timed]:
+        """Yield the timed motion along a path; where the robot does not begin and end at rest, the path leads from
+        where it would stand, and the motion is first the quickest, and then the one that does stand there."""
+        if self.ends is None:
+            yield self._from_rest(path, self.timing.duration)
+            return
+        quickest = self._from_rest(path, None) if self.ends.count is None else None
+        *overlaps, apart = self.ends.overlaps()
+        for overlap in overlaps:
+            found = self._joined(path, quickest, *overlap)
+            if found is not None and self.ends.keeps(_rows_of(found.trajectory)):
+                yield found
+                break
+        whole = self._joined(path, quickest, *apart) or self._joined(path, quickest, 0, 0)
+        assert whole is not None
+        yield whole
+
+    def _joined(self, path: Trajectory, own: Timed | None, lead: int, trail: int) -> Timed | None:
+        """Return the motion along a path, from rest to rest by `own` or else in the time that the scene's duration
+        leaves, joined to its ends, with so many rows before and after; None if there is no time left."""
+        assert self.ends is not None
+        if own is None:
+            assert self.ends.count is not None
+            left = self.ends.count - lead - trail
+            if left <= 0:
+                return None
+            own = self._from_rest(path, left / self.rate)
+        rows = self.ends.joined(_rows_of(own.trajectory), lead, trail)
+        count = len(rows[0])
+        self._check_rows((count - 1) / self.rate)
+        parameter = np.pad(own.parameter, (lead, count - lead - len(own.parameter)), mode="edge")
+        times = np.arange(count) / self.rate
+        return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
+
+    def _from_rest(self, path: Trajectory, duration: float | None) -> Timed:
+        """Return the timed motion along a path from rest to rest."""
+        spline = smooth(self._inset(path.positions))
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
             if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
         if np.ptp(path.positions, axis=0).max() < STANDS:
-            shortest = 1.0 / self.timing.rate
+            shortest = 1.0 / self.rate
             return self._timed(path, spline, MinimumJerk(shortest), shortest)
         laws = self._laws(spline)
         if duration is not None:
             return self._timed(path, spline, laws[0][1], duration)
         law, duration = self._fastest(spline, laws)
-        return self._timed(path, spline, law, duration / self.timing.scale)
+        duration /= self.timing.scale
+        if self.ends is not None:  # whose rows are those of braking
+            duration = (row_count(duration, self.rate) - 1) / self.rate
+        return self._timed(path, spline, law, duration)
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -122,7 +178,7 @@ class Retimer:
     def _timed(self, path: Trajectory, spline: BSpline, law: TimeLaw, duration: float) -> Timed:
         """Return the motion with a law stretched to a duration."""
         self._check_rows(duration)
-        times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
+        times, parameter, rows = _rows(spline, law, duration, self.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
     def _fastest(self, spline: BSpline, laws: list[tuple[float, Averaged]]) -> tuple[Averaged, float]:
@@ -139,7 +195,7 @@ class Retimer:
             if duration < best:
                 fastest, least, best = law, shortest, duration
         tried = (
-            np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.timing.rate)) / self.timing.rate
+            np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.rate)) / self.rate
         )
         shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
         return fastest, next(shorter, best)
@@ -147,7 +203,7 @@ class Retimer:
     def _laws(self, spline: BSpline) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
         shortest first."""
-        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
+        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.rate
         tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(law, float(window)) for window in np.unique(tried)]
         found: dict[int, float] = {}
@@ -182,7 +238,7 @@ class Retimer:
         best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
-            duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            duration = (row_count(duration, self.rate) - 1) / self.rate
             if duration >= best:
                 break
             stretch = self._executed(spline, law, duration)
@@ -197,12 +253,12 @@ class Retimer:
 
     def _executed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return by how much a law stretched to a duration must be stretched further for its limits to hold."""
-        times, _, rows = _rows(spline, law, duration, self.timing.rate)
+        times, _, rows = _rows(spline, law, duration, self.rate)
         return self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
 
     def _check_rows(self, duration: float) -> None:
         """Refuse a motion with more rows than are allowed, before computing them."""
-        rate = self.timing.rate
+        rate = self.rate
         if not duration * rate <= MOST_ROWS:
             raise InputError(
                 f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
@@ -213,6 +269,11 @@ class Retimer:
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold; at most 1 if they do."""
         return max(limit.stretch(curve) for limit in self.limits)
+
+
+def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    assert trajectory.velocities is not None and trajectory.accelerations is not None
+    return trajectory.positions, trajectory.velocities, trajectory.accelerations
 
 
 def smooth(waypoints: Array) -> BSpline:
