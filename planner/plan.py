@@ -21,8 +21,8 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
 from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.setup import Query, Setup
-from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.end_clearance import met_by, reachable_clearance
 from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
@@ -99,9 +99,9 @@ def plan(
     goals, found = _goals(certifier, seed)
     aims = [setup.aiming_at(goal) for goal in goals]
     clearances = [reachable_clearance(aim, certifier) for aim in aims]  # refuses ends in collision before any fitting
-    retimer = _retimer(setup)
+    retimer = _retimer(setup, certifier)
     with compile_time() as stopwatch:
-        queries = [_standing(aim, certifier, retimer) for aim in aims]
+        queries = [retimer.standing(aim.query) if retimer else aim.query for aim in aims]
         before = began + min(time_limit, FOR_MESHES * seconds_left())
         problems = [lay_out(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
         problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
@@ -206,23 +206,13 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
     return goal_choice(certifier, seed)
 
 
-def _standing(aim: Setup, certifier: Certifier, retimer: Retimer | None) -> Query:
-    """Return the ends of the path: the scene's, or, where the robot moves through them, where it would stand, which is
-    to be free, as braking is."""
-    if retimer is None or retimer.ends is None:
-        return aim.query
-    from hdplan.planner.search.brakes import check_brakes
-
-    return check_brakes(aim, certifier, retimer.ends)
-
-
-def _retimer(setup: Setup) -> Retimer | None:
-    """Return the retimer, if the scene asks for times."""
+def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
+    """Return the retimer, if the scene asks for times; a robot that moves is to brake without meeting anything."""
     if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
 
-    return Retimer(setup)
+    return Retimer(setup, functools.partial(met_by, certifier))
 
 
 def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:

@@ -46,13 +46,17 @@ class Braking:
         return Braking(self.away[::-1], -self.velocity[::-1], self.acceleration[::-1])
 
 
-def brake(velocity: Array, acceleration: Array, limits: Mapping[str, Array], h: float) -> Braking | int:
-    """Return how joints (n,) brake with rows h [s] apart, within limits (n,) by name; or a joint that cannot."""
+def brake(
+    velocity: Array, acceleration: Array, limits: Mapping[str, Array], h: float, swing: float = 1.0
+) -> Braking | int:
+    """Return how joints (n,) brake with rows h [s] apart, within limits (n,) by name, in the first phase within `swing`
+    times that of jerk; or a joint that cannot."""
     most = [limits.get(name, np.full(len(velocity), np.inf)) for name in ("velocity", "acceleration", "jerk")]
     jerks = []
     for joint, (v, a) in enumerate(zip(velocity.tolist(), acceleration.tolist(), strict=True)):
         fastest, strongest, jerkiest = (float(each[joint]) for each in most)
-        found = _jerks(v, a, (1 + ROUNDING) * fastest, (1 - ROOM) * strongest, (1 - ROOM) * jerkiest, h)
+        jerkiest *= 1 - ROOM
+        found = _jerks(v, a, (1 + ROUNDING) * fastest, (1 - ROOM) * strongest, (swing * jerkiest, jerkiest), h)
         if found is None:
             return joint
         jerks.append(found)
@@ -69,24 +73,28 @@ def brake(velocity: Array, acceleration: Array, limits: Mapping[str, Array], h: 
     return Braking(way - way[-1], np.where(over, 0.0, np.array(v)), np.where(over, 0.0, np.array(a)))
 
 
-def _jerks(v: float, a: float, fastest: float, strongest: float, jerkiest: float, h: float) -> Array | None:
-    """Return the jerk of each row in which one joint brakes; None if it cannot within the limits."""
+def _jerks(
+    v: float, a: float, fastest: float, strongest: float, jerkiest: tuple[float, float], h: float
+) -> Array | None:
+    """Return the jerk of each row in which one joint brakes, within limits of jerk in the first phase and after it;
+    None if it cannot."""
     if v == a == 0.0:
         return np.zeros(0)
-    reach = 1.0 if np.isinf(jerkiest) else np.ceil((abs(a) + strongest) / jerkiest / h) + 1.0
+    at_first, after = jerkiest
+    reach = 1.0 if np.isinf(after) else np.ceil((abs(a) + strongest) / min(jerkiest) / h) + 1.0
     tried = np.unique(np.ceil(np.linspace(1.0, reach, int(min(reach, MOST_TRIED)))))
     first, last = h * tried[:, None], h * tried[None, :]
     left = v + a * first / 2  # to be taken away, over (t₁ + t₃)/2 + t₂
-    toward = jerkiest * first + np.where(left > 0.0, -a, a)  # as far as α may be from 0, on its side
+    toward = at_first * first + np.where(left > 0.0, -a, a)  # as far as α may be from 0, on its side
     with np.errstate(divide="ignore", invalid="ignore"):
-        taken = np.abs(left) / np.minimum(np.minimum(strongest, jerkiest * last), np.maximum(toward, 0.0))
+        taken = np.abs(left) / np.minimum(np.minimum(strongest, after * last), np.maximum(toward, 0.0))
         taken = np.where(left == 0.0, 0.0, taken)
         between = h * np.ceil(np.maximum(taken - (first + last) / 2, 0.0) / h - 1e-9)
         peak = -left / ((first + last) / 2 + between)  # α
         crest = v - a * a * first / (2.0 * (peak - a))  # the velocity where the acceleration passes 0 in the first phase
     then = v + (a + peak) * first / 2
-    good = np.isfinite(peak) & (np.abs(peak) <= strongest) & (np.abs(peak) <= jerkiest * last)
-    good &= (np.abs(peak - a) <= jerkiest * first) & (np.abs(then) <= fastest)
+    good = np.isfinite(peak) & (np.abs(peak) <= strongest) & (np.abs(peak) <= after * last)
+    good &= (np.abs(peak - a) <= at_first * first) & (np.abs(then) <= fastest)
     good &= (a * peak >= 0.0) | (np.abs(crest) <= fastest)
     if not good.any():
         return None

@@ -19,7 +19,8 @@ the fastest law, stretched to the duration.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
@@ -69,8 +70,9 @@ class Timed(NamedTuple):
 class Retimer:
     """Gives times to the paths of one scene."""
 
-    def __init__(self, setup: Setup) -> None:
-        """Resolve the limits. Raises InputError for limits that do not match the robot."""
+    def __init__(self, setup: Setup, meets: Callable[[Trajectory], str] = lambda _: "") -> None:
+        """Resolve the limits; `meets` says what a motion meets on its way, or nothing, where a robot that moves has to
+        brake. Raises InputError for limits that do not match the robot, and a robot that cannot brake within them."""
         scene = setup.scene
         self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # the planner assumed the minimum-jerk law to avoid them
@@ -82,8 +84,12 @@ class Retimer:
         if setup.moving_ends:
             from hdplan.planner.timing.moving_ends import MovingEnds
 
-            self.ends = MovingEnds(setup, self.limits)
+            self.ends = MovingEnds(setup, self.limits, meets)
             self.rate = self.ends.rate
+
+    def standing(self, query: Query) -> Query:
+        """Return the ends of the path that is timed: where the robot would stand, if it does not at the scene's."""
+        return query if self.ends is None else self.ends.standing(query)
 
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
@@ -121,28 +127,26 @@ class Retimer:
         if self.ends is None:
             yield self._from_rest(path, self.timing.duration)
             return
-        quickest = self._from_rest(path, None) if self.ends.count is None else None
-        *overlaps, apart = self.ends.overlaps()
-        for overlap in overlaps:
-            found = self._joined(path, quickest, *overlap)
-            if found is not None and self.ends.keeps(_rows_of(found.trajectory)):
-                yield found
-                break
-        whole = self._joined(path, quickest, *apart) or self._joined(path, quickest, 0, 0)
-        assert whole is not None
-        yield whole
+        timed, least = self._of_rows(path)
+        *overlaps, apart = self.ends.overlaps(least)
+        joined = (self._joined(timed(count), lead, trail) for lead, count, trail in overlaps)
+        yield from itertools.islice((each for each in joined if self.ends.keeps(_rows_of(each.trajectory))), 1)
+        lead, count, trail = apart
+        yield self._joined(timed(count), lead, trail)
 
-    def _joined(self, path: Trajectory, own: Timed | None, lead: int, trail: int) -> Timed | None:
-        """Return the motion along a path, from rest to rest by `own` or else in the time that the scene's duration
-        leaves, joined to its ends, with so many rows before and after; None if there is no time left."""
+    def _of_rows(self, path: Trajectory) -> tuple[Callable[[int], Timed], int]:
+        """Return what times a path, from rest to rest, in so many intervals between rows, and the least number of them;
+        0 where the scene's duration says how many there are."""
+        if self.timing.duration is not None:
+            return lambda count: self._from_rest(path, count / self.rate), 0
+        spline = smooth(self._inset(path.positions))
+        law, duration = self._quickest(path, spline)
+        return lambda count: self._timed(path, spline, law, count / self.rate), row_count(duration, self.rate) - 1
+
+    def _joined(self, own: Timed, lead: int, trail: int) -> Timed:
+        """Return a motion from rest to rest, joined to the scene's ends with so many rows before and after."""
         assert self.ends is not None
-        if own is None:
-            assert self.ends.count is not None
-            left = self.ends.count - lead - trail
-            if left <= 0:
-                return None
-            own = self._from_rest(path, left / self.rate)
-        rows = self.ends.joined(_rows_of(own.trajectory), lead, trail)
+        rows, path = self.ends.joined(_rows_of(own.trajectory), lead, trail), own.trajectory
         count = len(rows[0])
         self._check_rows((count - 1) / self.rate)
         parameter = np.pad(own.parameter, (lead, count - lead - len(own.parameter)), mode="edge")
@@ -156,17 +160,16 @@ class Retimer:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
             if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
-        if np.ptp(path.positions, axis=0).max() < STANDS:
-            shortest = 1.0 / self.rate
-            return self._timed(path, spline, MinimumJerk(shortest), shortest)
-        laws = self._laws(spline)
-        if duration is not None:
-            return self._timed(path, spline, laws[0][1], duration)
-        law, duration = self._fastest(spline, laws)
-        duration /= self.timing.scale
-        if self.ends is not None:  # whose rows are those of braking
-            duration = (row_count(duration, self.rate) - 1) / self.rate
-        return self._timed(path, spline, law, duration)
+            if not _stands(path):
+                return self._timed(path, spline, self._laws(spline)[0][1], duration)
+        return self._timed(path, spline, *self._quickest(path, spline))
+
+    def _quickest(self, path: Trajectory, spline: BSpline) -> tuple[TimeLaw, float]:
+        """Return the law of the quickest motion along a path, from rest to rest, and its duration."""
+        if _stands(path):
+            return MinimumJerk(1.0 / self.rate), 1.0 / self.rate
+        law, duration = self._fastest(spline, self._laws(spline))
+        return law, duration / self.timing.scale
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -269,6 +272,11 @@ class Retimer:
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold; at most 1 if they do."""
         return max(limit.stretch(curve) for limit in self.limits)
+
+
+def _stands(path: Trajectory) -> bool:
+    """Whether a path leads nowhere."""
+    return bool(np.ptp(path.positions, axis=0).max() < STANDS)
 
 
 def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
