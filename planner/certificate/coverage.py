@@ -93,13 +93,13 @@ def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
 def ends_of(scene: Scene) -> frozenset[str]:
     """Return what a scene asks of the ends of a motion, by name."""
     ends = {"start": scene.start, "goal": scene.goal}
-    rates = {f"{end}.{rate}" for end, at in ends.items() for rate in END_RATES if getattr(at, rate, None) is not None}
-    return frozenset({*ends, *rates})
+    given = ((end, rate) for end, at in ends.items() for rate in END_RATES if getattr(at, rate, None) is not None)
+    return frozenset({*ends, *(f"{end}.{rate}" for end, rate in given)})
 
 
 def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError for
-    what no certificate can cover, as this module has never heard of it."""
+    """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
+    for what no certificate can cover, as this module has never heard of it."""
     if unknown := sorted(_unknown(scene, "")):
         raise UncheckedError(f"no certificate: the certificate knows nothing of {', '.join(unknown)}")
     return frozenset(_asked(scene, robot))

@@ -58,9 +58,10 @@ class EndCheck:
             there = curve.over_time(order).rows[row]
             joint = int(np.abs(there - wanted).argmax())
             if not abs(there[joint] - wanted[joint]) <= SAME_END:
+                name, unit = self.robot.joint_names[joint], UNITS[rate]
                 found[f"{end}.{rate}"] = (
-                    f"the {which} waypoint has joint '{self.robot.joint_names[joint]}' at {there[joint]:g} {UNITS[rate]}, "
-                    f"the scene's {end} at {wanted[joint]:g}"
+                    f"the {which} waypoint has joint '{name}' at {there[joint]:g} {unit}, the scene's {end} at "
+                    f"{wanted[joint]:g}"
                 )
         return found
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import assert_never
 
 from hdplan.planner.proof.world_values import Plain, bounds, frame_of, numbers, off
-from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.end_rates import EndRates
+from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming

@@ -1,4 +1,5 @@
-"""How the robot moves through its start or goal: the rates that a scene gives, for the planned joints in their order."""
+"""How the robot moves through its start or goal: the rates that a scene gives, of the planned joints in their
+order."""
 
 from __future__ import annotations
 
@@ -66,7 +67,9 @@ def _resolved(robot: Robot, given: JointRates, where: str, from_request: bool) -
             found[robot.joint_names.index(joint)] = value
         elif joint in robot.locked:
             if value != 0.0:
-                raise InputError(f"{where}: joint '{joint}' is held at {robot.locked[joint]:g}: must be 0, found {value:g}")
+                raise InputError(
+                    f"{where}: joint '{joint}' is held at {robot.locked[joint]:g}: must be 0, found {value:g}"
+                )
         elif joint not in robot.followers and not from_request:
             robot.index_of(joint, where)  # raises
     if robot.linkage is not None:

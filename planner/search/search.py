@@ -289,7 +289,8 @@ class Search:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
         hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
         suspect = self._deepest(solution.trajectory.positions) if hopeless else None
-        for trajectory, parameter, near in self._motions(solution.trajectory, suspect):
+        for way in self._motions(solution.trajectory, suspect):
+            trajectory, parameter, near = way
             certificate = self.certifier.certify(trajectory, required=self.required, suspect=near)
             self.certify_seconds += certificate.seconds
             if certificate.certified:

@@ -197,9 +197,7 @@ class Retimer:
             duration = self._allowed(spline, law, shortest)
             if duration < best:
                 fastest, least, best = law, shortest, duration
-        tried = (
-            np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.rate)) / self.rate
-        )
+        tried = np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.rate)) / self.rate
         shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
         return fastest, next(shorter, best)
 
@@ -280,7 +278,8 @@ def _stands(path: Trajectory) -> bool:
 
 
 def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
-    assert trajectory.velocities is not None and trajectory.accelerations is not None
+    assert trajectory.velocities is not None
+    assert trajectory.accelerations is not None
     return trajectory.positions, trajectory.velocities, trajectory.accelerations
 
 

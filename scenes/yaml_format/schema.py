@@ -284,7 +284,8 @@ def _joints() -> Schema:
 def _rates() -> dict[str, Schema]:
     """Return how the robot moves through a configuration."""
     row, named = _value(Row(Number())), _value(Named(Number()))
-    return dict.fromkeys(("velocity", "acceleration"), {"anyOf": [{**row, "minItems": 1}, _some(named)]})
+    rates = {"anyOf": [{**row, "minItems": 1}, _some(named)]}
+    return {"velocity": rates, "acceleration": rates}
 
 
 def _goal() -> dict[str, Schema]:

@@ -480,9 +480,9 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     if all(kinds):
         lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
     for end, targets in (("start", world.start), ("goal", world.goal)):
-        rates = [x["velocity"] for x in targets if "velocity" in x]
-        moving = ", ".join(f"{named(world.joints[i].name)} at {x:g}" for i, x in zip(world.lead, *rates)) if rates else ""
-        lines += [f"  moving at the {end}: {moving} (rad or m per second)"] * bool(rates)
+        for rates in [x["velocity"] for x in targets if "velocity" in x]:
+            moving = (f"{named(world.joints[i].name)} at {x:g}" for i, x in zip(world.lead, rates, strict=True))
+            lines.append(f"  moving at the {end}: {', '.join(moving)} (rad or m per second)")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
     following = (f"{named(name)} at {k:g} x {named(world.joints[i].name)} + {add:g}" for name, i, k, add in rules)
     lines += [f"  following: {', '.join(following)}"] * bool(rules)

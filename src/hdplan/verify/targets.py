@@ -20,7 +20,8 @@ class Targets:
     def target(self, value: Any, end: str) -> dict[str, Any]:
         """A configuration as a world has it."""
         said = mapping(value, end, "joints state velocity acceleration")
-        rates = {x: self.rates(said.pop(x), f"{end}.{x}") for x in ("velocity", "acceleration") if x in said}
+        names = [x for x in ("velocity", "acceleration") if x in said]
+        rates: dict[str, Any] = {x: self.rates(said.pop(x), f"{end}.{x}") for x in names}
         need("velocity" in rates or not rates, f"{end}: an acceleration without a velocity")
         return {**self.place(said, end), **rates}
 
