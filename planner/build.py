@@ -17,7 +17,7 @@ from hdplan.scenes.values import instance
 def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) -> Problem:
     """Return the problem of a scene. If its goal leaves a choice, the most promising configuration is taken: inverse
     kinematics finds the candidates, and the certificate checks them. Raises InputError for errors in the scene or its
-    robot.
+    robot, and for a start or goal through which the robot moves.
 
     Optional steps end at `deadline` (time.perf_counter()): meshes that are not split into convex pieces by then are
     enclosed by boxes around their surfaces, with a note.
@@ -26,7 +26,14 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
     with naming(scene.source):
         scene.check_effects()
     setup = Setup.of(scene, robot)
-    if isinstance(scene.goal, JointTarget):
+    setup.refuse_moving_ends("the path of a problem knows no velocities: hdplan.plan plans such motions")
+    return problem_of(setup, deadline)
+
+
+def problem_of(setup: Setup, deadline: float = math.inf) -> Problem:
+    """Return the problem of a path between the configurations of start and goal, whatever their velocities; otherwise
+    as `build`."""
+    if isinstance(setup.scene.goal, JointTarget):
         return lay_out(setup, setup.query, deadline)
     from hdplan.planner.search.goals import settled
 

@@ -6,6 +6,7 @@ import functools
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_sta
 from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.end_clearance import met_by, reachable_clearance
 from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
@@ -98,9 +99,11 @@ def plan(
     goals, found = _goals(certifier, seed)
     aims = [setup.aiming_at(goal) for goal in goals]
     clearances = [reachable_clearance(aim, certifier) for aim in aims]  # refuses ends in collision before any fitting
-    retimer = _retimer(setup)
+    retimer = _retimer(setup, certifier)
     with compile_time() as stopwatch:
-        problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+        queries = [retimer.standing(aim.query) if retimer else aim.query for aim in aims]
+        before = began + min(time_limit, FOR_MESHES * seconds_left())
+        problems = [lay_out(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
         problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
@@ -196,20 +199,20 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
     if isinstance(goal, JointTarget):
         if not setup.turned:
             return (goal,), ()
-        near = JointTarget(goal.field, tuple(setup.query.goal.tolist()))
+        near = replace(goal, positions=tuple(setup.query.goal.tolist()), by_name=None, state=None)
         return (near, goal), ()  # something may stand in the short way
     from hdplan.planner.search.goals import goal_choice
 
     return goal_choice(certifier, seed)
 
 
-def _retimer(setup: Setup) -> Retimer | None:
-    """Return the retimer, if the scene asks for times."""
+def _retimer(setup: Setup, certifier: Certifier) -> Retimer | None:
+    """Return the retimer, if the scene asks for times; a robot that moves is to brake without meeting anything."""
     if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
 
-    return Retimer(setup)
+    return Retimer(setup, functools.partial(met_by, certifier))
 
 
 def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:

@@ -87,6 +87,10 @@ class Move(_Stage):
             speed: float = 1.0,
         ) -> None: ...
 
+    def _check_whole(self) -> None:
+        if isinstance(self.goal, JointTarget) and self.goal.velocity is not None:
+            raise FieldError("is of a single motion: every stage of a job ends at rest", "goal.velocity")
+
 
 @dataclass(frozen=True, repr=False)
 class Line(_Stage):

@@ -47,9 +47,9 @@ class Scene(Checked):
 
     Pass arguments by name. `robot` is a name listed by `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
     shapes with a pose. `start` is a row of joint values in the robot's order [rad or m], a mapping from joint names to
-    values, or the name of an SRDF state. `goal` is one of these too, or a Pose or PoseTarget, or a list of any of them,
-    each of which will do; with a `job` it is left out, and reads as the start. The other arguments are the sections of
-    a scene file.
+    values, the name of an SRDF state, or a State, which has a velocity, too. `goal` is one of these too, or a Pose or
+    PoseTarget, or a list of any of them, each of which will do; with a `job` it is left out, and reads as the start.
+    The other arguments are the sections of a scene file.
 
     Raises InputError for any value that would be refused in a file, with the same message. Names of joints, links,
     states and robots, and what one section needs of another, are checked when the scene is planned.
@@ -130,6 +130,8 @@ class Scene(Checked):
             return
         if self.goal != self.start:
             raise FieldError("the stages of the job say where it leads: leave it out", "goal")
+        if self.start.velocity is not None:
+            raise FieldError("is of a single motion: every stage of a job begins at rest", "start.velocity")
         if self.path != PathConstraints():
             raise FieldError("holds in the stages of a job that name it: write it there", "path")
         if self.timing is not None and self.timing.duration is not None:
@@ -179,9 +181,15 @@ class Scene(Checked):
         write_output(file, hdplan.scenes.scene_text(self).encode())
 
     def check_effects(self) -> None:
-        """Refuse sections that need another one: a payload without torque limits or energy, moving obstacles without a
-        duration, a timed motion with neither a duration nor acceleration limits, an objective without what it measures.
-        Raises InputError."""
+        """Refuse sections that need another one: ends with a velocity without acceleration limits, a payload without
+        torque limits or energy, moving obstacles without a duration, a timed motion with neither a duration nor
+        acceleration limits, an objective without what it measures. Raises InputError."""
+        for name, end in (("start", self.start), ("goal", self.goal)):
+            if isinstance(end, JointTarget) and end.moves and self.limits.acceleration is None:
+                raise FieldError(
+                    "is not 0, but limits.acceleration is missing, which says how fast the robot may slow down",
+                    f"{name}.velocity",
+                )
         if self.payload is not None and self.limits.torque is None and self.objective != "energy":
             raise FieldError("only matters for joint torques, but limits.torque is missing", "payload")
         duration = self.timing.duration if self.timing else None

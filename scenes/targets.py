@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,10 +29,30 @@ from hdplan.scenes.values import (
 FREE_ROTATIONS = ("none", "x", "y", "z", "all")
 NO_TURN = "has no meaning with free_rotation: all, which allows any orientation; leave it out"
 
+JointRates = tuple[float, ...] | Mapping[str, float]
+"""A rate for each joint: in the order of the planned joints, or by name, the others 0."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of the joints, as a list or by name."""
+
+    unit: str
+
+    def __call__(self, value: object) -> JointRates:
+        """Return them as a tuple, or as a new dictionary."""
+        number = Number(unit=self.unit)
+        if isinstance(value, Mapping) and value:
+            return Named(number)(value)
+        if is_row(value) and len(value):
+            return Row(number)(value)
+        raise wrong(f"a list of numbers, or a mapping from joint names to numbers [{self.unit}]", value)
+
 
 @dataclass(frozen=True, repr=False)
 class JointTarget(Checked):
-    """A configuration as the scene gives it: by exactly one of the last three fields."""
+    """A configuration as the scene gives it, by exactly one of `positions`, `by_name` and `state`; and how the robot
+    moves through it: at rest, if nothing else is said."""
 
     field: str = dataclasses.field(
         compare=False, repr=False
@@ -40,6 +60,13 @@ class JointTarget(Checked):
     positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
     by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
     state: Name | None = None  # a named state of the SRDF
+    velocity: Annotated[JointRates, Rates("rad/s or m/s")] | None = None  # None: at rest, and nobody asks
+    acceleration: Annotated[JointRates, Rates("rad/s² or m/s²")] | None = None  # None: 0 where there is a velocity
+
+    @property
+    def moves(self) -> bool:
+        """Whether the robot is not at rest there."""
+        return any(any(_values(rates)) for rates in (self.velocity, self.acceleration))
 
     def _check_whole(self) -> None:
         given = [name for name in ("positions", "by_name", "state") if getattr(self, name) is not None]
@@ -48,6 +75,12 @@ class JointTarget(Checked):
             raise FieldError(f"must have exactly one of positions, by_name and state, found {found}")
         if not getattr(self, given[0]):
             raise FieldError("must not be empty", given[0])
+        if self.acceleration is not None and self.velocity is None:
+            raise FieldError("needs a velocity beside it, which may be 0", "acceleration")
+
+
+def _values(rates: JointRates | None) -> Iterable[float]:
+    return rates.values() if isinstance(rates, Mapping) else rates or ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,6 +176,11 @@ class Goals(Checked):
         default="goal", compare=False, repr=False
     )  # where it stands in the file, for error messages
 
+    def _check_whole(self) -> None:
+        for target in self.targets:
+            if isinstance(target, JointTarget) and target.velocity is not None:
+                raise FieldError("one of several goals has a velocity: motions to a choice of goals end at rest")
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -156,6 +194,10 @@ class Configuration:
         """Return it as a target."""
         if isinstance(value, JointTarget):
             return value
+        if isinstance(value, State):
+            return dataclasses.replace(
+                value.joints, field=self.field, velocity=value.velocity, acceleration=value.acceleration
+            )
         if isinstance(value, str):
             return JointTarget(self.field, state=text(value))
         if isinstance(value, Mapping) and value:
@@ -165,7 +207,33 @@ class Configuration:
         raise wrong(self.allowed, value)
 
 
-AnyConfiguration = JointTarget | Numbers | Mapping[str, float] | str
+@dataclass(frozen=True, repr=False)
+class State(Checked):
+    """A robot that moves: its joint values in any form of a configuration, their velocities [rad/s or m/s] and
+    accelerations [rad/s² or m/s²], each in the order of the joints, or by name, the others 0.
+
+        scene = scene.with_start(hdplan.State(q, velocity=dq))
+    """
+
+    joints: Annotated[JointTarget, Configuration("joints")]
+    velocity: Annotated[JointRates, Rates("rad/s or m/s")] | None = None
+    acceleration: Annotated[JointRates, Rates("rad/s² or m/s²")] | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            joints: AnyConfiguration,
+            velocity: Numbers | Mapping[str, float] | None = None,
+            acceleration: Numbers | Mapping[str, float] | None = None,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if self.acceleration is not None and self.velocity is None:
+            raise FieldError("needs a velocity beside it, which may be 0", "acceleration")
+
+
+AnyConfiguration = JointTarget | State | Numbers | Mapping[str, float] | str
 AnyGoal = AnyConfiguration | Goals | Pose | PoseTarget | AllOf | Sequence[AnyConfiguration | Pose | PoseTarget]
 
 
@@ -194,4 +262,4 @@ def goal_of(value: object) -> JointTarget | Goals:
     return Goals(targets)  # type: ignore[arg-type]
 
 
-_SEVERAL = (Mapping, JointTarget, Pose, PoseTarget, AllOf)  # not a joint value, and so one of several targets
+_SEVERAL = (Mapping, JointTarget, State, Pose, PoseTarget, AllOf)  # not a joint value, and so one of several targets

@@ -413,9 +413,11 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/terminal/explain_effects.py": "more words for torques; others have a line of their own",
     "planner/terminal/tables.py": "torques have a table of their own; others stand with the rates",
     "planner/timing/limits.py": "ends in an error for others",
+    "planner/timing/moving_ends.py": "braking takes three of them; whether it keeps all is asked of each limit",
     "planner/timing/retiming.py": "accelerations bound the fastest motion, velocities a first guess of it",
     "planner/timing/torque_limit.py": "is about torques",
     "scenes/limits.py": "the table",
+    "scenes/moveit/planning_scene.py": "words of MoveIt's messages",
     "scenes/scene.py": "what one section needs of another",
 }
 

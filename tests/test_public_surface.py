@@ -71,6 +71,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "SelfCollision",
             "Solution",
             "Sphere",
+            "State",
             "SteadyMotion",
             "TimeLimitError",
             "TimedPoses",

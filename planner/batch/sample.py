@@ -87,6 +87,7 @@ def _draw(
     fields = dict(_moved(file, rng, jitter, resize)) if jitter or resize else {}
     changed = load_variant(file, fields, f"{file.stem} {number}") if fields else load_scene(file)
     certifier = Certifier(Setup.of(changed))
+    certifier.setup.refuse_moving_ends("sampled problems begin and end at rest")
     ends = {end: _free(certifier, rng, end, rejected) for end in ("start", "goal")}
     robot = certifier.robot
     row: dict[str, Any] = {"name": f"{file.stem}/{number:06d}"}

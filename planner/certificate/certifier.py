@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
-from hdplan.planner.certificate.coverage import ENDS, asked_of, compared, refuse_gaps
+from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
@@ -123,7 +123,7 @@ class Certifier:
         with naming(scene.source):
             refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, np.concatenate([rows, np.array(own, np.int64).reshape(-1, 3)])))
-        self.ends = EndCheck(scene, robot)
+        self.ends = EndCheck(scene, robot, setup.rates)
         self.path = None if scene.path == PathConstraints() else _path_check(setup, gathered.chain)
         self.limits = tuple(limit_checks(setup))
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
@@ -182,7 +182,7 @@ class Certifier:
             covered = {name for finding in limits for name in finding.covered}
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
-            refuse_gaps(self._asked | (ENDS if check_ends else set()), frozenset(covered))
+            refuse_gaps(self._asked | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
         check_as_loaded(self.robot)  # again: another thread may have changed it while it was looked at
         found = Findings(
             curve,

@@ -52,7 +52,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     OctoMap: "source unknown name pose",
     Attached: "name link shape pose touch_links mass",
     SelfCollision: "checked clearance",
-    JointTarget: "field positions by_name state",
+    JointTarget: "field positions by_name state velocity acceleration",
     PoseTarget: "link pose position_tolerance orientation_tolerance free_rotation field",
     AllOf: "poses field",
     Goals: "targets field",
@@ -73,7 +73,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
 }
 
 
-ENDS = frozenset({"start", "goal"})
+END_RATES = ("velocity", "acceleration")  # of an end that has them
 NUMBERS = (float, int, str)  # which hold nothing
 
 
@@ -90,9 +90,16 @@ def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
     raise UncheckedError(f"no certificate: checks cover {', '.join(sorted(checked - asked))}, which nobody asks for")
 
 
+def ends_of(scene: Scene) -> frozenset[str]:
+    """Return what a scene asks of the ends of a motion, by name."""
+    ends = {"start": scene.start, "goal": scene.goal}
+    given = ((end, rate) for end, at in ends.items() for rate in END_RATES if getattr(at, rate, None) is not None)
+    return frozenset({*ends, *(f"{end}.{rate}" for end, rate in given)})
+
+
 def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
-    """Return what a scene asks of a motion of its robot, by name, beside its ends (ENDS). Raises UncheckedError for
-    what no certificate can cover, as this module has never heard of it."""
+    """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
+    for what no certificate can cover, as this module has never heard of it."""
     if unknown := sorted(_unknown(scene, "")):
         raise UncheckedError(f"no certificate: the certificate knows nothing of {', '.join(unknown)}")
     return frozenset(_asked(scene, robot))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.motion.curve import Curve
+from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
@@ -17,7 +18,8 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 
-SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's
+UNITS = {"velocity": "per second", "acceleration": "per second squared"}
+SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's; of its rates per second
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,7 @@ class EndCheck:
 
     scene: Scene
     robot: Robot
+    rates: tuple[EndRates | None, EndRates | None] = (None, None)  # at start and goal; None: nobody asks
 
     def misses(self, curve: Curve) -> dict[str, str | None]:
         """Say for each field about the ends how a motion misses it, the start first; None for one that it meets."""
@@ -34,7 +37,33 @@ class EndCheck:
             return {
                 "start": self._off("first", curve.rows[0], start, "start", 0.0),
                 "goal": self.off_goal(curve.rows[-1]),
+                **self._rates_missed(curve, "start", "first", 0, self.rates[0]),
+                **self._rates_missed(curve, "goal", "last", -1, self.rates[1]),
             }
+
+    def _rates_missed(
+        self, curve: Curve, end: str, which: str, row: int, asked: EndRates | None
+    ) -> dict[str, str | None]:
+        """Say for each rate that the scene gives an end how a motion misses it. A path without times has none, and is
+        refused only where the robot is to move."""
+        if asked is None:
+            return {}
+        found: dict[str, str | None] = {}
+        for order, (rate, wanted) in enumerate(asked.given.items(), 1):
+            found[f"{end}.{rate}"] = None
+            if curve.times is None:
+                if wanted.any():
+                    found[f"{end}.{rate}"] = f"the motion has no times, and the {rate} at the scene's {end} is not 0"
+                continue
+            there = curve.over_time(order).rows[row]
+            joint = int(np.abs(there - wanted).argmax())
+            if not abs(there[joint] - wanted[joint]) <= SAME_END:
+                name, unit = self.robot.joint_names[joint], UNITS[rate]
+                found[f"{end}.{rate}"] = (
+                    f"the {which} waypoint has joint '{name}' at {there[joint]:g} {unit}, the scene's {end} at "
+                    f"{wanted[joint]:g}"
+                )
+        return found
 
     def placed(self, curve: Curve) -> Iterator[tuple[str, Array, float]]:
         """Yield the scene's ends: field, configuration (n,), time [s]. If the scene leaves a choice of goals, the goal

@@ -2,7 +2,8 @@
 
 Curve and limits -> for each quantity the greatest share of a joint's limit that is used, proven: a derivative of a
 polynomial is a polynomial too, and lies within the hull of its control points. A jump of the velocity is an infinite
-acceleration, a jump of the acceleration an infinite jerk; before its first row and after its last a motion is at rest.
+acceleration, a jump of the acceleration an infinite jerk; before its first row and after its last a motion is at rest,
+or has the rates that the scene gives its start and goal.
 
 Jumps of at most J = JUMP may be rounding. A motion can grow by many of them all the same, a stair instead of a slope.
 So let S(i, j) be the sum of those from row i to row j. The least slope L ≥ 0 with
@@ -38,7 +39,7 @@ class RateCheck:
     def __init__(self, setup: Setup) -> None:
         """Resolve the limits. Raises InputError for limits that do not match the robot."""
         self.limits = {name: setup.limits[name] for name in DERIVATIVES if name in setup.limits}
-        self._joints = setup.robot.joint_names
+        self._joints, self._around = setup.robot.joint_names, setup.rates_around
 
     def check(self, curve: Curve) -> LimitFinding:
         """Prove the limits along a timed curve."""
@@ -60,7 +61,7 @@ class RateCheck:
         low, high = below.derivative().bounds()
         shares = np.maximum(-low, high) / limit  # (N − 1, n)
         if DERIVATIVES[quantity] > 1:
-            steps = below.steps()  # (N, n) before each row, at rest before the first and after the last
+            steps = below.steps(*self._around(DERIVATIVES[quantity] - 1))  # (N, n) before each row
             abrupt = np.abs(steps) > JUMP
             times = np.concatenate([[0.0], np.cumsum(below.widths)])
             shares += slope_of_steps(np.where(abrupt, 0.0, steps), times) / limit

@@ -114,13 +114,14 @@ class TorqueCheck:
         """Resolve limits and loads. Raises InputError for those that do not match the robot."""
         self.limits = {"torque": setup.limits["torque"]}
         self.model, self.robot = setup.loaded_model, setup.robot
+        self._around = setup.rates_around(1)
         self.loads = loads_in(self.model, setup.scene, setup.robot)
 
     def check(self, curve: Curve) -> LimitFinding:
         """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, which
         it may at the first row and the last, the torque is infinite."""
         checked = check_torques(self.model, self.robot, curve, self.limits["torque"])
-        jumps = curve.derivative().jumps()  # (N, n)
+        jumps = curve.derivative().jumps(*self._around)  # (N, n)
         abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
         if abrupt.any() and curve.times is not None:
             proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))

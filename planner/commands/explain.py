@@ -7,10 +7,12 @@ from pathlib import Path
 
 from rich.text import Text
 
-from hdplan.planner.build import build
+from hdplan.planner.build import problem_of
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.terminal.tables import table
+from hdplan.scenes.errors import naming
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -19,7 +21,9 @@ def run_explain(scene: str, request: Path | None, robot: str | RobotSpec | None,
     """Build the problem and print what it is made of. Returns the exit code: 0."""
     problem = load_scene(scene, request=request, robot=robot)
     with waiting("building the problem"):
-        sections = explain(build(problem))
+        with naming(problem.source):
+            problem.check_effects()
+        sections = explain(problem_of(Setup.of(problem)))
     with printing() as show:
         if as_json:
             show(json.dumps({title: dict(rows) for title, rows in sections.items()}))

@@ -113,10 +113,11 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     """Simulate a robot that follows `trajectory` in its scene, starting at the trajectory's first row, at that row's
     time or at 0.
 
-    Raises InputError for joints that do not match, settings that are provably not safe, and joints without a speed
-    limit.
+    Raises InputError for joints that do not match, a scene whose start or goal has a velocity, settings that are
+    provably not safe, and joints without a speed limit.
     """
     scene, robot = setup.scene, setup.robot
+    setup.refuse_moving_ends("a controller that follows a motion begins and ends at rest")
     settings = settings or ControlSettings(
         BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=RATE
     )

@@ -173,7 +173,7 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
     for name, order in DERIVATIVES.items() if timed else ():
-        for peak, found in zip(peaks, _rates(curve, order, times, limits.get(name)), strict=True):
+        for peak, found in zip(peaks, _rates(setup, curve, order, times, limits.get(name)), strict=True):
             peak[name] = found
     execution = None
     if torques is not None:
@@ -211,10 +211,10 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     )
 
 
-def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
+def _rates(setup: Setup, curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
     """Yield each joint's peak of a derivative; infinite where the derivative one order lower jumps."""
-    values = curve.at_time(times, order)
-    jumps = curve.over_time(order - 1).jumps() if order > 1 else np.zeros((len(curve), values.shape[1]))
+    values, around = curve.at_time(times, order), setup.rates_around(order - 1)
+    jumps = curve.over_time(order - 1).jumps(*around) if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
         asked = None if limit is None else float(limit[joint])
         if jumps[:, joint].max() > JUMP:

@@ -189,16 +189,17 @@ class Curve:
         """Return proven bounds (k, n) on the absolute values on parts of intervals (k,), from start to end (k,)."""
         return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 
-    def steps(self) -> Array:
-        """Return by how much (N, n) the curve, a derivative, jumps at each row, with its sign; it is 0 before the first
-        and after the last."""
-        ends = np.concatenate([np.zeros_like(self.control[:1, 0]), self.control[:, -1]])
-        starts = np.concatenate([self.control[:, 0], np.zeros_like(self.control[:1, 0])])
+    def steps(self, before: Array | float = 0.0, after: Array | float = 0.0) -> Array:
+        """Return by how much (N, n) the curve, a derivative, jumps at each row, with its sign; `before` the first row
+        and `after` the last it is as told (n,), or 0."""
+        first, last = (np.zeros_like(self.control[:1, 0]) + each for each in (before, after))
+        ends = np.concatenate([first, self.control[:, -1]])
+        starts = np.concatenate([self.control[:, 0], last])
         return np.asarray(starts - ends)
 
-    def jumps(self) -> Array:
+    def jumps(self, before: Array | float = 0.0, after: Array | float = 0.0) -> Array:
         """Return how large (N, n) its steps are."""
-        return np.asarray(np.abs(self.steps()))
+        return np.asarray(np.abs(self.steps(before, after)))
 
 
 def _left(control: Array, fraction: Array) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.build import build
+from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
@@ -63,7 +63,7 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     """
     scene = setup.scene
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
-    problem = build(derived(scene, planner=settings), setup.robot)
+    problem = problem_of(Setup.of(derived(scene, planner=settings), setup.robot))
     least = np.full(len(positions), np.inf)
     kinematics = problem.placed(positions)
     for term in (problem.terms.obstacles, problem.terms.moving_obstacles):

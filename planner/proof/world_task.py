@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from hdplan.planner.proof.world_values import Plain, bounds, frame_of, numbers, off
+from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -49,7 +50,7 @@ def plain_start(setup: Setup) -> list[Plain]:
     """Return the start. Raises InputError for one that does not fit the robot."""
     scene = setup.scene
     with naming(scene.source):
-        return [_values(setup, scene.start, scene.from_request)]
+        return [{**_values(setup, scene.start, scene.from_request), **_rates(setup.rates[0])}]
 
 
 def plain_goal(setup: Setup) -> list[Plain]:
@@ -59,11 +60,16 @@ def plain_goal(setup: Setup) -> list[Plain]:
     with naming(scene.source):
         match goal := scene.goal:
             case JointTarget():
-                return [_values(setup, goal, scene.from_request)]
+                return [{**_values(setup, goal, scene.from_request), **_rates(setup.rates[1])}]
             case Goals():
                 return [_target(setup, each) for each in goal.targets]
             case _:
                 assert_never(goal)
+
+
+def _rates(rates: EndRates | None) -> Plain:
+    """Return how the robot moves through an end, where the scene says so."""
+    return {} if rates is None else {name: numbers(values) for name, values in rates.given.items()}
 
 
 def _target(setup: Setup, target: JointTarget | PoseTarget | AllOf) -> Plain:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import opened
+from hdplan.planner.robot.end_rates import EndRates, end_rates
 from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.own_image import without_own_image
@@ -111,6 +112,34 @@ class Setup:
         with naming(scene.source):
             start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
         return Query(start, goal if self.aimed else robot.nearest_turn(goal, start))
+
+    @cached_property
+    def rates(self) -> tuple[EndRates | None, EndRates | None]:
+        """How the robot moves through the scene's start and goal; None for an end that asks for nothing, at rest.
+        Raises InputError, naming the scene's file, for rates that do not fit the robot."""
+        scene = self.scene
+        with naming(scene.source):
+            start, goal = (end_rates(self.robot, end, scene.from_request) for end in (scene.start, scene.goal))
+        return start, goal
+
+    @property
+    def moving_ends(self) -> tuple[EndRates, ...]:
+        """Those of the start and goal at which the robot is not at rest."""
+        return tuple(rates for rates in self.rates if rates is not None and rates.moving)
+
+    def rates_around(self, order: int) -> tuple[Array, Array]:
+        """The joints' derivatives (n,) of an order just before the start and just after the goal: the velocity and
+        acceleration that the scene gives, and 0 of all else."""
+        none = np.zeros(self.robot.n)
+        before, after = (
+            none if each is None else {1: each.velocity, 2: each.acceleration}.get(order, none) for each in self.rates
+        )
+        return before, after
+
+    def refuse_moving_ends(self, who: str) -> None:
+        """Raise InputError for a scene whose robot does not begin and end at rest, for `who` cannot do otherwise."""
+        for rates in self.moving_ends:
+            raise InputError(f"{self.scene.source}: {rates.field}.velocity: is not 0, and {who}")
 
     @property
     def limits(self) -> dict[str, Array]:

@@ -1,9 +1,11 @@
-"""Checks of a scene's start and goal: no contact, path constraints, gravity torques; and the clearance that they
-allow."""
+"""Checks of a scene's start and goal: no contact, path constraints, gravity torques, and a free way to brake where the
+robot moves; and the clearance that they allow."""
 
 from __future__ import annotations
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import UnsolvableError
 
@@ -42,3 +44,11 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
         required, word = certifier.allowed(field, close, required)
         words += [word] if word else []
     return required, tuple(words)
+
+
+def met_by(certifier: Certifier, motion: Trajectory) -> str:
+    """Say what a robot meets on a motion, or which path constraint it leaves; nothing if it is free."""
+    found = certifier.certify(motion, required=0.0, check_ends=False)
+    if found.status is Status.IN_CONTACT:
+        return f"{found.failures[0].link} and {found.failures[0].other} would meet"
+    return found.departures[0].words if found.status is Status.OFF_PATH else ""

@@ -77,7 +77,9 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         if found:
             _, i, path = min(found, key=lambda each: each[:2])
             improved.append(path)
-            if searches[i].objective.quickest(path) <= HOPELESS * value and _improve(searches[i], stages(i), path, value):
+            if searches[i].objective.quickest(path) <= HOPELESS * value and _improve(
+                searches[i], stages(i), path, value
+            ):
                 taken = i
 
 
@@ -109,10 +111,10 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
     for path in sorted(found, key=promise):
         if promise(path) >= enough:
             break
-        motion = search.timed(path, enough)
-        if motion is not None and search.keep(path, motion):
+        motions = search.timed(path, enough)
+        if search.keep(path, motions):
             return True
-        if motion is None and promise(path) > 0.0:  # those behind it promise even less
+        if not motions and promise(path) > 0.0:  # those behind it promise even less
             break
     return False
 

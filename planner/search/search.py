@@ -7,6 +7,7 @@ outer bodies at samples, and neither relies on the other.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import time
@@ -162,15 +163,15 @@ class Search:
     def _once_more(self, first: Guess) -> bool:
         """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
         solution = once_more(self, first.positions)
-        motion = None if solution is None else self.timed(solution.trajectory.positions, math.inf)
-        if solution is None or motion is None or not self.keep(solution.trajectory.positions, motion):
+        motions = () if solution is None else self.timed(solution.trajectory.positions, math.inf)
+        if solution is None or not self.keep(solution.trajectory.positions, motions):
             return False
         self.settled = self.touched = abs(self.value - first.last) <= ALIKE * first.last
         return True
 
     def _promises(self, path: Array, value: float) -> bool:
         """Whether a motion along waypoints (N, n) would cost less than `value`."""
-        return self.objective.least_along(path) < value and self.timed(path, value) is not None
+        return self.objective.least_along(path) < value and bool(self.timed(path, value))
 
     @property
     def over(self) -> bool:
@@ -237,28 +238,27 @@ class Search:
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
         return None
 
-    def timed(self, path: Array, value: float) -> Trajectory | None:
-        """Give times to a path (N, n) where the scene asks for them; None if it can have none, or costs `value` or
-        more."""
-        trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+    def timed(self, path: Array, value: float) -> Sequence[Trajectory]:
+        """Give times to a path (N, n) where the scene asks for them, the quickest motion first; none if it can have
+        none, or costs `value` or more."""
+        along = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+        found = [] if self.retimer else [along]
         if self.retimer is not None:
-            try:
-                timed = self.retimer.quicker(trajectory, self.objective.longest(value))
-            except HdplanError:
-                return None
-            if timed is None:
-                return None
-            trajectory = timed.trajectory
-        return None if self.objective.value(path, trajectory) >= value else trajectory
+            with contextlib.suppress(HdplanError):  # there is no time law, or there are too many rows
+                for timed in self.retimer.ways(along, self.objective.longest(value)):
+                    found.append(timed.trajectory)
+        return [each for each in found if self.objective.value(path, each) < value]
 
-    def keep(self, path: Array, trajectory: Trajectory) -> bool:
-        """Keep a motion along a path (N, n) if it is certified."""
-        if self.problem.left(path):
-            return False
-        certificate = self._certificate(trajectory)
-        if certificate.certified:
-            self.best = Best(path, trajectory, certificate, self.steps, whole=True)
-        return certificate.certified
+    def keep(self, path: Array, motions: Sequence[Trajectory]) -> bool:
+        """Keep the first of the motions along a path (N, n) that is certified."""
+        for trajectory in motions:
+            if self.problem.left(path):
+                return False
+            certificate = self._certificate(trajectory)
+            if certificate.certified:
+                self.best = Best(path, trajectory, certificate, self.steps, whole=True)
+                return True
+        return False
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
@@ -308,15 +308,14 @@ class Search:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
         hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
         suspect = self._deepest(solution.trajectory.positions) if hopeless else None
-        trajectory, parameter = solution.trajectory, None
-        if self.retimer is not None:
-            timed = self.retimer(trajectory)
-            trajectory, parameter = timed
-            suspect = None if suspect is None else timed.place_of(sum(suspect) / (self.problem.waypoints - 1))
-        certificate = self.certifier.certify(trajectory, required=self.required, suspect=suspect)
+        for way in self._motions(solution.trajectory, suspect):
+            trajectory, parameter, near = way
+            certificate = self.certifier.certify(trajectory, required=self.required, suspect=near)
+            self.certify_seconds += certificate.seconds
+            if certificate.certified:
+                break
         self.last = None
         self._took(solution)
-        self.certify_seconds += certificate.seconds
         path = solution.trajectory.positions
         left = self.problem.left(path)
         if self.best is None or _rank(certificate, left) < _rank(self.best.certificate, self.best.left):
@@ -327,6 +326,18 @@ class Search:
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
         return certificate, sorted(failed)
+
+    def _motions(
+        self, path: Trajectory, suspect: tuple[int, float] | None
+    ) -> Iterator[tuple[Trajectory, Array | None, tuple[int, float] | None]]:
+        """Yield the motions along a path, the quickest first: each with where its rows are on the path, and a place on
+        it in its own intervals."""
+        if self.retimer is None:
+            yield path, None, suspect
+            return
+        for timed in self.retimer.ways(path):
+            place = None if suspect is None else timed.place_of(sum(suspect) / (self.problem.waypoints - 1))
+            yield timed.trajectory, timed.parameter, place
 
     def _deepest(self, positions: Array) -> tuple[int, float]:
         """Where a motion (N, n) is deepest inside a margin: a waypoint interval, and a fraction of it."""

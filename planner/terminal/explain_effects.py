@@ -24,8 +24,8 @@ from hdplan.scenes.values import require_fields
 
 require_fields(
     Scene,
-    "obstacles self_collision attached payload goal robot path timing limits "  # are effects
-    "start planner from_request name source notes job",  # are shown in other parts of the explanation
+    "obstacles self_collision attached payload start goal robot path timing limits "  # are effects
+    "planner from_request name source notes job",  # are shown in other parts of the explanation
 )
 
 
@@ -47,6 +47,7 @@ def effects(problem: Problem) -> tuple[Effect, ...]:
         _self_collision(problem),
         *_carried(problem),
         *_ends(problem.scene),
+        _moving_ends(problem),
         *_on_the_way(problem.scene),
         *_timed(problem),
     )
@@ -157,6 +158,16 @@ def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
     said = {name: _kept_all_along(asked) for name, asked in scene.path.asked.items()}
     names = (f"path.{each.name}" for each in dataclasses.fields(scene.path))
     return tuple(Effect(name, said.get(name, ""), f"needs {name}") for name in names)
+
+
+def _moving_ends(problem: Problem) -> Effect:
+    """How fast the robot is at its start and goal."""
+    fastest = (
+        f"{each.field} at up to {np.abs(each.velocity).max():.3g} rad/s or m/s" for each in problem.setup.moving_ends
+    )
+    words = ", ".join(fastest)
+    why = "; the path leads from where the robot would stand, and its motion is joined to braking"
+    return Effect("moving ends", words + why * bool(words), "needs start.velocity or goal.velocity")
 
 
 def _kept_all_along(asked: PathConstraint) -> str:

@@ -12,12 +12,17 @@ Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), 
 in time until every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is
 chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no obstacle moves, it is
 the fastest law, stretched to the duration.
+
+*Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
+(`moving_ends`).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +30,15 @@ from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing.moving_ends import MovingEnds
 
 Array = NDArray[np.float64]
 
@@ -63,14 +71,26 @@ class Timed(NamedTuple):
 class Retimer:
     """Gives times to the paths of one scene."""
 
-    def __init__(self, setup: Setup) -> None:
-        """Resolve the limits. Raises InputError for limits that do not match the robot."""
+    def __init__(self, setup: Setup, meets: Callable[[Trajectory], str] = lambda _: "") -> None:
+        """Resolve the limits; `meets` says what a motion meets on its way, or nothing, where a robot that moves has to
+        brake. Raises InputError for limits that do not match the robot, and a robot that cannot brake within them."""
         scene = setup.scene
         self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # the planner assumed the minimum-jerk law to avoid them
         self.limits = timing_limits(setup)
         self.rates = setup.limits
         self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
+        self.rate = self.timing.rate
+        self.ends: MovingEnds | None = None
+        if setup.moving_ends:
+            from hdplan.planner.timing.moving_ends import MovingEnds
+
+            self.ends = MovingEnds(setup, self.limits, meets)
+            self.rate = self.ends.rate
+
+    def standing(self, query: Query) -> Query:
+        """Return the ends of the path that is timed: where the robot would stand, if it does not at the scene's."""
+        return query if self.ends is None else self.ends.standing(query)
 
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
@@ -94,8 +114,9 @@ class Retimer:
             return math.inf
 
     def too_short(self, start: Array, goal: Array) -> str | None:
-        """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
-        if self.timing.duration is None:
+        """Say why no motion between two configurations (n,) at rest is as short as the scene's duration; None if one
+        may."""
+        if self.timing.duration is None or self.ends is not None:
             return None
         least = least_times(goal - start, self.rates)
         joint = int(least.argmax())
@@ -108,26 +129,70 @@ class Retimer:
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
-        timed = self.quicker(path, math.inf)
-        assert timed is not None
-        return timed
+        return next(self.ways(path))
 
-    def quicker(self, path: Trajectory, than: float) -> Timed | None:
-        """Return the same if it takes less than so many seconds; None, most often sooner, if it does not."""
-        spline, duration = smooth(self._inset(path.positions)), self.timing.duration
+    def ways(self, path: Trajectory, than: float = math.inf) -> Iterator[Timed]:
+        """Yield the timed motion along a path, unless it takes `than` [s] or longer; where the robot does not begin and
+        end at rest, the path leads from where it would stand, and the motion, however long, is first the quickest, and
+        then the one that does stand there."""
+        if self.ends is None:
+            timed = self._from_rest(path, self.timing.duration, than)
+            if timed is not None:
+                yield timed
+            return
+        of_rows, least = self._of_rows(path)
+        *overlaps, apart = self.ends.overlaps(least)
+        joined = (self._joined(of_rows(count), lead, trail) for lead, count, trail in overlaps)
+        yield from itertools.islice((each for each in joined if self.ends.keeps(_rows_of(each.trajectory))), 1)
+        lead, count, trail = apart
+        yield self._joined(of_rows(count), lead, trail)
+
+    def _of_rows(self, path: Trajectory) -> tuple[Callable[[int], Timed], int]:
+        """Return what times a path, from rest to rest, in so many intervals between rows, and the least number of them;
+        0 where the scene's duration says how many there are."""
+        if self.timing.duration is not None:
+            return lambda count: cast(Timed, self._from_rest(path, count / self.rate)), 0
+        spline = smooth(self._inset(path.positions))
+        law, duration = self._quickest(path, spline)
+        return lambda count: self._timed(path, spline, law, count / self.rate), row_count(duration, self.rate) - 1
+
+    def _joined(self, own: Timed, lead: int, trail: int) -> Timed:
+        """Return a motion from rest to rest, joined to the scene's ends with so many rows before and after."""
+        assert self.ends is not None
+        rows, path = self.ends.joined(_rows_of(own.trajectory), lead, trail), own.trajectory
+        count = len(rows[0])
+        self._check_rows((count - 1) / self.rate)
+        parameter = np.pad(own.parameter, (lead, count - lead - len(own.parameter)), mode="edge")
+        times = np.arange(count) / self.rate
+        return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
+
+    def _from_rest(self, path: Trajectory, duration: float | None, than: float = math.inf) -> Timed | None:
+        """Return the timed motion along a path from rest to rest; None, most often sooner, if it takes `than` [s] or
+        longer, where it has no duration."""
+        spline = smooth(self._inset(path.positions))
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
             if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
-        if np.ptp(path.positions, axis=0).max() < STANDS:
-            shortest = 1.0 / self.timing.rate
-            return self._timed(path, spline, MinimumJerk(shortest), shortest)
-        most = math.inf if duration is not None else than * self.timing.scale
-        laws = self._laws(spline, most)
-        if duration is not None:
-            return self._timed(path, spline, laws[0][1], duration)
-        law, duration = self._fastest(spline, laws, most)
-        return self._timed(path, spline, law, duration / self.timing.scale) if law and duration < most else None
+            if not _stands(path):
+                return self._timed(path, spline, self._laws(spline, math.inf)[0][1], duration)
+        law, duration = self._quickest(path, spline, than)
+        return None if law is None else self._timed(path, spline, law, duration)
+
+    @overload
+    def _quickest(self, path: Trajectory, spline: BSpline) -> tuple[TimeLaw, float]: ...
+
+    @overload
+    def _quickest(self, path: Trajectory, spline: BSpline, than: float) -> tuple[TimeLaw | None, float]: ...
+
+    def _quickest(self, path: Trajectory, spline: BSpline, than: float = math.inf) -> tuple[TimeLaw | None, float]:
+        """Return the law of the quickest motion along a path, from rest to rest, and its duration; no law if it takes
+        `than` [s] or longer."""
+        if _stands(path):
+            return MinimumJerk(1.0 / self.rate), 1.0 / self.rate
+        most = than * self.timing.scale
+        law, duration = self._fastest(spline, self._laws(spline, most), most)
+        return law if duration < most else None, duration / self.timing.scale
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -139,7 +204,7 @@ class Retimer:
     def _timed(self, path: Trajectory, spline: BSpline, law: TimeLaw, duration: float) -> Timed:
         """Return the motion with a law stretched to a duration."""
         self._check_rows(duration)
-        times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
+        times, parameter, rows = _rows(spline, law, duration, self.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
     def _fastest(
@@ -160,16 +225,14 @@ class Retimer:
                 fastest, least, best = law, shortest, duration
         if fastest is None:
             return None, best
-        tried = (
-            np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.timing.rate)) / self.timing.rate
-        )
+        tried = np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.rate)) / self.rate
         shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
         return fastest, next(shorter, best)
 
     def _laws(self, spline: BSpline, most: float) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
         shortest first. None where the fastest law of all takes `most` or longer."""
-        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
+        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.rate
         if law.knots[-1] + shortest >= most:
             return []
         tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
@@ -206,7 +269,7 @@ class Retimer:
         best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
-            duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            duration = (row_count(duration, self.rate) - 1) / self.rate
             if duration >= best or duration >= most:
                 break
             stretch = self._executed(spline, law, duration)
@@ -221,12 +284,12 @@ class Retimer:
 
     def _executed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return by how much a law stretched to a duration must be stretched further for its limits to hold."""
-        times, _, rows = _rows(spline, law, duration, self.timing.rate)
+        times, _, rows = _rows(spline, law, duration, self.rate)
         return self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
 
     def _check_rows(self, duration: float) -> None:
         """Refuse a motion with more rows than are allowed, before computing them."""
-        rate = self.timing.rate
+        rate = self.rate
         if not duration * rate <= MOST_ROWS:
             raise InputError(
                 f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
@@ -237,6 +300,17 @@ class Retimer:
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold; at most 1 if they do."""
         return max(limit.stretch(curve) for limit in self.limits)
+
+
+def _stands(path: Trajectory) -> bool:
+    """Whether a path leads nowhere."""
+    return bool(np.ptp(path.positions, axis=0).max() < STANDS)
+
+
+def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    assert trajectory.velocities is not None
+    assert trajectory.accelerations is not None
+    return trajectory.positions, trajectory.velocities, trajectory.accelerations
 
 
 def smooth(waypoints: Array) -> BSpline:

@@ -40,7 +40,8 @@ class Edited:
     @classmethod
     def of(cls, setup: Setup, motion: Trajectory | None = None) -> Edited:
         """Take a scene; its goal is shown where `motion` ends, if it is met there, or else in the most promising
-        configuration. Raises InputError as `settled`."""
+        configuration. Raises InputError as `settled`, and for a start or goal with a velocity, which no edit keeps."""
+        setup.refuse_moving_ends("the viewer edits scenes that begin and end at rest")
         query = settled(setup, motion).query
         return cls(setup, query.start, query.goal).shown_at(query.goal)
 

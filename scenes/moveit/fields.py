@@ -39,7 +39,7 @@ Use = str | Noted | Refused | Zero
 
 PLANNERS = Noted("configures MoveIt's planners, and is not used")
 OF_A_SPEED = Noted("says nothing without max_cartesian_speed")
-AT_REST = Zero("is not 0, but motions begin at rest: a moving start is not supported yet")
+AT_REST = Zero("is not 0: a base that moves is not supported")
 EFFORT = Noted("does not affect where the robot is, and is not used")
 ASIDE = Noted("does not affect where bodies are, and is not used")
 SHAPES = "in MoveIt scenes are not supported yet (box, cylinder and sphere are)"
@@ -108,7 +108,7 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "header": "Header",
         "name": UNDERSTOOD,
         "position": UNDERSTOOD,
-        "velocity": AT_REST,
+        "velocity": UNDERSTOOD,
         "effort": EFFORT,
     },
     "MultiDOFJointState": {

@@ -79,7 +79,10 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     transforms = scene_keys["fixed_frame_transforms"].items() if "fixed_frame_transforms" in scene_keys else ()
     frames = Frames.of(tree, robot.base).with_transforms(transforms)
     states = [keys[key] for keys, key in ((scene_keys, "robot_state"), (request_keys, "start_state")) if key in keys]
-    start = {joint: value for state in states for joint, value in _state(state, frames, robot.base).items()}
+    read = [_state(state, frames, robot.base) for state in states]
+    start = {joint: value for positions, _ in read for joint, value in positions.items()}
+    speeds = {joint: value for _, velocities in read for joint, value in velocities.items() if joint in start}
+    moving = states[-1] if any(speeds.values()) else None
     if not start:
         raise request.error(
             "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
@@ -102,8 +105,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         robot=robot,
         obstacles=tuple(obstacles.values()),
         attached=attached,
-        start=JointTarget(f"start ({request_file})", by_name=start),
-        limits=read_speed(request_keys, tree, semantics, robot),
+        start=JointTarget(f"start ({request_file})", by_name=start, velocity=speeds if moving else None),
+        limits=read_speed(request_keys, tree, semantics, robot, moving),
         goal=read_goal_constraints(request_keys["goal_constraints"], f"goal ({request_file})", frames),
         path=read_path_constraints(constraints, frames) if constraints else PathConstraints(),
         from_request=True,
@@ -230,8 +233,9 @@ def _attached(state: Field | None) -> dict[str, list[Attached]]:
 # Start
 
 
-def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
-    """Return joint name -> value [rad or m] of a robot state whose base is at the world's origin, or at `base`."""
+def _state(section: Field, frames: Frames, base: Pose) -> tuple[dict[str, float], dict[str, float]]:
+    """Return joint name -> value [rad or m], and joint name -> velocity [rad/s or m/s], 0 where it has none, of a robot
+    state whose base is at the world's origin, or at `base`."""
     keys = section.mapping(MESSAGES["RobotState"])
     if "multi_dof_joint_state" in keys:
         multi = keys["multi_dof_joint_state"].mapping(MESSAGES["MultiDOFJointState"])
@@ -243,7 +247,7 @@ def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
                     "(--robot FILE)"
                 )
     if "joint_state" not in keys:
-        return {}
+        return {}, {}
     joints = keys["joint_state"].mapping(MESSAGES["JointState"])
     names = joints["name"].texts() if "name" in joints else ()
     if len(set(names)) != len(names):
@@ -251,7 +255,10 @@ def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
     values = joints["position"].numbers(unit="rad or m") if "position" in joints else ()
     if len(values) != len(names):
         raise keys["joint_state"].error(f"must have as many positions as names, found {len(values)} and {len(names)}")
+    speeds = joints["velocity"].numbers(unit="rad/s or m/s") if "velocity" in joints else ()
+    if speeds and len(speeds) != len(names):
+        raise keys["joint_state"].error(f"must have as many velocities as names, found {len(speeds)} and {len(names)}")
     found = dict(zip(names, values, strict=True))
     for joint, value in found.items():
         frames.check_base(joint, value, section)
-    return found
+    return found, dict(zip(names, speeds or [0.0] * len(names), strict=True))

@@ -23,18 +23,21 @@ ACCELERATION = 1.0
 without one (DEFAULT_ACCEL_MAX); newer versions refuse such joints, whose limits are then in joint_limits.yaml."""
 
 
-def read_speed(keys: Mapping[str, Field], tree: Tree, semantics: Semantics, robot: RobotSpec) -> Limits:
-    """Return the limits that the factors of a request mean, none if both are 0 or 1; velocities of the joints of the
-    robot's group, or of all if it has none, and of those that follow them.
+def read_speed(
+    keys: Mapping[str, Field], tree: Tree, semantics: Semantics, robot: RobotSpec, moving: Field | None = None
+) -> Limits:
+    """Return the limits that the factors of a request mean, none if both are 0 or 1 and the robot does not begin with
+    a velocity, in a state that is `moving`; velocities of the joints of the robot's group, or of all if it has none,
+    and of those that follow them.
 
     Raises:
         InputError: a factor beyond 0 to 1, or a velocity limit of the URDF that is no number.
     """
     given = {key: keys[key].number(low=0.0, high=1.0) for key in KEYS if key in keys}
     of_velocity, of_acceleration = (given.get(key) or 1.0 for key in KEYS)
-    if of_velocity == of_acceleration == 1.0:
+    asking = [keys[key] for key in KEYS if given.get(key, 0.0) not in (0.0, 1.0)] + ([moving] if moving else [])
+    if not asking:
         return Limits()
-    asking = [keys[key] for key in KEYS if given.get(key, 0.0) not in (0.0, 1.0)]
     asking[0].note(
         f"velocities stay within {of_velocity:g} of the URDF's limits, accelerations within "
         f"{of_acceleration * ACCELERATION:g} rad/s² or m/s²: {of_acceleration:g} of the {ACCELERATION:g} assumed, as a "

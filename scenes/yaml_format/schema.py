@@ -12,6 +12,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
@@ -113,8 +114,8 @@ def scene_schema() -> Schema:
                 "robot": _nullable(_robot()),
                 "obstacles": _nullable(_list(_obstacle())),
                 "attached": _nullable(_list(_section(Attached, pose=_pose(), shape=_shape()))),
-                "start": _one_key({"joints": _joints(), "state": TEXT}),
-                "goal": {"anyOf": [_one_key(_goal()), {"type": "null"}]},
+                "start": _one_key({"joints": _joints(), "state": TEXT}, _rates()),
+                "goal": {"anyOf": [_one_key(_goal(), _rates()), {"type": "null"}]},
                 "from_request": {"type": ["boolean", "null"]},
                 "self_collision": {
                     "anyOf": [{"type": ["boolean", "null"]}, _some(_section(SelfCollision, without=("checked",)))]
@@ -280,6 +281,13 @@ def _joints() -> Schema:
     return {"anyOf": [{**row, "minItems": 1}, _some(named)]}
 
 
+def _rates() -> dict[str, Schema]:
+    """Return how the robot moves through a configuration."""
+    row, named = _value(Row(Number())), _value(Named(Number()))
+    rates = {"anyOf": [{**row, "minItems": 1}, _some(named)]}
+    return {"velocity": rates, "acceleration": rates}
+
+
 def _goal() -> dict[str, Schema]:
     pose = _placed(PoseTarget)
     pose["required"] = ["position"]
@@ -352,9 +360,9 @@ def _object(keys: Mapping[str, Schema], required: Collection[str] = (), about: s
     return {"type": "object", **said, "properties": dict(keys), **needed, "additionalProperties": False}
 
 
-def _one_key(keys: Mapping[str, Schema]) -> Schema:
-    """Return the schema of an object in which exactly one key is given."""
-    nullable = _object({key: _nullable(schema) for key, schema in keys.items()})
+def _one_key(keys: Mapping[str, Schema], beside: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
+    """Return the schema of an object in which exactly one of some keys is given, and maybe others beside it."""
+    nullable = _object({key: _nullable(schema) for key, schema in {**keys, **beside}.items()})
     return {**nullable, "minProperties": 1, "oneOf": [_given(key) for key in keys]}
 
 

@@ -11,6 +11,7 @@ from hdplan.scenes.pose_fields import pose_of
 from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, AllOf, Goals, JointTarget, PoseTarget, unlike_the_others
 from hdplan.scenes.values import JointValue, Named, Row
 
+RATES = ("velocity", "acceleration")
 GOAL_KEYS = ("joints", "state", "pose", "poses", "all", "any")
 POSE_KEYS = (
     "link",
@@ -24,13 +25,17 @@ POSE_KEYS = (
 
 
 def read_target(section: Field) -> JointTarget:
-    """Read one configuration: joint values in order, by name, or a named state."""
-    keys = section.mapping(("joints", "state"))
+    """Read one configuration: joint values in order, by name, or a named state; and how the robot moves there."""
+    keys = section.mapping(("joints", "state", *RATES))
+    rates = {name: keys.pop(name) for name in RATES if name in keys}
     if len(keys) != 1:
         raise section.error(f"must have either 'joints' or 'state', found {'both' if keys else 'neither'}")
     if "state" in keys:
-        return section.make(JointTarget, field=section.key, state=keys["state"])
-    return _joints(keys["joints"], section.key)
+        return section.make(JointTarget, field=section.key, state=keys["state"], **rates)
+    found = _joints(keys["joints"], section.key)
+    if not rates:
+        return found
+    return section.make(JointTarget, field=section.key, positions=found.positions, by_name=found.by_name, **rates)
 
 
 def _joints(joints: Field, name: str) -> JointTarget:
@@ -46,10 +51,14 @@ def _joints(joints: Field, name: str) -> JointTarget:
 def read_goal(section: Field) -> JointTarget | Goals:
     """Read one configuration, or a goal with a choice: several configurations, a link's pose, several poses, several
     of both, or poses of several links together."""
-    keys = section.mapping(GOAL_KEYS)
+    keys = section.mapping((*GOAL_KEYS, *RATES))
+    rates = [keys.pop(name) for name in RATES if name in keys]
     if len(keys) != 1:
         found = " and ".join(f"'{key}'" for key in keys) or "none of them"
         raise section.error(f"must have exactly one of the keys {', '.join(GOAL_KEYS)}, found {found}")
+    several = "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value)
+    if rates and (several or not {"joints", "state"} & keys.keys()):
+        raise rates[0].error("is of a single configuration: motions to a pose, or to a choice of goals, end at rest")
     if "pose" in keys:
         return Goals((_pose_target(keys["pose"]),))
     if "poses" in keys:
@@ -58,7 +67,7 @@ def read_goal(section: Field) -> JointTarget | Goals:
         return Goals((_all_of(keys["all"]),))
     if "any" in keys:
         return Goals(tuple(_one_of(entry) for entry in _at_least_one(keys["any"], "goals")))
-    if "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value):
+    if several:
         entries = keys["joints"].items(of="configurations")
         return Goals(tuple(_joints(joints, joints.key) for joints in entries))
     return read_target(section)

@@ -47,7 +47,7 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Voxels: "occupied size origin name pose",
     OctoMap: "source unknown name pose",
     Attached: "name link shape pose touch_links mass",
-    JointTarget: "field positions by_name state",
+    JointTarget: "field positions by_name state velocity acceleration",
     PoseTarget: "link pose position_tolerance orientation_tolerance free_rotation field",
     SelfCollision: "checked clearance",
     Payload: "link mass com inertia",
@@ -200,9 +200,12 @@ def _target(target: JointTarget | Goals) -> dict[str, Any]:
 def _one_of(target: JointTarget | PoseTarget) -> dict[str, Any]:
     if isinstance(target, PoseTarget):
         return {"pose": _pose_target(target)}
+    given = {"velocity": target.velocity, "acceleration": target.acceleration}
+    rates = {name: _joint_values(values) for name, values in given.items() if values is not None}
     if target.state is not None:
-        return {"state": target.state}
-    return {"joints": list(target.positions) if target.positions is not None else dict(target.by_name or {})}
+        return {"state": target.state, **rates}
+    values = list(target.positions) if target.positions is not None else dict(target.by_name or {})
+    return {"joints": values, **rates}
 
 
 def _pose_target(target: PoseTarget) -> dict[str, Any]:

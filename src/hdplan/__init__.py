@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.robot_spec import RobotSpec
     from hdplan.scenes.scene import Scene
     from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
-    from hdplan.scenes.targets import AllOf, PoseTarget
+    from hdplan.scenes.targets import AllOf, PoseTarget, State
     from hdplan.scenes.timing import Timing
     from hdplan.scenes.voxel_grids import OctoMap, Voxels
     from hdplan.scenes.yaml_format.reader import load_scene
@@ -125,6 +125,7 @@ _HOMES = {  # of names, below hdplan
     "Sphere": "scenes.shapes",
     "StageCertificate": "planner.job.certify",
     "StageMark": "planner.motion.trajectory",
+    "State": "scenes.targets",
     "SteadyMotion": "scenes.obstacles",
     "TimeLimitError": "scenes.errors",
     "TimedPoses": "scenes.obstacles",
@@ -198,6 +199,7 @@ __all__ = [
     "Sphere",
     "StageCertificate",
     "StageMark",
+    "State",
     "SteadyMotion",
     "TimeLimitError",
     "TimedPoses",

@@ -107,17 +107,56 @@ def ranges_of(limits: dict[str, Any], count: int) -> list[Any]:
 
 def rates_of(world: World, name: str, order: int) -> list[Ball]:
     """The control points of the joints' values and of their time derivatives, as far as they exist: a motion is
-    smooth enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
+    smooth enough by the rule of its interpolation, but for its ends, where it is to be at rest, or to have the rates
+    that the world gives them."""
     need(world.clock is not None, f"limits.{name}: the motion has no times")
-    share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
     need(world.curve.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
     rates = [world.curve]
     for k in range(order):
         last = rates[-1]
-        at_rest = max(last[0, 0].size.max(), last[-1, -1].size.max()) <= SAME or k == 0
-        need(at_rest, f"limits.{name}: the motion begins or ends with a jump")
-        rates.append((last[:, 1:] - last[:, :-1]) * (float(last.mid.shape[1] - 1) * share))
+        if k > 0:
+            before, after = (rate_at(world, end, k) for end in ("start", "goal"))
+            steady = max((last[0, 0] - before).size.max(), (last[-1, -1] - after).size.max()) <= SAME
+            need(steady, f"limits.{name}: the motion begins or ends with a jump")
+        rates.append(derivative(world, last))
     return rates
+
+
+def derivative(world: World, control: Ball) -> Ball:
+    """The control points of the time derivative of polynomials between rows."""
+    share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
+    return (control[:, 1:] - control[:, :-1]) * (float(control.mid.shape[1] - 1) * share)
+
+
+def rate_at(world: World, end: str, order: int) -> Ball:
+    """The rates of all joints (n,) that the world gives the start or the goal: velocities or accelerations, which are 0
+    if it says nothing, or leaves a choice."""
+    targets, name = {"start": world.start, "goal": world.goal}[end], ("velocity", "acceleration")[order - 1]
+    need(type(targets) is list and all(type(x) is dict for x in targets), f"{end}: targets are expected")
+    moved = [x for x in targets if {*RATE_NAMES} & {*x}]
+    need(not moved or len(targets) == 1, f"{end}: has a velocity, and leaves a choice")
+    if not moved or name not in moved[0]:
+        return Ball(np.zeros(world.own))
+    lead = numbers(moved[0][name], (len(world.lead),), f"{end}.{name}")
+    led = (x.follows or (i, 1.0, 0.0) for i, x in enumerate(world.joints[: world.own]))
+    leaders, factors = zip(*((world.lead.index(i), factor) for i, factor, _ in led), strict=True)
+    return Ball(lead[list(leaders)]) * np.array(factors)
+
+
+def at_rates(world: World, said: dict[str, Any], end: str) -> bool:
+    """Whether the motion's end has the rates of a target; a motion without times has none, and is to need none."""
+    control, place = world.curve, (0, 0) if end == "start" else (-1, -1)
+    for order, name in enumerate(("velocity", "acceleration"), 1):
+        if name not in said:
+            continue
+        asked = rate_at(world, end, order)
+        if world.clock is None:
+            need(not asked.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
+            continue
+        control = derivative(world, control) if control.mid.shape[1] > 1 else control * 0.0
+        if not (control[place] - asked).size.max() <= SAME:
+            return False
+    return True
 
 
 def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
@@ -344,7 +383,9 @@ def at_pose(world: World, said: Any) -> bool:
 def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool:
     """Whether the motion's end is at joint values, and all other joints that a target names at theirs; at a goal,
     joints that turn without limits, and that nothing follows, may be whole turns away."""
-    values, others = keys_of(said, end, "joints others")
+    rates = [x for x in ("velocity", "acceleration") if x in said]
+    need(rates[:1] != ["acceleration"], f"{end}: an acceleration without a velocity")
+    values, others, *_ = keys_of(said, end, " ".join(["joints", "others", *rates]))
     low, high = ranges_of(limits, world.own)
     row, lead = world.rows[0 if end == "start" else -1], world.lead
     off = row - numbers(values, (len(lead),), end)
@@ -356,7 +397,7 @@ def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool
     here |= {x.name: float(at.mid[i]) for i, x in enumerate(world.joints[: world.own]) if x.follows}
     need({*others} <= {*here}, f"{end}: names a joint that is none")
     more = [here[name] - number(value, end) for name, value in others.items()]
-    return bool((np.abs([*off, *more]) <= SAME).all())
+    return bool((np.abs([*off, *more]) <= SAME).all()) and at_rates(world, said, end)
 
 
 # --- the statement ----------------------------------------------------------------------------------------------------
@@ -438,6 +479,10 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     kinds = [dict.fromkeys(named(x.name) for x in still if (x.kind == "obstacle") == own) for own in (False, True)]
     if all(kinds):
         lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
+    for end, targets in (("start", world.start), ("goal", world.goal)):
+        for rates in [x["velocity"] for x in targets if "velocity" in x]:
+            moving = (f"{named(world.joints[i].name)} at {x:g}" for i, x in zip(world.lead, rates, strict=True))
+            lines.append(f"  moving at the {end}: {', '.join(moving)} (rad or m per second)")
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
     following = (
         f"{named(name)} at {digits(k)} x {named(world.joints[i].name)} + {digits(add)}" for name, i, k, add in rules

@@ -31,7 +31,7 @@ class Joints:
         self.spec, self.tree, self.semantics = spec, tree, semantics
         self.movable = tree.movable
         spec = dict(spec)
-        named = mapping(start, "start", "joints state").get("joints")
+        named = mapping(start, "start", "joints state velocity acceleration").get("joints")
         locked = {x: scenes.one(y, f"robot.locked.{x}") for x, y in (spec.get("locked") or {}).items()}
         need({*locked} <= {*tree.movable}, "robot.locked: names a joint that is none")
         spec["locked"] = locked

@@ -31,7 +31,7 @@ MESSAGES = {
     "AllowedCollisionMatrix": "entry_names entry_values default_entry_names default_entry_values",
     "AllowedCollisionEntry": "enabled",
     "RobotState": "joint_state multi_dof_joint_state attached_collision_objects is_diff",
-    "JointState": "header name position velocity~ effort",
+    "JointState": "header name position velocity effort",
     "MultiDOFJointState": "header joint_names transforms twist~ wrench",
     "AttachedCollisionObject": "link_name object touch_links detach_posture weight",
     "MotionPlanRequest": "workspace_parameters start_state goal_constraints path_constraints trajectory_constraints! "
@@ -65,7 +65,7 @@ def fields(value: Any, message: str, what: str) -> dict[str, Any]:
     said = mapping(value, what, " ".join(x.rstrip("!~") for x in marked))
     for key, item in said.items():
         need(f"{key}!" not in marked or not filled(item), f"{what}.{key}: cannot be checked")
-        need(f"{key}~" not in marked or zero(item), f"{what}.{key}: is not 0, and motions begin at rest")
+        need(f"{key}~" not in marked or zero(item), f"{what}.{key}: is not 0")
     return said
 
 

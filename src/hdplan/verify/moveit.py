@@ -37,7 +37,7 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
         more = [x for x in told if {*x} not in left]
         spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
         found["matrix"] = "", *found["matrix"][1:]
-    return {**found, "robot": spec, "limits": _limits(asked, tree)}
+    return {**found, "robot": spec, "limits": _limits(asked, tree, "velocity" in found["start"])}
 
 
 def sections_around(
@@ -60,10 +60,12 @@ def sections_around(
     frames = Frames(at, joints, around.get("fixed_frame_transforms"))
     margin = _margin(around, {*at}, solid)
     states = (around.get("robot_state"), "scene.robot_state"), (asked.get("start_state"), "request.start_state")
-    start, held = dict[str, float](), dict[str, Any]()
+    start, speeds, held = dict[str, float](), dict[str, float](), dict[str, Any]()
     for state, what in states:
-        start |= _state(state, frames, base, what)
+        placed_at, rates = _state(state, frames, base, what)
+        start, speeds = start | placed_at, speeds | rates
         held |= _held(state, what)
+    moves = any(speeds.values())
     frames.things |= {*held}
     standing = _standing(around.get("world"), frames)
     names = [x["name"] for x in [*standing, *(y for each in held.values() for y in each)]]
@@ -75,10 +77,10 @@ def sections_around(
         "matrix": (model, *_compared(around.get("allowed_collision_matrix"), solid)),
         "obstacles": [{**x, "clearance": margin} if margin else x for x in standing],
         "attached": [x for each in held.values() for x in each],
-        "start": {"joints": start},
+        "start": {"joints": start, **({"velocity": speeds} if moves else {})},
         "goal": goal_of(asked.get("goal_constraints"), frames),
         "from_request": True,
-        "limits": _limits(asked, None),
+        "limits": _limits(asked, None, moves),
         "path": path_of(asked.get("path_constraints"), frames),
     }
 
@@ -94,11 +96,11 @@ def _group(asked: Any, spec: dict[str, Any], tree: Tree, semantics: Semantics) -
     return name
 
 
-def _limits(asked: dict[str, Any], tree: Tree | None) -> dict[str, Any]:
-    """The limits that the scaling factors mean, of which 0 is one that is not set."""
+def _limits(asked: dict[str, Any], tree: Tree | None, moves: bool) -> dict[str, Any]:
+    """The limits that the scaling factors mean, of which 0 is one that is not set; a robot that `moves` has some."""
     keys = [f"max_{x}_scaling_factor" for x in ("velocity", "acceleration")]
     slower, softer = (number(asked.get(x, 0.0), f"request.{x}", 0.0, 1.0) or 1.0 for x in keys)
-    if slower == softer == 1:
+    if slower == softer == 1 and not moves:
         return {}
     if tree is None:  # of a robot whose limits are not read
         return {"velocity": "urdf", "acceleration": softer * ACCELERATION}
@@ -179,8 +181,8 @@ def _held(state: Any, where: str) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def _state(state: Any, frames: Frames, base: Pose, what: str) -> dict[str, float]:
-    """The values of the joints of a robot that stands at its base, or at the world's origin."""
+def _state(state: Any, frames: Frames, base: Pose, what: str) -> tuple[dict[str, float], dict[str, float]]:
+    """The values and the velocities of the joints of a robot that stands at its base, or at the world's origin."""
     said = fields({} if state is None else state, "RobotState", what)
     need(type(said.get("is_diff", False)) is bool, f"{what}.is_diff: true or false is expected")
     floating = fields(said.get("multi_dof_joint_state", {}), "MultiDOFJointState", what)
@@ -192,9 +194,10 @@ def _state(state: Any, frames: Frames, base: Pose, what: str) -> dict[str, float
     fields(joints.get("header", {}), "Header", what)
     names, at = words(joints.get("name"), what), numbers(joints.get("position"), None, what)
     need(len({*names}) == len(names) == len(at), f"{what}: a joint stands twice, or has no position")
-    found = dict(zip(names, at, strict=True))
+    found, rates = dict(zip(names, at, strict=True)), numbers(joints.get("velocity"), None, what)
+    need(len(rates) in (0, len(names)), f"{what}: velocities of other joints")
     frames.check_base(found, what)
-    return found
+    return found, dict(zip(names, rates or [0.0] * len(names), strict=True))
 
 
 def _compared(value: Any, solid: set[str]) -> tuple[list[list[str]], list[list[str]]]:

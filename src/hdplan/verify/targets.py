@@ -19,7 +19,30 @@ class Targets:
 
     def target(self, value: Any, end: str) -> dict[str, Any]:
         """A configuration as a world has it."""
-        joints, said = self.joints, mapping(value, end, "joints state")
+        said = mapping(value, end, "joints state velocity acceleration")
+        names = [x for x in ("velocity", "acceleration") if x in said]
+        rates: dict[str, Any] = {x: self.rates(said.pop(x), f"{end}.{x}") for x in names}
+        need("velocity" in rates or not rates, f"{end}: an acceleration without a velocity")
+        return {**self.place(said, end), **rates}
+
+    def rates(self, value: Any, what: str) -> list[float]:
+        """Rates of the leading joints; those that are not named are 0."""
+        joints = self.joints
+        need(isinstance(value, (list, dict)) and len(value) > 0, f"{what}: numbers are expected")
+        if isinstance(value, list):
+            return [float(x) for x in values(value, len(joints.lead), what)]
+        given = {x: scenes.one(y, f"{what}: '{x}'") for x, y in value.items()}
+        need({*given} <= {*joints.movable} or self.from_request, f"{what}: names a joint that is none")
+        for name, x in given.items():
+            if name in joints.rules:
+                leader, factor, _ = joints.rules[name]
+                need(abs(x - factor * given.get(leader, 0.0)) <= 1e-6, f"{what}: '{name}' follows otherwise")
+            need(name not in joints.held or x == 0, f"{what}: '{name}' is held, and is to move")
+        return [given.get(x, 0.0) for x in joints.lead]
+
+    def place(self, said: dict[str, Any], end: str) -> dict[str, Any]:
+        """Where the joints of a configuration are."""
+        joints = self.joints
         need(len(said) == 1, f"{end}: joints or a state")
         if "state" in said:
             states = joints.semantics.states(joints.group)
@@ -41,7 +64,11 @@ class Targets:
         if type(value) is tuple:
             need(all(x["link"] in self.joints.at for x in value), "goal: a link that there is not")
             return [{"poses": list(value)}]
-        said = mapping(value, "goal", "joints state pose poses all any")
+        said = mapping(value, "goal", "joints state pose poses all any velocity acceleration")
+        if {"velocity", "acceleration"} & {*said}:
+            several = any(isinstance(x, (list, dict)) for x in said.get("joints", {}))
+            need({"joints", "state"} & {*said} and not several, "goal: a velocity at a goal that leaves a choice")
+            return [self.target(said, "goal")]
         need(len(said) == 1, "goal: one of joints, state, pose, poses, all, any")
         if "pose" in said:
             return [{"poses": [self.pose(said["pose"])]}]
@@ -53,7 +80,7 @@ class Targets:
         if "any" in said:
             return [
                 {"poses": [self.pose(x["pose"])]} if "pose" in mapping(x, "goal.any", "joints state pose")
-                else self.target(x, "goal")
+                else self.place(mapping(x, "goal.any", "joints state"), "goal")
                 for x in listing(said["any"], "goal.any")
             ]  # fmt: skip
         values_ = said.get("joints")

@@ -528,7 +528,7 @@ REFUSED: dict[str, tuple[str, str, Any, str]] = {
     "a padding below 0": ("scene", "link_padding.0.padding", -0.01, "link_padding"),
     "a scale": ("scene", "link_scale.0.scale", 1.1, "link_scale"),
     "a moved base": ("scene", "robot_state.multi_dof_joint_state.transforms.0.translation", [0, 0, 1], "base"),
-    "a velocity": ("scene", "robot_state.joint_state.velocity", [0, 0.1], "at rest"),
+    "a velocity": ("scene", "robot_state.joint_state.velocity", [0, 0.1], "velocities"),
     "a name that is held": ("scene", OBJECTS + ".0.id", "cup", "taken"),
     "a name twice": ("scene", OBJECTS + ".0.id", "desk/1", "taken"),
     "a joint twice": ("request", "start_state.joint_state.name", ["a", "a", "b"], "twice"),

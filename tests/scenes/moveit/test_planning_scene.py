@@ -437,18 +437,32 @@ def test_other_factors_are_refused_by_name(files: Files, key: str, factor: objec
         files.edit("request", key, factor).load()
 
 
-def test_velocities_of_the_start_are_refused_and_zeros_are_not(files: Files) -> None:
+def test_velocities_of_the_start_are_read_and_zeros_are_rest(files: Files) -> None:
+    """The request's state takes the place of the scene's, joint by joint; a robot that moves gets limits."""
+    rest = files.load()
     for which, key in (("scene", "robot_state"), ("request", "start_state")):
         state = f"{key}.joint_state.velocity"
-        assert files.edit(which, state, [0.0, -0.0]).load().notes == ()
-        for moving in ([0.0, 1e-4], [float("nan"), 0.0]):
-            with pytest.raises(InputError, match=f"{state}: is not 0, but motions begin at rest"):
-                files.edit(which, state, moving).load()
+        still = files.edit(which, state, [0.0, -0.0]).load()
+        assert still == rest
+        assert still.notes == ()
+        moving = files.edit(which, state, [0.0, 1e-4]).load()
+        names = getattr(files, which)[key]["joint_state"]["name"]
+        assert moving.start.moves
+        assert moving.start.velocity[names[1]] == 1e-4
+        assert moving.start.velocity.keys() == moving.start.by_name.keys()
+        assert moving.limits.acceleration == 1.0
+        assert "1 assumed, as a URDF has no acceleration limits" in moving.notes[0]
+        with pytest.raises(
+            InputError, match=rf"{key}.joint_state: must have as many velocities as names, found 1 and 2"
+        ):
+            files.edit(which, state, [0.1]).load()
+        with pytest.raises(InputError, match=rf"{key}.joint_state.velocity\[0\]: must be a finite number"):
+            files.edit(which, state, [float("nan"), 0.0]).load()
         files.edit(which, state, [])
         twist = f"{key}.multi_dof_joint_state.twist"
         still, turning = ({"linear": {"x": 0.0}, "angular": {"x": 0.0, "z": value}} for value in (0.0, 0.1))
         assert files.edit(which, twist, [still]).load().notes == ()
-        with pytest.raises(InputError, match=f"{twist}: is not 0, but motions begin at rest"):
+        with pytest.raises(InputError, match=f"{twist}: is not 0: a base that moves"):
             files.edit(which, twist, [still, turning]).load()
         files.edit(which, twist, [])
 

@@ -243,6 +243,14 @@ class Maker:
                 times = tuple(np.cumsum(self.rng.uniform(0.1, 1.0, size=3)).tolist())
                 return Obstacle(self.name(), shape, poses[0], clearance, TimedPoses(times, poses))
 
+    def end(self, field: str) -> JointTarget:
+        """A configuration, maybe with rates."""
+        at, rates = self.target(field), {}
+        for name in ("velocity", "acceleration")[: self.rng.integers(0, 3)]:
+            values = self.rng.uniform(-1, 1, 3).tolist()
+            rates[name] = tuple(values) if self.rng.integers(2) else {self.name(): value for value in values}
+        return replace(at, **rates)
+
     def target(self, field: str) -> JointTarget:
         values = self.rng.normal(size=3).tolist()
         match int(self.rng.integers(3)):
@@ -264,7 +272,7 @@ class Maker:
     def goal(self) -> JointTarget | Goals:
         match int(self.rng.integers(6)):
             case 0:
-                return self.target("goal")
+                return self.end("goal")
             case 4:
                 poses = [replace(self.pose_target(f"goal.all[{i}].pose"), link=f"link {i}") for i in range(3)]
                 return Goals((AllOf(poses, "goal.all"),))
@@ -315,7 +323,7 @@ class Maker:
             source=Path("random.yaml"),
             robot=spec,
             obstacles=tuple(self.obstacle() for _ in range(5)),
-            start=self.target("start"),
+            start=self.end("start"),
             goal=self.goal(),
             planner=self.maybe(settings, PlannerSettings()),
             from_request=self.rng.random() < 0.5,
