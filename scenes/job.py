@@ -1,7 +1,7 @@
 """A job: stages that a robot does one after the other, each beginning where the last one ended.
 
 A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or lets go of
-it (`Grip`, `Release`), or waits (`Wait`). What each names is looked up when the job is planned.
+it (`Grip`, `Release`), sets outputs (`Set`), or waits (`Wait`). What each names is looked up when the job is planned.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.stage import AnyStage, AnyTouch
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget, goal_of
-from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, is_row, wrong
+from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, is_row, text, wrong
 
 MOST_STAGES = 1000
+
+
+Output = bool | float | str
 
 
 def fingers_of(value: object) -> dict[str, float]:
@@ -127,7 +130,39 @@ class Wait(AnyStage):
         ) -> None: ...
 
 
-Stage = Move | Line | Circle | Along | Grip | Release | Wait
+def outputs_of(value: object) -> dict[str, Output]:
+    """Return the values of outputs by name: true, false, numbers or texts."""
+    found: dict[str, Output] = Named(_output)(value)
+    if not found:
+        raise FieldError("must name one output or more, found none")
+    return found
+
+
+def _output(value: object) -> Output:
+    return value if isinstance(value, bool) else text(value) if isinstance(value, str) else Number()(value)
+
+
+@dataclass(frozen=True, repr=False)
+class Set(AnyStage):
+    """Outputs are set, by name, where the stage begins; the robot stands still for a moment. What they mean nobody here
+    knows: the marks of the motion hold them."""
+
+    outputs: Annotated[Mapping[str, Output], outputs_of] = NEEDED
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            outputs: Mapping[str, Output] = NEEDED,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+
+Stage = Move | Line | Circle | Along | Grip | Release | Set | Wait
 KINDS: Mapping[str, type[Stage]] = {kind.__name__.lower(): kind for kind in get_args(Stage)}
 
 

@@ -52,7 +52,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "StageCertificate",
             "StageMark",
         ),
-        *("Wait", "certify_job", "plan_job"),
+        *("Set", "Wait", "certify_job", "plan_job"),
         *(
             "Ignored",
             "InputError",

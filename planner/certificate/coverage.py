@@ -22,7 +22,7 @@ from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.job import Grip, Job, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
@@ -69,7 +69,7 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
     Job: "stages",  # each of which has a scene of its own
-    **dict.fromkeys((Move, Line, Circle, Along, Grip, Release, Wait), ANY),
+    **dict.fromkeys((Move, Line, Circle, Along, Grip, Release, Set, Wait), ANY),
     Pose: "position quaternion_xyzw",
     FixedArray: "array left_out",
 }

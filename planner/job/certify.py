@@ -26,7 +26,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.job import Grip, Release, Wait
+from hdplan.scenes.job import Grip, Release, Set, Wait
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.stage import Touch
 from hdplan.scenes.values import instance
@@ -40,7 +40,7 @@ class StageCertificate:
     """What is proven of one stage."""
 
     name: str
-    kind: str  # "move", "line", "circle", "along", "grip", "release" or "wait"
+    kind: str  # "move", "line", "circle", "along", "grip", "release", "set" or "wait"
     begins: float  # [s]
     ends: float  # [s]
     held: tuple[str, ...]  # objects that are held in it
@@ -128,6 +128,11 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
         wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
         asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
         raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {asked}")
+    for mark, each in zip(trajectory.stages, scene.job.stages, strict=False):
+        outputs = each.outputs if isinstance(each, Set) else {}
+        if repr(dict(mark.outputs)) != repr(dict(outputs)):  # True is no 1.0
+            said = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
+            raise InputError(f"trajectory: stage '{mark.name}' {said}")
     found, seen = [], world.notes
     for number in range(len(marks)):
         part = stage_motion(trajectory, number)
@@ -164,7 +169,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     if fingers and certificate.certified:
         certificate = _with_the_arm(certificate, Setup.of(standing_scene(world, number)))
     wrong = ""
-    if isinstance(stage, Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
+    if isinstance(stage, Set | Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
         wrong = "the robot moves where it is to stand still"
     elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
         wrong = f"the robot waits {times[-1] - times[0]:g} s, the job asks for {stage.seconds:g} s"

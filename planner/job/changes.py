@@ -17,7 +17,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.job import Grip, Move, Release, Wait
+from hdplan.scenes.job import Grip, Move, Release, Set, Wait
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import derived
@@ -33,7 +33,7 @@ def after(world: World, number: int, robot: Robot, q: Array) -> World:
     match stage:
         case Move() | Curve():
             return replace(world, arm=tuple(zip((joint for joint, _ in world.arm), q.tolist(), strict=True)))
-        case Wait():
+        case Set() | Wait():
             return world
         case Grip() | Release():
             there = _with_hand(world, robot, q) if stage.joints else world

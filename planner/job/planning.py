@@ -33,7 +33,7 @@ from hdplan.planner.search.search import Event
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError, naming
-from hdplan.scenes.job import Grip, Move, Release, Wait, stage_name
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait, stage_name
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -96,7 +96,7 @@ def plan_job(
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
-    trajectory = joined(pieces, names)
+    trajectory = joined(pieces, scene.job)
     certificate = certify_job(scene, trajectory)
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     said = (
@@ -236,7 +236,7 @@ class _Search:
                 return self._followed(world, number, start)
             case Grip() | Release() if stage.joints:
                 motion = self._timed(setup, np.linspace(start, goal, HAND_PLACES))
-            case Grip() | Release():
+            case Grip() | Release() | Set():
                 motion = standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
             case Wait():
                 motion = standing(robot, start, stage.seconds)
@@ -303,7 +303,7 @@ def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:
     return str(error).removeprefix(f"{scene.source}: ")
 
 
-def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
+def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:
     """Return one motion of all joints that the pieces move, one piece after the other, with marks where they begin. A
     piece begins with the row with which the last one ended; there everything rests."""
     joints = tuple(dict.fromkeys(joint for piece in pieces for joint in piece.motion.joint_names))
@@ -314,7 +314,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
         if joint not in pieces[0].motion.joint_names
     }
     blocks, marks, times, begins, row = [], [], [], 0.0, 0
-    for i, (piece, name) in enumerate(zip(pieces, names, strict=False)):
+    for i, (piece, name, stage) in enumerate(zip(pieces, job.names, job.stages, strict=False)):
         motion = piece.motion
         assert motion.times is not None
         rows = np.zeros((3, len(motion), len(joints)))
@@ -331,7 +331,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
         first = 0 if i == 0 else 1
         blocks.append(rows[:, first:])
         times.append((begins + (motion.times - motion.times[0]))[first:])
-        marks.append(StageMark(name, row))
+        marks.append(StageMark(name, row, stage.outputs if isinstance(stage, Set) else {}))
         row += len(motion) - 1
         begins = float(times[-1][-1])
     positions, velocities, accelerations = np.concatenate(blocks, axis=1)

@@ -23,7 +23,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.job import Grip, Move, Release, Stage, Wait, stage_name
+from hdplan.scenes.job import Grip, Move, Release, Set, Stage, Wait, stage_name
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.robot_files.description import read_words
@@ -50,7 +50,7 @@ def stage_scene(world: World, number: int) -> Scene:
             case Grip() | Release():
                 _check_object(world, stage)
                 return _of_arm(world, number, stage, goal=world.start)
-            case Wait():
+            case Set() | Wait():
                 return _of_arm(world, number, stage, goal=world.start)
             case _:
                 assert_never(stage)

@@ -23,10 +23,10 @@ def touched(world: World, number: int, rows: Array) -> dict[tuple[str, str], flo
     stages = list(world.scene.job.stages)
     stages[number] = replace(stage := stages[number], touch=(), name=stage_name(stage, number))
     held = tuple(replace(each, touch_links=()) for each in world.held)
-    world = replace(world, scene=derived(world.scene, goal=None, job=Job(stages)), held=held)
-    looked, pairs = [(stage_scene(world, number), rows)], stage.touch
+    bare = replace(world, scene=derived(world.scene, goal=None, job=Job(stages)), held=held)
+    looked, pairs = [(stage_scene(bare, number), rows)], stage.touch
     if moves_fingers(stage):
-        looked.append((standing_scene(world, number), world.q[None]))
+        looked.append((standing_scene(bare, number), world.q[None]))
         pairs += tuple((each.name, link) for each in world.held for link in each.touch_links)
     near: dict[frozenset[str], float] = {}
     for scene, configurations in looked:

@@ -4,18 +4,19 @@ may have."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, assert_never
 
 from hdplan.scenes.curve_stages import Along, Curve
 from hdplan.scenes.fields import Field
-from hdplan.scenes.job import KINDS, Grip, Job, Move, Release, Stage, Wait, stages_of
+from hdplan.scenes.job import KINDS, Grip, Job, Move, Release, Set, Stage, Wait, stages_of
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.pose_fields import read_poses
 from hdplan.scenes.pose_table import read_pose_table
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.values import checks_of
 from hdplan.scenes.yaml_format.effects import read_limits, read_path
+from hdplan.scenes.yaml_format.repeat import repeated
 from hdplan.scenes.yaml_format.targets import read_goal
 
 COMMON = ("name", "touch", "limits", "speed")
@@ -28,7 +29,16 @@ DEFAULTS = ("frame", "free_rotation")  # are not written
 
 def read_job(section: Field) -> Job:
     """Read the stages. Raises InputError for unknown kinds and keys, and for values that are not allowed."""
-    return Job(section.checked(stages_of, [_stage(entry) for entry in section.items(of="stages")]))
+    return Job(section.checked(stages_of, [_stage(entry) for entry in _entries(section)]))
+
+
+def _entries(section: Field) -> Iterator[Field]:
+    """Yield the entries of all stages, those that are repeated once for each row."""
+    for entry in section.items(of="stages"):
+        if isinstance(entry.value, Mapping) and "repeat" in entry.value:
+            yield from repeated(entry.mapping(("repeat",), required=["repeat"])["repeat"])
+        else:
+            yield entry
 
 
 def _stage(entry: Field) -> Stage:
@@ -53,6 +63,8 @@ def _stage(entry: Field) -> Stage:
             return _made(entry, kind, Along, {**keys, "poses": _poses(said, keys)}, values)
         case "line" | "circle" | "grip" | "release":
             return _made(entry, kind, KINDS[kind], said.mapping(OWN[KINDS[kind]]), values)
+        case "set":
+            return entry.make(Set, outputs=said.checked(checks_of(Set)["outputs"], said.value), **values)
         case _:
             seconds = said.checked(checks_of(Wait)["seconds"], said.value)
             return entry.make(Wait, seconds=seconds, **values)
@@ -93,6 +105,8 @@ def stage_entry(
             }
             if isinstance(stage, Along):
                 said["poses"] = [pose(each) for each in stage.poses]
+        case Set():
+            said = dict(stage.outputs)
         case Wait():
             said = stage.seconds
         case _:

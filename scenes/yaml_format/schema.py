@@ -18,7 +18,7 @@ from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
 from hdplan.scenes.curve_stages import Along
 from hdplan.scenes.depth_images import DepthImage, measured, pinhole
-from hdplan.scenes.job import KINDS, MOST_STAGES, Wait, fingers_of
+from hdplan.scenes.job import KINDS, MOST_STAGES, Set, Wait, fingers_of, outputs_of
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, MOST_POSES, Follow, Relative, Upright, Within, direction, extent
@@ -83,6 +83,7 @@ PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
     absolute_path: TEXT,
+    outputs_of: {"type": "object", "additionalProperties": {"anyOf": [{"type": ["boolean", "number"]}, TEXT]}},
     touching: {
         "type": "array",
         "items": {
@@ -126,7 +127,7 @@ def scene_schema() -> Schema:
                 "path": _nullable(_some(_path())),
                 "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
-                "job": _nullable({**_list(_stage()), "minItems": 1, "maxItems": MOST_STAGES}),
+                "job": _nullable({**_list({"anyOf": [_stage(), _repeated()]}), "minItems": 1, "maxItems": MOST_STAGES}),
             },
             required=("hdplan", "start"),
             about="One planning problem.",
@@ -184,6 +185,7 @@ def _stage() -> Schema:
         "move": _one_key(_goal()),
         **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "circle", "grip", "release")},
         "along": _along(tuple(common)),
+        "set": {**_value(checks_of(Set)["outputs"]), "minProperties": 1},
         "wait": _value(checks_of(Wait)["seconds"]),
     }
     some = {"type": "object", "properties": {"joints": {"type": "object", "minProperties": 1}}, "required": ["joints"]}
@@ -196,6 +198,12 @@ def _stage() -> Schema:
     kinds: dict[str, Schema] = {kind: {"anyOf": [schema, {"type": "null"}]} for kind, schema in own.items()}
     alone = {"anyOf": [_given("move"), {"not": _given("path")}]}
     return {**_object({**kinds, **common, "path": path}), "oneOf": [_given(kind) for kind in own], "allOf": [alone]}
+
+
+def _repeated() -> Schema:
+    """Return stages that are repeated over a table; what stands in them is known once they have its values."""
+    some = {"type": "array", "items": {"type": "object"}, "minItems": 1}
+    return _one_key({"repeat": _object({"over": some, "stages": some}, ("over", "stages"))})
 
 
 def _along(common: Collection[str]) -> Schema:

@@ -14,7 +14,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.job import Grip, Job, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import Follow, PathConstraint, PathConstraints, Relative, Upright, Within
@@ -65,6 +65,7 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Along: f"name touch limits speed {CURVE} poses frame",
     Grip: "name touch limits speed joints object link mass",
     Release: "name touch limits speed joints object",
+    Set: "name touch limits speed outputs",
     Wait: "name touch limits speed seconds",
 }
 for _kind, _known in WRITTEN.items():

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.curve_stages import Along, Circle, Line
     from hdplan.scenes.depth_images import DepthImage
     from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, UnsolvableError
-    from hdplan.scenes.job import Grip, Job, Move, Release, Wait
+    from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
     from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
@@ -125,6 +125,7 @@ _HOMES = {  # of names, below hdplan
     "Samples": "planner.motion.samples",
     "Scene": "scenes.scene",
     "SelfCollision": "scenes.obstacles",
+    "Set": "scenes.job",
     "Solution": "planner.solvers.solution",
     "Sphere": "scenes.shapes",
     "StageCertificate": "planner.job.certify",
@@ -201,6 +202,7 @@ __all__ = [
     "Samples",
     "Scene",
     "SelfCollision",
+    "Set",
     "Solution",
     "Sphere",
     "StageCertificate",

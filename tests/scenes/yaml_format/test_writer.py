@@ -18,7 +18,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.job import Grip, Job, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
@@ -348,6 +348,7 @@ def with_a_job() -> Scene:
         Along([Pose([0.0, 0.1, 0.2]), Pose([0.1, 0.1, 0.2])], "tool", name="seam", **fine, **every),
         Grip({"finger": 0.1}, "a", "tool", 2.0, name="take", **every),
         Release({"finger": 0.1}, "a", name="leave", **every),
+        Set({"valve": True, "level": 0.5, "state": "on"}, name="valve", **every),
         Wait(0.5, name="stand", **every),
     ])  # fmt: skip
     return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)  # type: ignore[arg-type]
