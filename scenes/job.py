@@ -1,7 +1,7 @@
 """A job: stages that a robot does one after the other, each beginning where the last one ended.
 
-A stage moves the arm (`Move`, `Line`), moves the fingers and takes hold of an object or lets go of it (`Grip`,
-`Release`), or waits (`Wait`). What each names is looked up when the job is planned.
+A stage moves the arm (`Move`, `Line`, `Circle`, `Along`), moves the fingers and takes hold of an object or lets go of
+it (`Grip`, `Release`), sets outputs (`Set`), or waits (`Wait`). What each names is looked up when the job is planned.
 """
 
 from __future__ import annotations
@@ -10,39 +10,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, get_args
 
+from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.poses import Vector3
+from hdplan.scenes.stage import AnyStage, AnyTouch
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget, goal_of
-from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, Numbers, Row, is_row, text, wrong
+from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, is_row, text, wrong
 
-WORLD, TOOL = "world", "tool"  # frames of a shift, beside the names of objects
 MOST_STAGES = 1000
 
-Touch = tuple[tuple[str, str], ...]
-AnyTouch = Sequence[Sequence[str | Sequence[str]]]
 
-
-def touching(value: object) -> Touch:
-    """Return pairs of names that may touch, each given as ``[one, other]`` or ``[one, [other, ..]]``."""
-    found: dict[tuple[str, str], None] = {}
-    for i, entry in enumerate(Row(_as_it_is, of="pairs")(value)):
-        if not is_row(entry) or len(entry) != 2:
-            raise wrong("two names that may touch, the second maybe a list of them", entry).within(f"[{i}]")
-        try:
-            one = text(entry[0])
-            others = Row(text, of="names")(entry[1]) if is_row(entry[1]) else (text(entry[1]),)
-            if one in others:
-                raise FieldError(f"must name two different bodies, found {one!r} twice")
-        except FieldError as error:
-            raise error.within(f"[{i}]") from None
-        found |= dict.fromkeys((one, other) for other in others)
-    return tuple(found)
-
-
-def _as_it_is(value: object) -> object:
-    return value
+Output = bool | float | str
 
 
 def fingers_of(value: object) -> dict[str, float]:
@@ -51,24 +30,7 @@ def fingers_of(value: object) -> dict[str, float]:
 
 
 @dataclass(frozen=True, repr=False)
-class _Stage(Checked):
-    """What every stage has."""
-
-    name: Name | None = field(default=None, kw_only=True)  # in messages and marks; None: its kind and number
-    touch: Annotated[Touch, touching] = field(default=(), kw_only=True)
-    """Pairs of names that may touch in this stage alone: links, held objects, obstacles."""
-    limits: Limits | None = field(default=None, kw_only=True)  # in this stage; None: the scene's
-    speed: Annotated[float, Number(high=1.0, above=0.0)] = field(default=1.0, kw_only=True)
-    """Share of the speed that the limits allow."""
-
-    @property
-    def kind(self) -> str:
-        """Its key in a file: "move"."""
-        return type(self).__name__.lower()
-
-
-@dataclass(frozen=True, repr=False)
-class Move(_Stage):
+class Move(AnyStage):
     """The arm moves to a goal, in any form that a scene's goal has."""
 
     goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
@@ -93,47 +55,7 @@ class Move(_Stage):
 
 
 @dataclass(frozen=True, repr=False)
-class Line(_Stage):
-    """A link's frame moves on a straight line without turning: `by` a shift, or `to` a position. All along, its origin
-    stays within `position_tolerance` of the line, and its rotation within `orientation_tolerance` of the one at which
-    the line begins."""
-
-    by: Annotated[Vector3, Row(Number(unit="m"), 3)] | None = None  # in `frame` [m]
-    to: Annotated[Vector3, Row(Number(unit="m"), 3)] | None = None  # in the world [m]
-    frame: Name = WORLD  # of `by`: "world", "tool", as it is at the beginning, or an object's name
-    link: Name | None = None  # None: the end effector
-    position_tolerance: Annotated[float, Number(high=0.1, above=0.0, unit="m")] = 1e-3  # [m]
-    orientation_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="rad")] = 1e-2  # [rad]
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            by: Numbers | None = None,
-            to: Numbers | None = None,
-            frame: str = WORLD,
-            link: str | None = None,
-            position_tolerance: float = 1e-3,
-            orientation_tolerance: float = 1e-2,
-            *,
-            name: str | None = None,
-            touch: AnyTouch = (),
-            limits: Limits | None = None,
-            speed: float = 1.0,
-        ) -> None: ...
-
-    def _check_whole(self) -> None:
-        if (self.by is None) == (self.to is None):
-            found = "neither" if self.by is None else "both"
-            raise FieldError(f"must have either 'by' or 'to', found {found}")
-        if self.by is None and self.frame != WORLD:
-            raise FieldError("goes with 'by': 'to' is a position in the world", "frame")
-        if self.by is not None and not any(self.by):
-            raise FieldError("has no length: give a shift that is not 0", "by")
-
-
-@dataclass(frozen=True, repr=False)
-class _Hand(_Stage):
+class _Hand(AnyStage):
     """Fingers move to `joints` while the arm stands still."""
 
     joints: Annotated[Mapping[str, float], fingers_of] = field(default_factory=dict)
@@ -194,7 +116,7 @@ class Release(_Hand):
 
 
 @dataclass(frozen=True, repr=False)
-class Wait(_Stage):
+class Wait(AnyStage):
     """The robot stands still."""
 
     seconds: Annotated[float, Number(high=1e4, above=0.0, unit="s")] = NEEDED  # [s]
@@ -212,7 +134,39 @@ class Wait(_Stage):
         ) -> None: ...
 
 
-Stage = Move | Line | Grip | Release | Wait
+def outputs_of(value: object) -> dict[str, Output]:
+    """Return the values of outputs by name: true, false, numbers or texts."""
+    found: dict[str, Output] = Named(_output)(value)
+    if not found:
+        raise FieldError("must name one output or more, found none")
+    return found
+
+
+def _output(value: object) -> Output:
+    return value if isinstance(value, bool) else text(value) if isinstance(value, str) else Number()(value)
+
+
+@dataclass(frozen=True, repr=False)
+class Set(AnyStage):
+    """Outputs are set, by name, where the stage begins; the robot stands still for a moment. What they mean nobody here
+    knows: the marks of the motion hold them."""
+
+    outputs: Annotated[Mapping[str, Output], outputs_of] = NEEDED
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            outputs: Mapping[str, Output] = NEEDED,
+            *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
+        ) -> None: ...
+
+
+Stage = Move | Line | Circle | Along | Grip | Release | Set | Wait
 KINDS: Mapping[str, type[Stage]] = {kind.__name__.lower(): kind for kind in get_args(Stage)}
 
 

@@ -1,12 +1,14 @@
 """Path constraints, which hold along the whole motion: a link upright, a point of a link within a box, a link's pose
-relative to another."""
+relative to another, a curve of poses that a link follows."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, assert_never
+
+import numpy as np
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import EXACT, AnyPose, Place, Placement, Pose, Vector3
@@ -20,6 +22,9 @@ AXES: Mapping[str, tuple[float, float, float]] = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
+FREE = ("none", "x", "y", "z")
+MOST_POSES = 20_000
+MOST_TURN = 3.0  # [rad] from one pose of a curve to the next
 ANYWHERE = (math.inf, math.inf, math.inf)
 
 
@@ -107,7 +112,70 @@ class Relative(Checked):
             raise FieldError(f"must be another link than 'link', found {self.to!r} twice", "to")
 
 
-PathConstraint = Upright | Within | Relative
+def poses_along(value: object) -> tuple[Pose, ...]:
+    """Return two or more poses, each less than half a turn from the last one, so that there is one shortest turn."""
+    poses: tuple[Pose, ...] = Row(_pose, of="poses")(value)
+    if not 2 <= len(poses) <= MOST_POSES:
+        raise FieldError(f"must be 2 to {MOST_POSES} poses, found {len(poses)}")
+    turns = np.array([pose.quaternion_xyzw for pose in poses])
+    cosines = np.abs((turns[1:] * turns[:-1]).sum(axis=1))  # of half the angle
+    if (far := np.flatnonzero(cosines < math.cos(0.5 * MOST_TURN))).size:
+        i = int(far[0])
+        angle = 2.0 * math.acos(min(1.0, float(cosines[i])))
+        words = f"turns by {angle:.3g} rad from the pose before; at most {MOST_TURN:g} are allowed: give one between"
+        raise FieldError(words, f"[{i + 1}]")
+    return poses
+
+
+def _pose(value: object) -> Pose:
+    if not isinstance(value, Pose):
+        raise wrong("a Pose", value)
+    return value
+
+
+@dataclass(frozen=True, repr=False)
+class Follow(Checked):
+    """A link follows a curve of poses, from the first to the last without going back: straight from each to the next,
+    turning about a fixed axis by the shortest turn. With a free rotation only that axis of the link counts, which goes
+    the shortest way."""
+
+    link: Name
+    poses: Annotated[tuple[Pose, ...], poses_along]  # in the world
+    position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
+    orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2  # angle [rad]
+    free_rotation: Annotated[str, Choice(FREE)] = "none"
+    """Axis of the link about which it may turn as it likes."""
+    speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = None  # of the link's origin, at most [m/s]
+    acceleration: Annotated[float, Number(above=0.0, unit="m/s²")] | None = None  # [m/s²]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            link: str,
+            poses: Sequence[Pose],
+            position_tolerance: float = 1e-3,
+            orientation_tolerance: float = 1e-2,
+            free_rotation: str = "none",
+            speed: float | None = None,
+            acceleration: float | None = None,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if self.free_rotation == "none":
+            return
+        axes = np.array([pose.matrix[:3, "xyz".index(self.free_rotation)] for pose in self.poses])
+        cosines = (axes[1:] * axes[:-1]).sum(axis=1)
+        if (far := np.flatnonzero(cosines < math.cos(MOST_TURN))).size:
+            raise FieldError("turns its free axis round from the pose before: give one between", f"poses[{far[0] + 1}]")
+
+    @property
+    def rated(self) -> bool:
+        """Whether it asks for more than places."""
+        return self.speed is not None or self.acceleration is not None
+
+
+PathConstraint = Upright | Within | Relative | Follow
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,6 +185,7 @@ class PathConstraints(Checked):
     upright: Upright | None = None
     position: Within | None = None
     relative: Relative | None = None
+    follow: Follow | None = None
 
     @property
     def asked(self) -> dict[str, PathConstraint]:
@@ -134,7 +203,7 @@ def _region(asked: PathConstraint) -> tuple[Within, ...]:
     match asked:
         case Within():
             return (asked,)
-        case Upright() | Relative():
+        case Upright() | Relative() | Follow():
             return ()
         case _:
             assert_never(asked)

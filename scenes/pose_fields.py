@@ -20,6 +20,11 @@ def read_pose(section: Field) -> Pose:
     return pose_of(section, section.mapping(("position", "quaternion_xyzw", "rpy")))
 
 
+def read_poses(section: Field) -> tuple[Pose, ...]:
+    """Read a list of poses."""
+    return tuple(read_pose(pose) for pose in section.items(of="poses"))
+
+
 def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
     """Read a pose from the keys of a section that may have other keys too."""
     if "quaternion_xyzw" in keys and "rpy" in keys:

@@ -142,7 +142,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: shapes.operations(Torus()),  # type: ignore[arg-type]
         lambda: shapes.operations(Rounded([0.1, 0.1, 0.1])),
     ),
-    ("planner/job/world.py", "_shape_of", "shape"): "refuses whatever is no shape",
+    ("planner/job/world.py", "shape_of", "shape"): "refuses whatever is no shape",
     ("planner/job/world.py", "_as_seen", "seen"): "clouds alone ignore points",
     ("planner/pictures/scene.py", "_bodies", "seen"): (
         lambda: picture._bodies(OF_TORUS),
@@ -391,11 +391,13 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
 
 NAMED = {  # files that name one of them, and why no other one is passed over there
     "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
+    "planner/certificate/path_check.py": "what is said of a tool's speed needs accelerations",
     "planner/certificate/torque_check.py": "is about torques",
     "planner/control/braking.py": "keeps velocities, accelerations and jerks, and takes no torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",
     "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
-    "planner/job/world.py": "accelerations are needed; no torques are asked of fingers",
+    "planner/job/stage_scenes.py": "accelerations are needed; no torques are asked of fingers",
+    "planner/job/world.py": "accelerations are needed",
     "planner/pictures/rates.py": "the first panel has the legend",
     "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",

@@ -19,12 +19,13 @@ from hdplan.planner.motion.motion_bounds import Array
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
@@ -62,12 +63,13 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     Upright: "link axis tolerance",
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
+    Follow: "link poses position_tolerance orientation_tolerance free_rotation speed acceleration",
     PlannerSettings: (  # all but the clearance are about how a motion is found
         "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
     ),
     Timing: "duration scale rate",  # how a motion is made: what is certified lasts as long as it lasts
     Job: "stages",  # each of which has a scene of its own
-    **dict.fromkeys((Move, Line, Grip, Release, Wait), ANY),
+    **dict.fromkeys((Move, Line, Circle, Along, Grip, Release, Set, Wait), ANY),
     Pose: "position quaternion_xyzw",
     FixedArray: "array left_out",
 }
@@ -125,7 +127,8 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
     yield from (f"limits.{name}" for name in ({*limited, "velocity"} if scene.timed else limited))
     for each in fields(scene.path):
         if (constraint := getattr(scene.path, each.name)) is not None:
-            parts = [part.name for part in fields(constraint) if part.name.endswith("_tolerance")]  # one proof each
+            names = [part.name for part in fields(constraint) if getattr(constraint, part.name) is not None]
+            parts = [name for name in names if name.endswith(("_tolerance", "speed", "acceleration"))]  # one proof each
             yield from (f"path.{each.name}.{part}" for part in parts) if parts else (f"path.{each.name}",)
     if any(name in limited and each.order is None for name, each in QUANTITIES.items()):  # what masses matter to
         yield from ["payload"] if scene.payload is not None else []

@@ -38,12 +38,13 @@ from typing import NamedTuple, Protocol, assert_never
 
 import numpy as np
 
+from hdplan.planner.motion.curve import Index
 from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
-from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 
@@ -63,14 +64,19 @@ class Part(NamedTuple):
         """The joints' axes (k, n, 3) in the world."""
         return np.asarray(np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes))
 
+    def reach(self, joint: int, point: Array) -> tuple[Array, Array]:
+        """Return where a point (3,) of a joint's frame is (k, 3), and ρ (k, n)."""
+        place = self.rotations[:, joint] @ point + self.origins[:, joint]
+        everywhere = self.chain.reach(joint, point[None], 0.0, self.travel)
+        where = self.axes, self.origins[:, 1:], np.abs(self.delta) + self.off
+        joints, radii = np.array([joint]), np.zeros(1)
+        return place, self.chain.local_reach(everywhere[None], joints, place[:, None], radii, *where)[:, 0]
+
     def moved(self, joint: int, point: Array, moves: Mask) -> tuple[Array, Motion]:
         """Return where a point (3,) of a joint's frame is (k, 3), and what the joints `moves` (n,) do to it."""
-        place = self.rotations[:, joint] @ point + self.origins[:, joint]
-        axes, points = self.axes, self.origins[:, 1:]
-        everywhere = self.chain.reach(joint, point[None], 0.0, self.travel)
-        joints, radii, half = np.array([joint]), np.zeros(1), np.abs(self.delta) + self.off
-        reach = self.chain.local_reach(everywhere[None], joints, place[:, None], radii, axes, points, half)[:, 0]
-        return place, Motion.of(self.chain, self.delta * moves, self.off * moves, axes, points, reach)
+        place, reach = self.reach(joint, point)
+        delta, off = self.delta * moves, self.off * moves
+        return place, Motion.of(self.chain, delta, off, self.axes, self.origins[:, 1:], reach)
 
 
 class Held(Protocol):
@@ -102,6 +108,47 @@ class Held(Protocol):
 
     def bound(self, part: Part, found: Array) -> Array:
         """Return an upper bound (k,) of its value on parts of the motion; at their midpoints it is `found` (k,)."""
+        ...
+
+    def broken(self, found: float) -> str:
+        """Return a message on a value where it is violated."""
+        ...
+
+    def kept(self, worst: float) -> str:
+        """Return a message on the upper bound proven over the whole motion."""
+        ...
+
+
+class HeldAlong(Protocol):
+    """A constraint that says something else at every instant of one motion."""
+
+    @property
+    def field(self) -> str:
+        """Of the scene."""
+        ...
+
+    @property
+    def link(self) -> str:
+        """Whose it is."""
+        ...
+
+    @property
+    def allowed(self) -> float:
+        """How much is allowed."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """The scale of its values, of which a share is accepted as slack."""
+        ...
+
+    @property
+    def spans(self) -> tuple[Index, Array, Array]:
+        """Parts of the motion to begin with, which cover it in order: interval, start and width (k,)."""
+        ...
+
+    def on(self, interval: Index, start: Array, width: Array) -> Held:
+        """Return what it says on parts of the motion."""
         ...
 
     def broken(self, found: float) -> str:
@@ -147,7 +194,7 @@ class HeldUpright(_WithTolerance):
         delta = part.delta * turning
         slope, turn = cross(np.einsum("kn,knc->kc", delta, part.axes), axis), np.abs(delta).sum(axis=1)
         ends = np.maximum(np.linalg.norm(axis - UP + slope, axis=1), np.linalg.norm(axis - UP - slope, axis=1))
-        return _no_greater_angle(ends + 0.5 * turn**2 + off, found + turn + off)
+        return no_greater_angle(ends + 0.5 * turn**2 + off, found + turn + off)
 
     def broken(self, found: float) -> str:
         """Such as "panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
@@ -273,7 +320,7 @@ class HeldTurn(_WithTolerance):
             slope = slope + sign * columns.transpose(0, 2, 1)
             bent, turned = bent + 0.5 * turn**2 + off.sum(axis=1), turned + turn + off.sum(axis=1)
         ends = np.maximum(*(np.linalg.norm(one - other + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
-        return _no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
+        return no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
 
     def broken(self, found: float) -> str:
         """Such as "right_hand is turned by 0.2 rad against left_hand, 0.05 are allowed"."""
@@ -299,6 +346,8 @@ def _held(setup: Setup, asked: PathConstraint) -> tuple[Held, ...]:
             return _within(setup, asked)
         case Relative():
             return _relative(setup, asked)
+        case Follow():
+            return ()  # which is about a whole motion, not a configuration: `followed_curve`
         case _:
             assert_never(asked)
 
@@ -331,6 +380,6 @@ def _apart(chain: Chain, joints: tuple[int, int]) -> tuple[Mask, Mask]:
     return first & ~second, second & ~first
 
 
-def _no_greater_angle(chord: Array, coarse: Array) -> Array:
+def no_greater_angle(chord: Array, coarse: Array) -> Array:
     """The smaller of two bounds (k,) of angles: of a chord of the unit circle that is no longer, and a coarse one."""
     return np.asarray(np.minimum(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), coarse))

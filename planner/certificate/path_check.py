@@ -1,21 +1,25 @@
 """The certificate's check of path constraints: whether a motion keeps them all along, proven between the rows too.
 
-Each constraint gives its value at a configuration, and an upper bound of it on a part of the motion (`path_bounds`). A
-part whose bound does not suffice is halved; a violation found at a midpoint is a fact. Angles in [rad], distances in
-[m].
+Each constraint gives its value at a configuration, and an upper bound of it on a part of the motion (`path_bounds`);
+those on a curve that is followed say something else on every part (`followed_curve`, `tool_rates`). A part whose bound
+does not suffice is halved; a violation found at a midpoint is a fact. Angles in [rad], distances in [m].
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.planner.certificate.path_bounds import Held, Part, held_by
-from hdplan.planner.motion.curve import Curve
+from hdplan.planner.certificate import tool_rates
+from hdplan.planner.certificate.followed_curve import Followed, OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.path_bounds import Held, HeldAlong, Part, held_by
+from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Array, Chain
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import seconds_left
+from hdplan.scenes.errors import InputError, naming
 
 GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
 ROUNDING = 1e-9  # [rad] or [m] added to every bound
@@ -80,6 +84,11 @@ class PathCheck:
         """Look up the links. Raises InputError as `held_by`."""
         self.robot, self.chain = setup.robot.unfolded, chain
         self.constraints = held_by(setup)
+        self.follow = setup.scene.path.follow
+        with naming(setup.scene.source):
+            self._curve = None if self.follow is None else PoseCurve.of(self.robot, self.follow)
+            if self.follow is not None and self.follow.rated and setup.scene.limits.acceleration is None:
+                raise InputError("path.follow: speed and acceleration of a tool need limits.acceleration")
 
     def at(self, q: Array) -> tuple[Departure, ...]:
         """Return the constraints that joint values q (m,) violate; exact up to rounding."""
@@ -90,16 +99,28 @@ class PathCheck:
 
     def prove(self, curve: Curve) -> PathProof:
         """Prove every constraint over the whole motion, or find where it cannot be proven."""
-        proofs = [self._prove(constraint, curve) for constraint in self.constraints]
+        proofs = [self._prove(_Always(constraint, len(curve) - 1), curve) for constraint in self.constraints]
+        proofs += [self._prove(constraint, curve) for constraint in self._along(curve)]
         return PathProof(
             tuple(kept for kept, _, _ in proofs),
             tuple(departure for _, departures, _ in proofs for departure in departures),
             sum(count for _, _, count in proofs),
         )
 
-    def _prove(self, held: Held, curve: Curve) -> tuple[Kept, list[Departure], int]:
+    def _along(self, motion: Curve) -> Iterator[HeldAlong]:
+        """Yield what following a curve means for one motion."""
+        if self.follow is None or self._curve is None:
+            return
+        followed = Followed.by(motion, self._curve, self.robot, self.chain)
+        yield OnCurve(followed, self.follow.position_tolerance)
+        yield TurnedAlong(followed, self.follow.orientation_tolerance)
+        for order, name in tool_rates.FIELDS.items():
+            if getattr(self.follow, name) is not None:
+                yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order)
+
+    def _prove(self, held: HeldAlong, curve: Curve) -> tuple[Kept, list[Departure], int]:
         intervals, configurations = len(curve) - 1, 0
-        interval, start, width = np.arange(intervals), np.zeros(intervals), np.ones(intervals)
+        interval, start, width = held.spans
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
         worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
@@ -107,8 +128,9 @@ class PathCheck:
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
             frames = self.chain.frames(self.robot.pin_q(middle))
-            found = held.found(*frames)
-            bound = held.bound(Part(self.chain, *frames, delta, off, travel), found)
+            asked = held.on(interval, start, width)
+            found = asked.found(*frames)
+            bound = asked.bound(Part(self.chain, *frames, delta, off, travel), found)
             bound = np.maximum(bound, found) + ROUNDING
             configurations += len(interval)
             for i in np.flatnonzero(found > worst[interval]).tolist():
@@ -131,9 +153,46 @@ class PathCheck:
         return kept, departures, configurations
 
 
-def _departure(held: Held, interval: int, fraction: float, parameter: float, found: float) -> Departure:
+def _departure(held: Held | HeldAlong, interval: int, fraction: float, parameter: float, found: float) -> Departure:
     words = f"{held.field}: {held.broken(found)}"
     return Departure(held.field, held.link, words, interval, fraction, parameter, found, held.allowed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Always:
+    """A constraint that says the same at every instant."""
+
+    held: Held
+    intervals: int  # of the motion
+
+    @property
+    def field(self) -> str:
+        return self.held.field
+
+    @property
+    def link(self) -> str:
+        return self.held.link
+
+    @property
+    def allowed(self) -> float:
+        return self.held.allowed
+
+    @property
+    def scale(self) -> float:
+        return self.held.scale
+
+    @property
+    def spans(self) -> tuple[Index, Array, Array]:
+        return np.arange(self.intervals), np.zeros(self.intervals), np.ones(self.intervals)
+
+    def on(self, interval: Index, start: Array, width: Array) -> Held:
+        return self.held
+
+    def broken(self, found: float) -> str:
+        return self.held.broken(found)
+
+    def kept(self, worst: float) -> str:
+        return self.held.kept(worst)
 
 
 def _travel(middle: Array, delta: Array, off: Array) -> Array:

@@ -15,7 +15,10 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status, proven
-from hdplan.planner.job.world import REACH, World, moves_fingers
+from hdplan.planner.job.changes import REACH, after
+from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, standing_scene
+from hdplan.planner.job.touching import touched
+from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
@@ -23,8 +26,9 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.job import Grip, Release, Touch, Wait
+from hdplan.scenes.job import Grip, Release, Set, Wait
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.stage import Touch
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
@@ -36,7 +40,7 @@ class StageCertificate:
     """What is proven of one stage."""
 
     name: str
-    kind: str  # "move", "line", "grip", "release" or "wait"
+    kind: str  # "move", "line", "circle", "along", "grip", "release", "set" or "wait"
     begins: float  # [s]
     ends: float  # [s]
     held: tuple[str, ...]  # objects that are held in it
@@ -124,6 +128,11 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
         wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
         asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
         raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {asked}")
+    for mark, each in zip(trajectory.stages, scene.job.stages, strict=False):
+        outputs = each.outputs if isinstance(each, Set) else {}
+        if repr(dict(mark.outputs)) != repr(dict(outputs)):  # True is no 1.0
+            said = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
+            raise InputError(f"trajectory: stage '{mark.name}' {said}")
     found, seen = [], world.notes
     for number in range(len(marks)):
         part = stage_motion(trajectory, number)
@@ -149,8 +158,8 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     """Certify the motion of one stage from what there is before it; also return what there is after it."""
     assert world.scene.job is not None
     stage, name = world.scene.job.stages[number], world.scene.job.names[number]
-    scene = world.stage_scene(number)
-    certifier = Certifier(Setup.of(scene))
+    setup = stage_setup(world, number)
+    scene, certifier = setup.asked, Certifier(setup)
     with naming(f"stage '{name}'"):
         certificate = certifier.certify(part)
         curve = curve_of(certifier.robot, part)
@@ -158,9 +167,9 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     assert times is not None
     fingers = moves_fingers(stage)
     if fingers and certificate.certified:
-        certificate = _with_the_arm(certificate, Setup.of(world.standing_scene(number)))
+        certificate = _with_the_arm(certificate, Setup.of(standing_scene(world, number)))
     wrong = ""
-    if isinstance(stage, Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
+    if isinstance(stage, Set | Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
         wrong = "the robot moves where it is to stand still"
     elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
         wrong = f"the robot waits {times[-1] - times[0]:g} s, the job asks for {stage.seconds:g} s"
@@ -179,7 +188,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         certificate,
         _on_touch(world, number, curve),
     )
-    return found, world.after(number, curve.rows[-1])
+    return found, after(world, number, certifier.robot, curve.rows[-1])
 
 
 def standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
@@ -212,7 +221,7 @@ def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
     if not stage.touch and not (world.held and moves_fingers(stage)):
         return ()
     notes = []
-    for (one, other), least in world.touched(number, curve.rows[[0, -1]]).items():
+    for (one, other), least in touched(world, number, curve.rows[[0, -1]]).items():
         if least > REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
         elif least < -DEEP:

@@ -1,35 +1,52 @@
-"""Configurations along a straight line of a link: inverse kinematics from each place to the next."""
+"""Configurations along the poses of a link: inverse kinematics from each place to the next."""
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
-from hdplan.planner.job.places import link_pose
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.lazy_imports import scipy
+from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
 STEPS = 60  # of damped least squares at a place, at most
 EXACT = 1e-7  # [m] and [rad]
-FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places: beyond it the line runs through a singularity
+FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places: beyond it the curve runs through a singularity
+ARM = 0.3  # [m] by which turns count as lengths, where places are spread over a curve
+CORNER = 0.2  # [rad] between two directions: there the link stops
 
 
 class NotFollowedError(Exception):
-    """A line that the arm cannot follow from where it begins, and where it ends to do so."""
+    """A curve that the arm cannot follow from where it begins, and where it ends to do so."""
 
 
-def along_line(robot: Robot, start: Array, target: PoseTarget, count: int) -> Array:
-    """Return configurations (count, n) that bring the target's link from where it is at `start` (n,) straight to the
-    target's position, evenly, without turning. Raises NotFollowedError."""
-    assert target.link is not None
-    begins = link_pose(robot, start, target.link)
-    ends = np.array(target.pose.position)
+def smooth_parts(follow: Follow) -> list[Follow]:
+    """Return a curve cut where its direction changes abruptly: what a link can follow without a stop."""
+    poses = np.array([pose.matrix for pose in follow.poses])
+    steps = np.concatenate([np.diff(poses[:, :3, 3], axis=0), ARM * _turns(poses, follow.free_rotation)], axis=1)
+    lengths = np.linalg.norm(steps, axis=1)
+    moving = np.flatnonzero(lengths > 0.0)
+    ways = steps[moving] / lengths[moving, None]
+    sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
+    cuts = [0, *moving[1:][sharp].tolist(), len(poses) - 1]
+    return [_cut(follow, begin, end) for begin, end in itertools.pairwise(cuts)]
+
+
+def _cut(follow: Follow, begin: int, end: int) -> Follow:
+    return Follow(follow.link, follow.poses[begin : end + 1], free_rotation=follow.free_rotation)
+
+
+def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array:
+    """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly.
+    Raises NotFollowedError."""
     rows = [start]
-    for share in np.linspace(0.0, 1.0, count)[1:]:
-        place = (1.0 - share) * begins[:3, 3] + share * ends
-        aim = Aim.at(robot, PoseTarget(target.link, Pose(place, target.pose.quaternion_xyzw)))
+    for share, pose in zip(np.linspace(0.0, 1.0, count)[1:], _spread(follow, count)[1:], strict=True):
+        aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
         q = np.clip(2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start, robot.lower, robot.upper)[None]
         for _ in range(STEPS):
             error, jacobian = aim.linearized(q)
@@ -43,8 +60,37 @@ def along_line(robot: Robot, start: Array, target: PoseTarget, count: int) -> Ar
                 if len(at_limit)
                 else "no joints reach farther"
             )
-            raise NotFollowedError(f"{target.link} cannot be brought along beyond {share:.0%} of the line: {why}")
+            raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way: {why}")
         if np.abs(q[0] - rows[-1]).max() > FARTHEST:
-            raise NotFollowedError(f"the arm would have to turn over at {share:.0%} of the line")
+            raise NotFollowedError(f"the arm would have to turn over at {share:.0%} of the way, near a singularity")
         rows.append(q[0])
     return np.array(rows)
+
+
+def _spread(follow: Follow, count: int) -> list[Pose]:
+    """Return poses that are spread evenly over a curve."""
+    poses = np.array([pose.matrix for pose in follow.poses])
+    turns = _turns(poses, follow.free_rotation)
+    steps = np.hypot(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), ARM * np.linalg.norm(turns, axis=1))
+    along = np.interp(
+        np.linspace(0.0, steps.sum(), count), np.concatenate([[0.0], np.cumsum(steps)]), np.arange(len(poses))
+    )
+    segment = np.minimum(along.astype(np.int64), len(poses) - 2)
+    share = (along - segment)[:, None]
+    rotation = scipy.spatial.transform.Rotation
+    turned = rotation.from_rotvec(share * turns[segment]) * rotation.from_matrix(poses[segment, :3, :3])
+    places = (1.0 - share) * poses[segment, :3, 3] + share * poses[segment + 1, :3, 3]
+    return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.as_quat().tolist(), strict=True)]
+
+
+def _turns(poses: Array, free: str) -> Array:
+    """Return the rotation vectors (N − 1, 3) from each of some poses (N, 4, 4) to the next; of a free axis, the
+    shortest ones that take it along."""
+    if free == "none":
+        between = poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)
+        return np.asarray(scipy.spatial.transform.Rotation.from_matrix(between).as_rotvec())
+    axes = poses[:, :3, "xyz".index(free)]
+    about = np.cross(axes[:-1], axes[1:])
+    sine = np.linalg.norm(about, axis=1)
+    angle = np.arctan2(sine, (axes[:-1] * axes[1:]).sum(axis=1))
+    return np.asarray(about * (angle / np.maximum(sine, 1e-300))[:, None])

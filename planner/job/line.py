@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.job.places import along, fixed_link, pose_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.curve_stages import Line
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.job import Line
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Within
 from hdplan.scenes.targets import Goals, PoseTarget
 

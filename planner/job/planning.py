@@ -18,8 +18,11 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.job.certify import certified_stage, certify_job, standing
-from hdplan.planner.job.following import NotFollowedError, along_line
+from hdplan.planner.job.changes import after
+from hdplan.planner.job.following import NotFollowedError, along_poses, smooth_parts
+from hdplan.planner.job.places import link_pose, pose_of
 from hdplan.planner.job.result import JobResult
+from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
@@ -28,8 +31,10 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError, naming
-from hdplan.scenes.job import Grip, Line, Move, Release, Wait, stage_name
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait, stage_name
+from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
@@ -91,7 +96,7 @@ def plan_job(
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
-    trajectory = joined(pieces, names)
+    trajectory = joined(pieces, scene.job)
     certificate = certify_job(scene, trajectory)
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     said = (
@@ -155,9 +160,10 @@ class _Search:
             else:
                 self.refused.append((number, found))
             return
-        scene = world.stage_scene(number)
+        setup = stage_setup(world, number)
+        scene = setup.asked
         try:
-            goals = self._goals(scene)
+            goals = self._goals(setup)
         except UnsolvableError as error:
             self.refused.append((number, _cause(error, scene)))
             return
@@ -171,22 +177,22 @@ class _Search:
             except _StageFailedError as failed:
                 self.refused.append((number, str(failed)))
 
-    def _goals(self, scene: Scene) -> tuple[JointTarget, ...]:
+    def _goals(self, setup: Setup) -> tuple[JointTarget, ...]:
         """Return the configurations to which a stage may lead."""
-        if isinstance(scene.goal, JointTarget):
-            return (scene.goal,)
-        return goal_choice(Certifier(Setup.of(scene)), self.seed).goals
+        if isinstance(setup.scene.goal, JointTarget):
+            return (setup.scene.goal,)
+        return goal_choice(Certifier(setup), self.seed).goals
 
     def _look_ahead(self, world: World, number: int, goal: JointTarget) -> None:
         """Try the stages up to the next move of the arm from a configuration. Raises _StageFailedError."""
         assert goal.positions is not None
-        there = world.after(number, np.array(goal.positions))
-        for after in range(number + 1, len(self.stages)):
-            if isinstance(self.stages[after], Move):
+        there = after(world, number, stage_setup(world, number).robot, np.array(goal.positions))
+        for following in range(number + 1, len(self.stages)):
+            if isinstance(self.stages[following], Move):
                 return
-            found = self._only(there, after)
+            found = self._only(there, following)
             if isinstance(found, str):
-                name = stage_name(self.stages[after], after)
+                name = stage_name(self.stages[following], following)
                 raise _StageFailedError(f"given up, as stage '{name}' cannot follow it: {found}")
             there = found.after
 
@@ -202,8 +208,9 @@ class _Search:
             raise _StageFailedError(_cause(error, scene)) from None
         if not result.certified:
             raise _StageFailedError(result.certificate.text)
-        rows = curve_of(Setup.of(aimed).robot, result.trajectory).rows
-        return Piece(result.trajectory, world.after(number, rows[-1]), result.notes)
+        robot = stage_setup(world, number).robot
+        rows = curve_of(robot, result.trajectory).rows
+        return Piece(result.trajectory, after(world, number, robot, rows[-1]), result.notes)
 
     def _only(self, world: World, number: int) -> Piece | str:
         """Do a stage that leaves no choice, or say why it cannot be done; what was found once is kept."""
@@ -219,41 +226,46 @@ class _Search:
         return made
 
     def _done(self, world: World, number: int) -> Piece:
-        stage, scene = self.stages[number], world.stage_scene(number)
-        setup = Setup.of(scene)
-        robot = setup.robot
+        stage, setup = self.stages[number], stage_setup(world, number)
+        scene, robot = setup.asked, setup.robot
         with naming(scene.source):  # values that the stage's own limits do not allow
             start = robot.configuration(scene.start)
             goal = robot.configuration(scene.goal) if isinstance(scene.goal, JointTarget) else start
         match stage:
-            case Line():
-                assert isinstance(scene.goal, Goals)
-                (target,) = scene.goal.targets
-                assert isinstance(target, PoseTarget)
-                motion = self._followed(setup, start, target)
+            case Curve():
+                return self._followed(world, number, start)
             case Grip() | Release() if stage.joints:
                 motion = self._timed(setup, np.linspace(start, goal, HAND_PLACES))
-            case Grip() | Release():
+            case Grip() | Release() | Set():
                 motion = standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
             case Wait():
                 motion = standing(robot, start, stage.seconds)
             case _:
                 raise TypeError(f"{stage.kind} leaves a choice")
-        found, after = certified_stage(world, number, motion)
+        found, there = certified_stage(world, number, motion)
         if not found.certificate.certified:
             raise _StageFailedError(found.certificate.text)
-        return Piece(motion, after, found.certificate.notes)
+        return Piece(motion, there, found.certificate.notes)
 
-    def _followed(self, setup: Setup, start: Array, target: PoseTarget) -> Trajectory:
-        certifier = Certifier(setup)
+    def _followed(self, world: World, number: int, start: Array) -> Piece:
+        """Follow the curve of a stage. Raises _StageFailedError."""
+        setup = stage_setup(world, number)
+        follow = setup.scene.path.follow or _straight(setup, start)
         for count in PLACES:
-            try:
-                motion = self._timed(setup, along_line(setup.robot, start, target, count))
-            except NotFollowedError as error:
-                raise _StageFailedError(str(error)) from None
-            if certifier.certify(motion).status is not Status.OFF_PATH:
+            motions: list[Trajectory] = []
+            for part in smooth_parts(follow):
+                begins = motions[-1].positions[-1] if motions else start
+                try:
+                    motions.append(self._timed(setup, along_poses(setup.robot, begins, part, count)))
+                except NotFollowedError as error:
+                    raise _StageFailedError(str(error)) from None
+            motion = one_after_other(motions)
+            found, there = certified_stage(world, number, motion)
+            if found.certificate.certified:
+                return Piece(motion, there, found.certificate.notes)
+            if found.certificate.status is not Status.OFF_PATH:
                 break
-        return motion
+        raise _StageFailedError(found.certificate.text)
 
     def _timed(self, setup: Setup, waypoints: Array) -> Trajectory:
         from hdplan.planner.timing.retiming import Retimer
@@ -262,11 +274,36 @@ class _Search:
         return Retimer(setup)(path).trajectory
 
 
+def _straight(setup: Setup, start: Array) -> Follow:
+    """Return the line of a stage along which nothing turns."""
+    assert isinstance(setup.scene.goal, Goals)
+    (target,) = setup.scene.goal.targets
+    assert isinstance(target, PoseTarget)
+    assert target.link is not None
+    return Follow(target.link, (pose_of(link_pose(setup.robot, start, target.link)), target.pose))
+
+
+def one_after_other(motions: Sequence[Trajectory]) -> Trajectory:
+    """Return motions of the same joints, each of which begins with the row with which the last one ended, as one."""
+    rows: list[list[Array]] = [[], [], [], []]
+    begins = 0.0
+    for i, motion in enumerate(motions):
+        assert motion.times is not None
+        assert motion.velocities is not None
+        assert motion.accelerations is not None
+        times = begins + (motion.times - motion.times[0])
+        for kept, given in zip(rows, (motion.positions, times, motion.velocities, motion.accelerations), strict=True):
+            kept.append(given[min(i, 1) :])
+        begins = float(times[-1])
+    positions, times, velocities, accelerations = (np.concatenate(each) for each in rows)
+    return Trajectory(motions[0].joint_names, positions, motions[0].locked, times, velocities, accelerations)
+
+
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:
     return str(error).removeprefix(f"{scene.source}: ")
 
 
-def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
+def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:
     """Return one motion of all joints that the pieces move, one piece after the other, with marks where they begin. A
     piece begins with the row with which the last one ended; there everything rests."""
     joints = tuple(dict.fromkeys(joint for piece in pieces for joint in piece.motion.joint_names))
@@ -277,7 +314,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
         if joint not in pieces[0].motion.joint_names
     }
     blocks, marks, times, begins, row = [], [], [], 0.0, 0
-    for i, (piece, name) in enumerate(zip(pieces, names, strict=False)):
+    for i, (piece, name, stage) in enumerate(zip(pieces, job.names, job.stages, strict=False)):
         motion = piece.motion
         assert motion.times is not None
         rows = np.zeros((3, len(motion), len(joints)))
@@ -294,7 +331,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> Trajectory:
         first = 0 if i == 0 else 1
         blocks.append(rows[:, first:])
         times.append((begins + (motion.times - motion.times[0]))[first:])
-        marks.append(StageMark(name, row))
+        marks.append(StageMark(name, row, stage.outputs if isinstance(stage, Set) else {}))
         row += len(motion) - 1
         begins = float(times[-1][-1])
     positions, velocities, accelerations = np.concatenate(blocks, axis=1)

@@ -17,7 +17,7 @@ from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import shorten
 
 if TYPE_CHECKING:
-    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.motion.trajectory import StageMark, Trajectory
 
 KEYS = (
     "hdplan_trajectory",
@@ -45,10 +45,19 @@ def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -
         f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
         *timed,
         *(_rows(key, values) for key in ROW_RATES if (values := getattr(trajectory, key)) is not None),
-        *([f'"stages": {json.dumps([vars(mark) for mark in trajectory.stages])}'] if trajectory.stages else []),
+        *(
+            [f'"stages": {json.dumps([_mark(mark) for mark in trajectory.stages], allow_nan=False)}']
+            if trajectory.stages
+            else []
+        ),
         *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
+
+
+def _mark(mark: StageMark) -> dict[str, Any]:
+    said = {"name": mark.name, "row": mark.row}
+    return {**said, "outputs": dict(mark.outputs)} if mark.outputs else said
 
 
 def _rows(key: str, values: NDArray[np.float64]) -> str:

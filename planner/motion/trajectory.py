@@ -21,6 +21,7 @@ from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, 
 from hdplan.planner.motion.samples import Samples
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
+from hdplan.scenes.job import outputs_of
 from hdplan.scenes.output import write_output
 from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.values import Named, Number, Row, Whole, checked, path_of, text
@@ -36,6 +37,7 @@ class StageMark:
 
     name: str
     row: int  # of the trajectory
+    outputs: Mapping[str, bool | float | str] = field(default_factory=dict)  # that are set there
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,13 +241,14 @@ def _marks(value: object, rows: int, timed: bool) -> tuple[StageMark, ...]:
         raise InputError("stages: need times, which are missing")
     found: list[StageMark] = []
     for i, mark in enumerate(value if isinstance(value, list | tuple) else (None,)):
-        if isinstance(mark, Mapping) and mark.keys() == {"name", "row"}:
-            mark = StageMark(mark["name"], mark["row"])
+        if isinstance(mark, Mapping) and {"name", "row"} <= mark.keys() <= {"name", "row", "outputs"}:
+            mark = StageMark(mark["name"], mark["row"], mark.get("outputs", {}))
         if not isinstance(mark, StageMark):
-            raise InputError(f"stages[{i}]: a name and a row are expected")
+            raise InputError(f"stages[{i}]: a name and a row are expected, and maybe outputs")
         name = checked(text, mark.name, f"stages[{i}].name")
         row = checked(Whole(found[-1].row + 1 if found else 0, rows - 2 if found else 0), mark.row, f"stages[{i}].row")
-        found.append(StageMark(name, row))
+        outputs = checked(outputs_of, mark.outputs, f"stages[{i}].outputs") if mark.outputs != {} else {}
+        found.append(StageMark(name, row, outputs))
     return tuple(found)
 
 

@@ -27,10 +27,10 @@ from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
-from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
 BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
@@ -318,6 +318,8 @@ def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) ->
             sides = np.isfinite(half)
             point = placement.act(np.array(asked.point))
             return WithinMeasure(joint, point, supports[joint], box[:3, 3], box[:3, :3].T[sides], half[sides])
+        case Follow():
+            raise InputError(f"{field}: a single motion is not planned along a curve; a stage of a job is")
         case _:
             assert_never(asked)
 

@@ -9,8 +9,8 @@ from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import naming
-from hdplan.scenes.path_constraints import AXES, PathConstraint, Relative, Upright, Within
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.path_constraints import AXES, Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 
@@ -42,6 +42,8 @@ def _constraint(asked: PathConstraint, from_request: bool) -> Plain:
                 "position_tolerance": asked.position_tolerance,
                 "orientation_tolerance": asked.orientation_tolerance,
             }
+        case Follow():
+            raise InputError("path.follow: no proof file holds that a curve is followed; hdplan check proves it")
         case _:
             assert_never(asked)
 

@@ -15,7 +15,7 @@ from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
-from hdplan.scenes.path_constraints import PathConstraint, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget
@@ -180,6 +180,9 @@ def _kept_all_along(asked: PathConstraint) -> str:
         case Relative(link, to):
             allowed = f"{asked.position_tolerance * 1e3:g} mm and {asked.orientation_tolerance:g} rad"
             return f"{link} keeps its pose at {to}, within {allowed}"
+        case Follow(link, poses):
+            allowed = f"{asked.position_tolerance * 1e3:g} mm and {asked.orientation_tolerance:g} rad"
+            return f"{link} follows a curve of {len(poses)} poses, within {allowed}"
         case _:
             assert_never(asked)
 

@@ -92,7 +92,12 @@ class RateLimit:
 def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
     """Return the limits that a scene has; modules for the others are not even imported. Raises InputError for limits
     and loads that do not match the robot, LookupError for a limit that nothing here keeps."""
-    return tuple(_kept(name, limit, setup) for name, limit in setup.limits.items())
+    of_tool = []
+    if setup.scene.path.follow is not None and setup.scene.path.follow.rated:
+        from hdplan.planner.timing.tool_limit import ToolLimit
+
+        of_tool.append(ToolLimit(setup))
+    return (*(_kept(name, limit, setup) for name, limit in setup.limits.items()), *of_tool)
 
 
 def _kept(quantity: str, limit: Array, setup: Setup) -> TimingLimit:

@@ -6,12 +6,14 @@ values, and what one section needs of another.
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
-from hdplan.scenes.pose_fields import pose_of, read_pose
+from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
+from hdplan.scenes.pose_fields import pose_of, read_pose, read_poses
 from hdplan.scenes.timing import Timing
 
 
@@ -22,7 +24,7 @@ def read_motion(section: Field) -> SteadyMotion | TimedPoses:
         return section.make(SteadyMotion, **keys)
     if len(keys) != 2 or "times" not in keys or "poses" not in keys:
         raise section.error(f"must have either velocity and spin, or times and poses, found {', '.join(keys)}")
-    poses = tuple(read_pose(pose) for pose in keys["poses"].items(of="poses"))
+    poses = read_poses(keys["poses"])
     return section.make(TimedPoses, times=keys["times"], poses=poses)
 
 
@@ -51,12 +53,13 @@ def read_payload(section: Field) -> Payload:
 
 
 def read_path(section: Field) -> PathConstraints:
-    """Read path constraints: ``upright``, ``position`` and ``relative``."""
-    keys = _filled(section, ("upright", "position", "relative"))
+    """Read path constraints: ``upright``, ``position``, ``relative`` and ``follow``."""
+    keys = _filled(section, ("upright", "position", "relative", "follow"))
     return PathConstraints(
         _upright(keys["upright"]) if "upright" in keys else None,
         _within(keys["position"]) if "position" in keys else None,
         _relative(keys["relative"]) if "relative" in keys else None,
+        _follow(keys["follow"]) if "follow" in keys else None,
     )
 
 
@@ -93,3 +96,8 @@ def _filled(section: Field, allowed: tuple[str, ...] | None = None) -> dict[str,
         expected = f"some of {', '.join(allowed)}" if allowed else "joints with their ranges"
         raise section.error(f"is empty: leave it out, or give {expected}")
     return keys
+
+
+def _follow(section: Field) -> Follow:
+    keys = section.mapping([each.name for each in fields(Follow)], required=["link", "poses"])
+    return section.make(Follow, **{**keys, "poses": read_poses(keys["poses"])})

@@ -4,25 +4,41 @@ may have."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, assert_never
 
+from hdplan.scenes.curve_stages import Along, Curve
 from hdplan.scenes.fields import Field
-from hdplan.scenes.job import KINDS, WORLD, Grip, Job, Line, Move, Release, Stage, Wait, stages_of
+from hdplan.scenes.job import KINDS, Grip, Job, Move, Release, Set, Stage, Wait, stages_of
 from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.pose_fields import read_poses
+from hdplan.scenes.pose_table import read_pose_table
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.values import checks_of
 from hdplan.scenes.yaml_format.effects import read_limits, read_path
+from hdplan.scenes.yaml_format.repeat import repeated
 from hdplan.scenes.yaml_format.targets import read_goal
 
 COMMON = ("name", "touch", "limits", "speed")
-LINE = ("by", "to", "frame", "link", "position_tolerance", "orientation_tolerance")
-GRIP = ("joints", "object", "link", "mass")
-RELEASE = ("joints", "object")
+OWN: dict[type[Stage], tuple[str, ...]] = {  # keys of each kind, which are fields of its class
+    kind: tuple(each.name for each in dataclasses.fields(kind) if each.name not in (*COMMON, "path"))
+    for kind in KINDS.values()
+}
+DEFAULTS = ("frame", "free_rotation")  # are not written
 
 
 def read_job(section: Field) -> Job:
     """Read the stages. Raises InputError for unknown kinds and keys, and for values that are not allowed."""
-    return Job(section.checked(stages_of, [_stage(entry) for entry in section.items(of="stages")]))
+    return Job(section.checked(stages_of, [_stage(entry) for entry in _entries(section)]))
+
+
+def _entries(section: Field) -> Iterator[Field]:
+    """Yield the entries of all stages, those that are repeated once for each row."""
+    for entry in section.items(of="stages"):
+        if isinstance(entry.value, Mapping) and "repeat" in entry.value:
+            yield from repeated(entry.mapping(("repeat",), required=["repeat"])["repeat"])
+        else:
+            yield entry
 
 
 def _stage(entry: Field) -> Stage:
@@ -42,35 +58,55 @@ def _stage(entry: Field) -> Stage:
     match kind:
         case "move":
             return entry.make(Move, goal=read_goal(said), **values)
-        case "line":
-            return _made(entry, kind, Line, said.mapping(LINE), values)
-        case "grip":
-            return _made(entry, kind, Grip, said.mapping(GRIP), values)
-        case "release":
-            return _made(entry, kind, Release, said.mapping(RELEASE), values)
+        case "along":
+            keys = said.mapping((*OWN[Along], "file"))
+            return _made(entry, kind, Along, {**keys, "poses": _poses(said, keys)}, values)
+        case "line" | "circle" | "grip" | "release":
+            return _made(entry, kind, KINDS[kind], said.mapping(OWN[KINDS[kind]]), values)
+        case "set":
+            return entry.make(Set, outputs=said.checked(checks_of(Set)["outputs"], said.value), **values)
         case _:
             seconds = said.checked(checks_of(Wait)["seconds"], said.value)
             return entry.make(Wait, seconds=seconds, **values)
 
 
-def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Field], common: dict[str, Any]) -> Stage:
+def _made(entry: Field, kind: str, make: Callable[..., Stage], own: dict[str, Any], common: dict[str, Any]) -> Stage:
     """Return a stage made of its own keys, at which errors are reported, and of those that every stage has."""
     bare = Field(entry.value, f"{entry.key}.{kind}", entry.document).make(make, **own)
     return entry.make(lambda **given: dataclasses.replace(bare, **given), **common)
 
 
-def stage_entry(stage: Stage, target: Callable[[Any], Any], effects: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-    """Return a stage as it is written; `target` writes a goal, `effects` the sections limits and path of what has such
-    fields."""
+def _poses(said: Field, keys: dict[str, Field]) -> tuple[Pose, ...]:
+    """Return the poses that stand here, or those of the file that is named."""
+    if ("file" in keys) == ("poses" in keys):
+        raise said.error("needs either file or poses")
+    return read_pose_table(keys.pop("file").path()) if "file" in keys else read_poses(keys["poses"])
+
+
+def stage_entry(
+    stage: Stage,
+    target: Callable[[Any], Any],
+    pose: Callable[[Pose], dict[str, Any]],
+    effects: Callable[[Any], dict[str, Any]],
+) -> dict[str, Any]:
+    """Return a stage as it is written; `target` writes a goal, `pose` a pose, `effects` the sections limits and path of
+    what has such fields."""
     match stage:
         case Move():
             said: Any = target(stage.goal)
-        case Line() | Grip() | Release():
-            keys = {Line: LINE, Grip: GRIP, Release: RELEASE}[type(stage)]
-            written = {key: getattr(stage, key) for key in keys}
-            said = {key: _plain(value) for key, value in written.items() if value is not None and value != {}}
-            if said.get("frame") == WORLD:
-                del said["frame"]
+        case Curve() | Grip() | Release():
+            kind = type(stage)
+            written = {key: getattr(stage, key) for key in OWN[kind]}
+            usual = {each.name: each.default for each in dataclasses.fields(kind) if each.name in DEFAULTS}
+            said = {
+                key: _plain(value)
+                for key, value in written.items()
+                if value is not None and value != {} and usual.get(key) != value
+            }
+            if isinstance(stage, Along):
+                said["poses"] = [pose(each) for each in stage.poses]
+        case Set():
+            said = dict(stage.outputs)
         case Wait():
             said = stage.seconds
         case _:

@@ -17,15 +17,17 @@ from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
+from hdplan.scenes.curve_stages import Along
 from hdplan.scenes.depth_images import DepthImage, measured, pinhole
-from hdplan.scenes.job import KINDS, MOST_STAGES, Wait, fingers_of, touching
+from hdplan.scenes.job import KINDS, MOST_STAGES, Set, Wait, fingers_of, outputs_of
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
-from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
+from hdplan.scenes.path_constraints import AXES, MOST_POSES, Follow, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, argument, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
+from hdplan.scenes.stage import touching
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import (
@@ -82,6 +84,7 @@ PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
     absolute_path: TEXT,
+    outputs_of: {"type": "object", "additionalProperties": {"anyOf": [{"type": ["boolean", "number"]}, TEXT]}},
     touching: {
         "type": "array",
         "items": {
@@ -125,7 +128,7 @@ def scene_schema() -> Schema:
                 "path": _nullable(_some(_path())),
                 "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
-                "job": _nullable({**_list(_stage()), "minItems": 1, "maxItems": MOST_STAGES}),
+                "job": _nullable({**_list({"anyOf": [_stage(), _repeated()]}), "minItems": 1, "maxItems": MOST_STAGES}),
             },
             required=("hdplan", "start"),
             about="One planning problem.",
@@ -170,6 +173,7 @@ def _path() -> Schema:
         "upright": _section(Upright),
         "position": _placed(Within),
         "relative": _section(Relative, pose=_pose()),
+        "follow": _section(Follow, poses={**_list(_pose()), "minItems": 2, "maxItems": MOST_POSES}),
     }
     return _object({name: _nullable(schema) for name, schema in constraints.items()})
 
@@ -180,7 +184,9 @@ def _stage() -> Schema:
     common = _section(Wait, without=("seconds",), limits=limits)["properties"]
     own = {
         "move": _one_key(_goal()),
-        **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "grip", "release")},
+        **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "circle", "grip", "release")},
+        "along": _along(tuple(common)),
+        "set": {**_value(checks_of(Set)["outputs"]), "minProperties": 1},
         "wait": _value(checks_of(Wait)["seconds"]),
     }
     some = {"type": "object", "properties": {"joints": {"type": "object", "minProperties": 1}}, "required": ["joints"]}
@@ -188,9 +194,25 @@ def _stage() -> Schema:
     own["grip"] = {**own["grip"], "anyOf": [_given("object"), {**some, **bare}]}
     own["release"] = {**own["release"], "anyOf": [_given("object"), some]}
     own["line"] = {**own["line"], "oneOf": [_given("by"), _given("to")]}
+    either = [{"oneOf": [_given(name) for name in names]} for names in (("by", "to"), ("interim", "center"))]
+    own["circle"] = {**own["circle"], "allOf": either}
     kinds: dict[str, Schema] = {kind: {"anyOf": [schema, {"type": "null"}]} for kind, schema in own.items()}
     alone = {"anyOf": [_given("move"), {"not": _given("path")}]}
     return {**_object({**kinds, **common, "path": path}), "oneOf": [_given(kind) for kind in own], "allOf": [alone]}
+
+
+def _repeated() -> Schema:
+    """Return stages that are repeated over a table; what stands in them is known once they have its values."""
+    some = {"type": "array", "items": {"type": "object"}, "minItems": 1}
+    return _one_key({"repeat": _object({"over": some, "stages": some}, ("over", "stages"))})
+
+
+def _along(common: Collection[str]) -> Schema:
+    """Return a list of poses to be followed: in a file, or here."""
+    section = _section(Along, without=("poses", *common))
+    poses = {**_list(_pose()), "minItems": 2, "maxItems": MOST_POSES}
+    section["properties"] = {"file": _nullable(TEXT), "poses": _nullable(poses), **section["properties"]}
+    return {**section, "oneOf": [_given("file"), _given("poses")]}
 
 
 def _robot() -> Schema:

@@ -12,11 +12,12 @@ from typing import Any, assert_never
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.depth_images import DepthImage
-from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraint, PathConstraints, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraint, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
@@ -30,6 +31,7 @@ from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1
+CURVE = "link position_tolerance orientation_tolerance free_rotation tool_speed tool_acceleration"
 WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes itself by its fields is not listed
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
@@ -54,12 +56,16 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Upright: "link axis tolerance",
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
+    Follow: "link poses position_tolerance orientation_tolerance free_rotation speed acceleration",
     Timing: "duration scale rate",
     Job: "stages",
     Move: "name touch limits speed goal path",
-    Line: "name touch limits speed by to frame link position_tolerance orientation_tolerance",
+    Line: f"name touch limits speed {CURVE} by to frame turn rpy",
+    Circle: f"name touch limits speed {CURVE} by to frame turn rpy interim center",
+    Along: f"name touch limits speed {CURVE} poses frame",
     Grip: "name touch limits speed joints object link mass",
     Release: "name touch limits speed joints object",
+    Set: "name touch limits speed outputs",
     Wait: "name touch limits speed seconds",
 }
 for _kind, _known in WRITTEN.items():
@@ -102,7 +108,7 @@ def scene_text(scene: Scene) -> str:
     if changed:
         lines.append(f"planner: {flow_style(changed)}")
     if scene.job is not None:
-        stages = (stage_entry(stage, _target, _own_effects) for stage in scene.job.stages)
+        stages = (stage_entry(stage, _target, _pose, _own_effects) for stage in scene.job.stages)
         lines += ["job:", *(f"  - {flow_style(stage)}" for stage in stages)]
     return "\n".join(lines) + "\n"
 
@@ -171,6 +177,10 @@ def _constraint(asked: PathConstraint) -> dict[str, Any]:
         case Relative(link, to, pose, place, turn):
             where = {} if pose is None else {"pose": _pose(pose)}
             return {"link": link, "to": to, **where, "position_tolerance": place, "orientation_tolerance": turn}
+        case Follow():
+            given = {each.name: getattr(asked, each.name) for each in fields(asked)}
+            given["poses"] = [_pose(pose) for pose in asked.poses]
+            return {name: value for name, value in given.items() if value is not None}
         case _:
             assert_never(asked)
 

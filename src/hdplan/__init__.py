@@ -58,12 +58,13 @@ if TYPE_CHECKING:
     from hdplan.planner.solvers.solution import Budget, Solution
     from hdplan.scenes.attached import Attached, Payload
     from hdplan.scenes.clouds import Cloud, Ignored
+    from hdplan.scenes.curve_stages import Along, Circle, Line
     from hdplan.scenes.depth_images import DepthImage
     from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, UnsolvableError
-    from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
+    from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-    from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
+    from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
     from hdplan.scenes.planner_settings import PlannerSettings
     from hdplan.scenes.poses import Pose
     from hdplan.scenes.robot_spec import RobotSpec
@@ -78,17 +79,20 @@ __version__ = "0.1.0"
 
 _HOMES = {  # of names, below hdplan
     "AllOf": "scenes.targets",
+    "Along": "scenes.curve_stages",
     "Attached": "scenes.attached",
     "Box": "scenes.shapes",
     "Budget": "planner.solvers.solution",
     "Capsule": "scenes.shapes",
     "Certificate": "planner.certificate.verdict",
+    "Circle": "scenes.curve_stages",
     "Cloud": "scenes.clouds",
     "ConvexBody": "distance.bodies",
     "Cylinder": "scenes.shapes",
     "DepthImage": "scenes.depth_images",
     "Ellipsoid": "scenes.shapes",
     "Event": "planner.search.search",
+    "Follow": "scenes.path_constraints",
     "Grip": "scenes.job",
     "HdplanError": "scenes.errors",
     "Ignored": "scenes.clouds",
@@ -97,7 +101,7 @@ _HOMES = {  # of names, below hdplan
     "JobCertificate": "planner.job.certify",
     "JobResult": "planner.job.result",
     "Limits": "scenes.limits",
-    "Line": "scenes.job",
+    "Line": "scenes.curve_stages",
     "Mesh": "scenes.shapes",
     "Move": "scenes.job",
     "NotProvenError": "planner.proof.proof",
@@ -121,6 +125,7 @@ _HOMES = {  # of names, below hdplan
     "Samples": "planner.motion.samples",
     "Scene": "scenes.scene",
     "SelfCollision": "scenes.obstacles",
+    "Set": "scenes.job",
     "Solution": "planner.solvers.solution",
     "Sphere": "scenes.shapes",
     "StageCertificate": "planner.job.certify",
@@ -152,17 +157,20 @@ _HOMES = {  # of names, below hdplan
 
 __all__ = [
     "AllOf",
+    "Along",
     "Attached",
     "Box",
     "Budget",
     "Capsule",
     "Certificate",
+    "Circle",
     "Cloud",
     "ConvexBody",
     "Cylinder",
     "DepthImage",
     "Ellipsoid",
     "Event",
+    "Follow",
     "Grip",
     "HdplanError",
     "Ignored",
@@ -195,6 +203,7 @@ __all__ = [
     "Samples",
     "Scene",
     "SelfCollision",
+    "Set",
     "Solution",
     "Sphere",
     "StageCertificate",

@@ -119,7 +119,7 @@ limits: {acceleration: 4}
         ("job: [{fly: 1}]", r"job\[0\]: unknown key 'fly'"),
         ("job: []", "job: must be a list of one or more stages"),
         ("job: [{move: {state: default}, wait: 1}]", "has more than one of move, wait"),
-        ("job: [{name: a}]", "has none of the keys move, line, grip, release, wait"),
+        ("job: [{name: a}]", "has none of the keys move, line, circle, along, grip, release, set, wait"),
         ("job: [{line: {by: [0, 0, 1], too: [0, 0, 1]}}]", r"job\[0\].line: unknown key 'too' \(did you mean 'to'\?\)"),
         ("job: [{line: {}}]", "must have either 'by' or 'to', found neither"),
         ("job: [{line: {by: [0, 0, 0]}}]", r"job\[0\].line.by: has no length"),

@@ -16,13 +16,14 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.job import Grip, Job, Line, Move, Release, Wait
+from hdplan.scenes.job import Grip, Job, Move, Release, Set, Wait
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
+from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import Pose, from_rpy
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
@@ -310,6 +311,11 @@ class Maker:
         within = Within(self.name(), (np.inf, self.number(), self.number()), self.pose(), self.vector())
         pose = self.maybe(self.pose(), None)
         relative = Relative(f"a {self.name()}", f"b {self.name()}", pose, self.number(high=1.0), self.number(high=3.0))
+        turned = from_rpy(*self.rng.uniform(-0.4, 0.4, 3).tolist())
+        near = Pose(self.vector(), turned), Pose(self.vector()), Pose(self.vector(), turned)
+        rates = self.maybe(self.number(), None), self.maybe(None, self.number())
+        free = ("none", "x", "y", "z")[int(self.rng.integers(4))]
+        follow = Follow(self.name(), near, self.number(high=1.0), self.number(high=3.0), free, *rates)
         timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
         settings = PlannerSettings(
             17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7, "energy"
@@ -331,7 +337,7 @@ class Maker:
             self_collision=own,
             limits=limits,
             payload=self.maybe(payload, None),
-            path=PathConstraints(self.maybe(upright, None), self.maybe(within, None), self.maybe(relative, None)),
+            path=PathConstraints(*(self.maybe(each, None) for each in (upright, within, relative, follow))),
             timing=timing,
         )
 
@@ -339,13 +345,18 @@ class Maker:
 def with_a_job() -> Scene:
     """A job in which no field of a stage is at its default."""
     every: dict[str, Any] = {"touch": [["a", ["b", "c"]]], "limits": Limits(acceleration=2.0), "speed": 0.5}
-    fine: dict[str, Any] = {"position_tolerance": 1e-4, "orientation_tolerance": 1e-3}
+    fine: dict[str, Any] = {"position_tolerance": 1e-4, "orientation_tolerance": 1e-3, "free_rotation": "x"}
+    fine |= {"link": "tool", "tool_speed": 0.1, "tool_acceleration": 0.2}
     job = Job([
         Move("default", PathConstraints(Upright("tool", "-z")), name="go", **every),
-        Line(by=[0.0, 0.1, 0.2], frame="tool", link="tool", name="down", **fine, **every),
-        Line(to=[0.0, 0.1, 0.2]),
+        Line(by=[0.0, 0.1, 0.2], frame="tool", turn=[0.1, 0.2, 0.3], name="down", **fine, **every),
+        Line(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3]),
+        Circle([0.0, 0.1, 0.2], None, "a", [0.1, 0.2, 0.3], None, [0.1, 0.1, 0.1], name="arc", **fine, **every),
+        Circle(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3], center=[0.1, 0.1, 0.1]),
+        Along([Pose([0.0, 0.1, 0.2]), Pose([0.1, 0.1, 0.2])], "tool", name="seam", **fine, **every),
         Grip({"finger": 0.1}, "a", "tool", 2.0, name="take", **every),
         Release({"finger": 0.1}, "a", name="leave", **every),
+        Set({"valve": True, "level": 0.5, "state": "on"}, name="valve", **every),
         Wait(0.5, name="stand", **every),
     ])  # fmt: skip
     return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)  # type: ignore[arg-type]

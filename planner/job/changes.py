@@ -1,0 +1,111 @@
+"""What a stage of a job leaves behind: the arm and the fingers elsewhere, an object taken or let go."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import assert_never
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.job.places import link_pose, pose_of
+from hdplan.planner.job.stage_scenes import stage_source
+from hdplan.planner.job.world import Array, World, shape_of
+from hdplan.planner.robot.link_frame import end_effector, links_of
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.job import Grip, Move, Release, Set, Wait
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.scene import derived
+
+REACH = 5e-3  # [m] from what is to hold an object, beyond which it cannot be taken hold of
+
+
+def after(world: World, number: int, robot: Robot, q: Array) -> World:
+    """Return what there is after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
+    InputError for an object that is out of reach."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    match stage:
+        case Move() | Curve():
+            return replace(world, arm=tuple(zip((joint for joint, _ in world.arm), q.tolist(), strict=True)))
+        case Set() | Wait():
+            return world
+        case Grip() | Release():
+            there = _with_hand(world, robot, q) if stage.joints else world
+            if stage.object is None:
+                return there
+            with naming(stage_source(world.scene, number)):
+                if isinstance(stage, Grip):
+                    return _taken(there, stage, stage.object)
+            return _let_go(there, stage.object)
+        case _:
+            assert_never(stage)
+
+
+def _with_hand(world: World, robot: Robot, q: Array) -> World:
+    moved = dict(zip(robot.unfolded.joint_names, robot.expand(q).tolist(), strict=True))
+    return replace(world, hand=tuple({**dict(world.hand), **moved}.items()))
+
+
+def _taken(world: World, stage: Grip, name: str) -> World:
+    """Take hold of an object where it stands."""
+    obstacle, robot = world.standing(name), world.robot
+    links, frames = links_of(robot), robot.model.frames
+    link = end_effector(robot, "grip") if stage.link is None else stage.link
+    if link not in links:
+        raise InputError(f"grip.link: unknown link '{link}'{nearest(link, links)}")
+    touching = [other for pair in stage.touch if name in pair for other in pair if other in links]
+    for other in touching:
+        if frames[links[other]].parentJoint != frames[links[link]].parentJoint:
+            raise InputError(
+                f"grip.link: '{link}' is to carry '{name}', but '{other}', which holds it (`touch`), moves "
+                "relative to that when the arm moves"
+            )
+    _check_reach(world, name, touching or [link])
+    pose = pose_of(np.linalg.inv(link_pose(robot, world.q, link)) @ obstacle.pose.matrix)
+    held = Attached(name, link, shape_of(obstacle), pose, tuple(dict.fromkeys(touching)), stage.mass)
+    return replace(
+        world, obstacles=tuple(each for each in world.obstacles if each is not obstacle), held=(*world.held, held)
+    )
+
+
+def _check_reach(world: World, name: str, holding: list[str]) -> None:
+    """Refuse to take hold of an object that one of the links which are to hold it is not close to."""
+    bare = replace(world.scene.robot, locked={**world.scene.robot.locked, **dict(world.hand)})
+    scene = derived(
+        world.scene,
+        job=None,
+        robot=bare,
+        start=world.start,
+        goal=world.start,
+        payload=None,
+        attached=(),
+        limits=Limits(),
+        timing=None,
+        obstacles=tuple(replace(each, clearance=None) for each in world.obstacles if each.name == name),
+    )
+    near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
+    if far := [link for link in holding if link not in near]:
+        raise InputError(
+            f"grip.object: '{name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it when "
+            "the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
+        )
+
+
+def _let_go(world: World, name: str) -> World:
+    """Leave a held object where it is."""
+    held = world.holding(name)
+    before = next((each for each in world.scene.obstacles if each.name == name), None)
+    pose = pose_of(world.place(name))
+    left = Obstacle(name, held.shape, pose) if before is None else replace(before, pose=pose)
+    others = tuple(  # it is no held object any more that they may touch
+        replace(each, touch_links=tuple(link for link in each.touch_links if link != name))
+        for each in world.held
+        if each is not held
+    )
+    return replace(world, obstacles=(*world.obstacles, left), held=others)

@@ -1,0 +1,46 @@
+"""Tables of poses: CSV files with the columns x, y, z [m], qx, qy, qz and qw in any order, and maybe time, which is not
+used."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+from hdplan.scenes.errors import FieldError, InputError, naming
+from hdplan.scenes.files import read_file
+from hdplan.scenes.poses import Pose
+
+COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+UNUSED = "time"
+
+
+def read_pose_table(path: str | Path) -> tuple[Pose, ...]:
+    """Return the poses of a file, one a row. Raises InputError for missing, unknown and repeated columns, for rows of
+    another length, and for what is no number or no unit quaternion."""
+    path = Path(path)
+    with naming(path):
+        rows = [row for row in csv.reader(read_file(path).decode("utf-8", "replace").splitlines()) if row]
+        head = [name.strip() for name in rows[0]] if rows else []
+        if sorted(name for name in head if name != UNUSED) != sorted(COLUMNS) or len({*head}) != len(head):
+            found = ", ".join(head)[:80] or "nothing"
+            raise InputError(f"must have the columns {', '.join(COLUMNS)} in its first line, found {found}")
+        return tuple(_pose(row, head, number) for number, row in enumerate(rows[1:], 2))
+
+
+def _pose(row: list[str], head: list[str], number: int) -> Pose:
+    if len(row) != len(head):
+        raise InputError(f"line {number}: has {len(row)} values, {len(head)} are expected")
+    given = dict(zip(head, row, strict=True))
+    values = []
+    for name in COLUMNS:
+        try:
+            values.append(float(given[name]))
+        except ValueError:
+            raise InputError(f"line {number}: {name}: must be a number, found {given[name][:40]!r}") from None
+        if not math.isfinite(values[-1]):
+            raise InputError(f"line {number}: {name}: must be a finite number, found {given[name][:40]!r}")
+    try:
+        return Pose(values[:3], values[3:])
+    except FieldError as error:
+        raise InputError(f"line {number}: {error}") from None

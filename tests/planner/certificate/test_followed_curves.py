@@ -1,0 +1,279 @@
+"""Laws of curves that are followed: bounds hold at every instant, and what does not follow is not certified."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+import hdplan
+from hdplan.planner.certificate import tool_rates
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
+from hdplan.planner.certificate.path_bounds import Part
+from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.robot_spec import PlanarBase
+
+LIMITS = hdplan.Limits(velocity=50.0, acceleration=1e5)
+TOOLS = {"panda": "panda_hand_tcp", "wheeled": "panda_hand_tcp", "ur5": "ee_link"}
+READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])  # of a Panda
+
+
+def tool_poses(robot: hdplan.Robot, rows: Any, link: str) -> tuple[Any, Any]:
+    """Positions (k, 3) and rotations (k, 3, 3) of a link, by Pinocchio."""
+    data, frame = robot.model.createData(), robot.model.getFrameId(link)
+    places, turns = [], []
+    for q in rows:
+        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+        places.append(data.oMf[frame].translation.copy())
+        turns.append(data.oMf[frame].rotation.copy())
+    return np.array(places), np.array(turns)
+
+
+def poses_of(places: Any, turns: Any) -> list[hdplan.Pose]:
+    quaternions = Rotation.from_matrix(turns).as_quat()
+    return [hdplan.Pose(place, turn) for place, turn in zip(places.tolist(), quaternions.tolist(), strict=True)]
+
+
+def setup_of(name: str, poses: list[hdplan.Pose], **more: Any) -> Setup:
+    follow = hdplan.Follow(TOOLS[name], poses, **more)
+    base = hdplan.Pose.from_rpy([0.2, -0.4, 1.9], [2.8, 0.3, 1.1])  # hanging, slanted
+    wheels = PlanarBase(x=(-3, 3), y=(-3, 3), yaw=(-3, 3)) if name == "wheeled" else None
+    robot = hdplan.RobotSpec(name="ur5" if name == "ur5" else "panda", base=base, base_joints=wheels)
+    count = {"panda": 7, "wheeled": 10, "ur5": 6}[name]
+    at = np.concatenate([np.zeros(3), READY])[-count:]
+    path = hdplan.PathConstraints(follow=follow)
+    return Setup.of(hdplan.Scene(robot=robot, start=at, goal=at, limits=LIMITS, path=path))
+
+
+def random_motion(rng: Any, n: int, rows: int = 5, span: float = 0.4) -> Curve:
+    middle = rng.uniform(-1.0, 1.0, n)
+    positions = middle + rng.uniform(-span, span, (rows, n))
+    times = np.cumsum(rng.uniform(0.05, 0.4, rows))
+    return Curve.through(positions, times, rng.uniform(-1, 1, (rows, n)), rng.uniform(-5, 5, (rows, n)))
+
+
+def values(check: PathCheck, held: Any, curve: Curve, spans: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+    middle, delta, off = curve.part(*spans)
+    frames = check.chain.frames(check.robot.pin_q(middle))
+    low, high = curve.bounds()
+    travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
+    asked = held.on(*spans)
+    found = asked.found(*frames)
+    return found, asked.bound(Part(check.chain, *frames, delta, off, travel), found)
+
+
+@pytest.mark.parametrize("name", TOOLS)
+@pytest.mark.parametrize("free", ["none", "y"])
+def test_bounds_hold_within_parts(name: str, free: str) -> None:
+    """On random parts of random motions along curves that have nothing to do with them, no value within a part exceeds
+    the part's bound; it is taken at the place at which u(t) is then."""
+    rng = np.random.default_rng([3, len(name), len(free)])
+    for _ in range(2):
+        turns = Rotation.random(4, random_state=int(rng.integers(1 << 30)))
+        turns = Rotation.from_rotvec(0.4 * turns.as_rotvec())
+        setup = setup_of(
+            name,
+            [hdplan.Pose(rng.uniform(-1, 1, 3), turn) for turn in turns.as_quat()],
+            free_rotation=free,
+            speed=1.0,
+            acceleration=1.0,
+        )
+        check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
+        motion = random_motion(rng, setup.robot.n)
+        helds = list(check._along(motion))
+        assert [type(each) for each in helds] == [OnCurve, TurnedAlong, tool_rates.ToolRate, tool_rates.ToolRate]
+        for held in helds:
+            interval, start, width = held.spans
+            chosen = rng.integers(len(interval), size=20)
+            share = rng.uniform(0.02, 1.0, 20)
+            begins = start[chosen] + rng.uniform(0, 1, 20) * (1.0 - share) * width[chosen]
+            spans = interval[chosen], begins, share * width[chosen]
+            _, bound = values(check, held, motion, spans)
+            for _ in range(6):
+                at = spans[1] + rng.uniform(0.0, 1.0, 20) * spans[2]
+                inside, _ = values(check, held, motion, (spans[0], at, np.zeros(20)))
+                assert (inside <= bound + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_rates_are_those_of_the_tool(name: str) -> None:
+    rng = np.random.default_rng([5, len(name)])
+    poses = [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]
+    setup = setup_of(name, poses, speed=1.0, acceleration=1.0)
+    check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
+    motion = random_motion(rng, setup.robot.n)
+    assert motion.times is not None
+    speed, acceleration = list(check._along(motion))[2:]
+    middle = np.full(len(motion) - 1, 0.43)
+    spans = np.arange(len(motion) - 1), middle, np.zeros(len(middle))
+    when, tick = motion.times[:-1] + 0.43 * motion.widths, 1e-4
+    places = [tool_poses(setup.robot, motion.at_time(when + k * tick), TOOLS[name])[0] for k in (-1, 0, 1)]
+    by_steps = np.linalg.norm(places[2] - places[0], axis=1) / (2 * tick)
+    np.testing.assert_allclose(values(check, speed, motion, spans)[0], by_steps, rtol=1e-5)
+    twice = np.linalg.norm(places[2] - 2 * places[1] + places[0], axis=1) / tick**2
+    np.testing.assert_allclose(values(check, acceleration, motion, spans)[0], twice, rtol=1e-4)
+
+
+def along(robot: hdplan.Robot, rng: Any, count: int = 41) -> tuple[Any, Any]:
+    """A smooth motion, and dense poses that it passes."""
+    start, way = READY + rng.uniform(-0.3, 0.3, robot.n), rng.uniform(-0.4, 0.4, robot.n)
+    share = np.linspace(0, 1, count)
+    rows = start + np.outer(share, way) + 0.1 * np.outer(np.sin(3 * share), rng.uniform(-1, 1, robot.n))
+    return rows, share
+
+
+def certified(setup: Setup, rows: Any, times: Any) -> hdplan.Certificate:
+    speeds = np.gradient(rows, times, axis=0)
+    speeds[[0, -1]] = 0.0
+    motion = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, times, speeds, np.zeros_like(rows))
+    return Certifier(setup).certify(motion, check_ends=False)
+
+
+def test_what_follows_is_certified_and_the_rest_is_not() -> None:
+    """The same curve there, backwards, back and forth, left out in the middle, only half, off it in one row, turned in
+    one row: only the first follows."""
+    rng = np.random.default_rng(8)
+    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    rows, _ = along(robot, rng)
+    dense = np.array([np.interp(np.linspace(0, 40, 401), np.arange(41), column) for column in rows.T]).T
+    poses = poses_of(*tool_poses(robot, dense, TOOLS["panda"]))
+    setup = setup_of("panda", poses, position_tolerance=2e-3, orientation_tolerance=2e-2)
+    times = np.linspace(0.0, 8.0, len(rows))
+    there = certified(setup, rows, times)
+    assert there.certified, there.text
+    assert {"path.follow.position_tolerance", "path.follow.orientation_tolerance"} == {
+        each.field for each in there.path
+    }
+    back_and_forth = np.concatenate([rows[:25], rows[24:9:-1], rows[10:]])
+    bad = {
+        "backwards": rows[::-1],
+        "half": rows[:21],
+        "begins late": rows[5:],
+        "back and forth": back_and_forth,
+        "left out": np.concatenate([rows[:10], rows[30:]]),
+    }
+    for what, forged in bad.items():
+        found = certified(setup, forged, np.linspace(0.0, 8.0, len(forged)))
+        assert found.status is Status.OFF_PATH, what
+    for joint in (0, 3, 5):
+        forged = rows.copy()
+        forged[17, joint] += 0.03
+        assert not certified(setup, forged, times).certified
+
+
+def test_a_closed_curve_is_not_followed_by_standing_still() -> None:
+    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    q = READY
+    (place,), (turn,) = tool_poses(robot, q[None], TOOLS["panda"])
+    ring = [place + [0.05 * np.sin(a), 0.05 * (1 - np.cos(a)), 0.0] for a in np.linspace(0, 2 * np.pi, 101)]
+    setup = setup_of("panda", poses_of(np.array(ring), np.tile(turn, (101, 1, 1))), position_tolerance=5e-3)
+    found = certified(setup, np.tile(q, (5, 1)), np.arange(5.0))
+    assert found.status is Status.OFF_PATH
+    turning = [Rotation.from_rotvec([0, 0, a]).as_matrix() @ turn for a in np.linspace(0, 2 * np.pi, 9)]
+    setup = setup_of("panda", poses_of(np.tile(place, (9, 1)), np.array(turning)))
+    assert certified(setup, np.tile(q, (5, 1)), np.arange(5.0)).status is Status.OFF_PATH
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_certified_means_near_the_curve_all_along(seed: int) -> None:
+    """Motions that are more and more off their curve: those that are certified are near it at 4,000 instants, at places
+    that never go back, by a search of its own (the discrete Fréchet distance)."""
+    rng = np.random.default_rng([seed, 77])
+    free = ["none", "z"][seed % 2]
+    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    rows, _ = along(robot, rng)
+    places, turns = tool_poses(robot, rows, TOOLS["panda"])
+    far, angle = 3e-3, 0.03
+    setup = setup_of(
+        "panda", poses_of(places, turns), position_tolerance=far, orientation_tolerance=angle, free_rotation=free
+    )
+    times, verdicts = np.linspace(0.0, 8.0, len(rows)), []
+    slerp = Slerp(np.arange(len(rows)), Rotation.from_matrix(turns))
+    fine = np.linspace(0, len(rows) - 1, 4001)
+    line = np.array([np.interp(fine, np.arange(len(rows)), column) for column in places.T]).T
+    for size in np.geomspace(1e-5, 3e-2, 6):
+        moved = rows + size * rng.uniform(-1, 1, rows.shape)
+        found = certified(setup, moved, times)
+        verdicts.append(found.certified)
+        if not found.certified:
+            continue
+        speeds = np.gradient(moved, times, axis=0)
+        speeds[[0, -1]] = 0.0
+        curve = Curve.through(moved, times, speeds, np.zeros_like(moved))
+        at, turned = tool_poses(robot, curve.at_time(np.linspace(0.0, 8.0, 1001)), TOOLS["panda"])
+        near = np.linalg.norm(at[:, None] - line[None], axis=2) <= far + 1e-5
+        if free == "none":
+            wanted = slerp(fine)
+            for k in range(0, 1001, 50):
+                near[k] &= (Rotation.from_matrix(turned[k]).inv() * wanted).magnitude() <= angle + 1e-4
+        assert near[0, 0]
+        assert near[-1, -1]
+        first = 0
+        for k in range(1001):  # the least place that does, and none before it: if there is a way, there is this one
+            there = np.flatnonzero(near[k, first:])
+            assert len(there)
+            first += int(there[0])
+    assert verdicts[0]
+    assert not verdicts[-1]
+
+
+def test_a_free_axis_leaves_that_turn_and_no_other() -> None:
+    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    q = READY
+    rows = np.tile(q, (31, 1))
+    rows[:, 6] += np.linspace(0.0, 1.5, 31)  # about the hand's z axis, through the tool
+    (place,), (turn,) = tool_poses(robot, q[None], TOOLS["panda"])
+    poses, times = poses_of(np.array([place, place + 1e-5]), np.array([turn, turn])), np.linspace(0, 6, 31)
+    assert certified(setup_of("panda", poses, free_rotation="z"), rows, times).certified
+    for free in ("none", "x", "y"):
+        assert certified(setup_of("panda", poses, free_rotation=free), rows, times).status is Status.OFF_PATH
+
+
+def test_speeds_of_a_tool_are_kept_or_refused() -> None:
+    rng = np.random.default_rng(12)
+    robot = setup_of("panda", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    rows, _ = along(robot, rng)
+    poses = poses_of(*tool_poses(robot, rows, TOOLS["panda"]))
+    times = np.linspace(0.0, 8.0, len(rows))
+    loose = {"position_tolerance": 0.05, "orientation_tolerance": 0.5}
+    speeds = np.gradient(rows, times, axis=0)
+    speeds[[0, -1]] = 0.0
+    curve = Curve.through(rows, times, speeds, np.zeros_like(rows))
+    clock = np.linspace(0.0, 8.0, 20001)
+    places, _ = tool_poses(robot, curve.at_time(clock), TOOLS["panda"])
+    v = np.gradient(places, clock, axis=0)
+    fastest = np.linalg.norm(v, axis=1).max()
+    hardest = np.linalg.norm(np.gradient(v, clock, axis=0)[2:-2], axis=1).max()
+    for name, value in (("speed", fastest), ("acceleration", hardest)):
+        kept = certified(setup_of("panda", poses, **loose, **{name: 1.03 * value}), rows, times)
+        assert kept.certified, kept.text
+        broken = certified(setup_of("panda", poses, **loose, **{name: 0.99 * value}), rows, times)
+        assert broken.status is Status.OFF_PATH
+        assert f"path.follow.{name}" in broken.text
+
+
+def test_bad_curves_are_refused() -> None:
+    one, half = hdplan.Pose([0, 0, 0]), hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
+    for poses, words in (
+        ([one], "must be 2 to 20000 poses, found 1"),
+        ([one, half], "turns by 3.1 rad from the pose before"),
+        ([one, one.position], "must be a Pose"),
+    ):
+        with pytest.raises(InputError, match=words):
+            hdplan.Follow("tool", poses)  # type: ignore[arg-type]
+    setup = setup_of("panda", [one, hdplan.Pose([1, 0, 0])], speed=0.1)
+    slow = setup.changed(limits=hdplan.Limits(velocity=1.0))
+    with pytest.raises(InputError, match=r"need limits\.acceleration"):
+        Certifier(slow)
+    with pytest.raises(InputError, match="a single motion is not planned along a curve"):
+        hdplan.plan(setup.asked)
