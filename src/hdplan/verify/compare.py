@@ -14,11 +14,11 @@ from .world import OFF
 WORKED_OUT = ("rotation", "position", "axis", "follows", "mass", "moment", "inertia", "points", "tolerance")
 
 
-def check_equal(read: Any, told: Any) -> None:
+def check_equal(read: Any, told: Any, slack: float = 0.0) -> None:
     """Reject, with the first difference, unless the world that the checker `read` and the one that the proof's writer
     `told` are equal: numbers that were worked out, in a group with `off`, up to the sum of both, all others to the last
-    bit. In the place of a mesh the proof may have its `digest`."""
-    _same(read, told, "", 0.0)
+    bit, or to the `slack` of all. In the place of a mesh the proof may have its `digest`."""
+    _same(read, told, "", slack, slack)
 
 
 def digest(mesh: dict[str, Any]) -> dict[str, str]:
@@ -29,7 +29,7 @@ def digest(mesh: dict[str, Any]) -> dict[str, str]:
     return {"type": "mesh", "sha256": hashlib.sha256(content).hexdigest()}
 
 
-def _same(read: Any, told: Any, where: str, off: float) -> None:
+def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
     if isinstance(read, dict) and isinstance(told, dict) and "sha256" in told and "triangles" in read:
         need(told == digest(read), f"the worlds differ: {where}: the numbers that are read have another SHA-256")
     elif isinstance(read, dict) and isinstance(told, dict):
@@ -37,7 +37,8 @@ def _same(read: Any, told: Any, where: str, off: float) -> None:
         slack = _off(read, where) + _off(told, where) if "off" in read else 0.0
         for key in read:
             if key != "off":
-                _same(read[key], told[key], f"{where}.{key}" if where else str(key), slack * (key in WORKED_OUT))
+                more = slack * (key in WORKED_OUT) + least
+                _same(read[key], told[key], f"{where}.{key}" if where else str(key), more, least)
     elif isinstance(read, list) and read == told:  # as nearly all are, and lists compare fast
         return
     elif isinstance(read, list) and isinstance(told, list):
@@ -46,7 +47,7 @@ def _same(read: Any, told: Any, where: str, off: float) -> None:
             f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(told)}",
         )
         for i, (one, two) in enumerate(zip(read, told, strict=True)):
-            _same(one, two, f"{where}[{_name(one, i)}]", off)
+            _same(one, two, f"{where}[{_name(one, i)}]", off, least)
     elif type(read) in (int, float) and type(told) in (int, float):
         same = read == told or abs(read - told) <= up(off)
         need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {told!r}")

@@ -73,5 +73,5 @@ def test_a_stage_that_fails_keeps_what_was_planned(command: object) -> None:
     code, out, _ = command("check job.yaml motion.json")
     assert code == 1
     assert out.startswith("not whole: 2 stages are proven, 'away' has no motion")
-    assert command("prove job.yaml motion.json -o proofs")[0] == 1
-    assert not Path("proofs").exists()
+    assert command("prove job.yaml motion.json -o job.proof")[0] == 1
+    assert not Path("job.proof").exists()
