@@ -102,7 +102,8 @@ def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
     lines = [verdict.text.split("\n") for verdict in verdicts]
     common = [x for x in lines[0][1:] if all(x in own for own in lines)]
     stages, whole = sum(not part.arm for part in parts), all(x.whole for x in verdicts)
-    said = ["accepted" if whole else "accepted in part"]
+    lacking = ", ".join(part.name for part, x in zip(parts, verdicts, strict=True) if not x.whole)
+    said = ["accepted" if whole else f"accepted in part; NOT whole, as each says: {lacking}"]
     said[0] += f": a job of {stages} stages, each of which begins as the one before it ended"
     for part, own in zip(parts, lines, strict=True):
         said += [f"  {part.name}: {own[0]}; {part.about}", *(f"  {x}" for x in own[1:] if x not in common)]

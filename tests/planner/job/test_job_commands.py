@@ -52,11 +52,14 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
         "view job.yaml motion.json --record page.html",
         "explain job.yaml",
         "codegen job.yaml -o folder",
-        "sample job.yaml -o table.csv",
     ):
         code, out, err = command(line)
         assert (code, out) == (2, ""), line
         assert "job: holds several motions" in err, line
+    code, _, err = command("sample job.yaml -o table.csv")
+    assert (code, "whose places are drawn: give --jitter" in err) == (2, True)
+    code, _, err = command("sample job.yaml -o table.csv --jitter 0.01")
+    assert (code, "grips nothing" in err) == (2, True)
     for option in ("--diagnose", "--plot sheet.png", "--proof a.proof", "--solver ipopt"):
         code, _, err = command(f"plan job.yaml -o other.json {option}")
         assert code == 2, option
