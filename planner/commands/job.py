@@ -12,6 +12,7 @@ from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.tables import columns, table
@@ -30,6 +31,8 @@ def run_plan_job(
     scene: Scene, *, output: Path | None, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
 ) -> int:
     """Plan a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    if output is not None:
+        check_stages(output)
     with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
         result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
     if output is not None:

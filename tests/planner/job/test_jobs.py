@@ -155,9 +155,11 @@ def test_files_keep_marks_and_are_certified_again(scene: Scene, planned: JobResu
     (tmp_path / "half.json").write_bytes((tmp_path / "job.json").read_bytes()[:4000])
     with pytest.raises(InputError, match="not JSON"):
         Trajectory.load(tmp_path / "half.json")
-    planned.save(tmp_path / "job.csv")
+    for ending in ("csv", "npz"):
+        planned.save(tmp_path / f"job.{ending}")
+        assert Trajectory.load(tmp_path / f"job.{ending}").stages == again.stages
     with pytest.raises(InputError, match="no marks of stages"):
-        hdplan.certify_job(scene, Trajectory.load(tmp_path / "job.csv"))
+        hdplan.certify_job(scene, replace(again, stages=()))
 
 
 def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path: Path) -> None:
