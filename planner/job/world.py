@@ -172,7 +172,7 @@ class World:
 
     def _of_hand(self, number: int, stage: Grip | Release) -> Scene:
         """Return a scene in which the hand moves and the arm is held."""
-        spec, robot, leaders = self.scene.robot, self._robot(), _leaders(self.scene.robot)
+        spec, robot, leaders = self.scene.robot, self._robot(), leaders_of(self.scene.robot)
         for joint in stage.joints:
             if joint in robot.joint_names:
                 raise InputError(f"joints: '{joint}' is one of the arm's, which stands still while fingers move")
@@ -387,7 +387,7 @@ def _as_seen(setup: Setup) -> tuple[Obstacle, ...]:
     )
 
 
-def _leaders(spec: RobotSpec) -> dict[str, str]:
+def leaders_of(spec: RobotSpec) -> dict[str, str]:
     """Return the joints of a robot that follow another one, and which."""
     _, _, srdf, _ = description_of(spec)
     tree, _ = read_words(source_of(spec), srdf)

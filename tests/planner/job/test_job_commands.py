@@ -49,13 +49,14 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
         "follow job.yaml motion.json",
         "simulate job.yaml motion.json",
         "plot job.yaml motion.json -o sheet.png",
-        "view job.yaml motion.json --record page.html",
         "explain job.yaml",
         "codegen job.yaml -o folder",
     ):
         code, out, err = command(line)
         assert (code, out) == (2, ""), line
         assert "job: holds several motions" in err, line
+    code, _, err = command("view job.yaml motion.json")
+    assert (code, "job: is shown as a page or a film, --record" in err) == (2, True)
     code, _, err = command("sample job.yaml -o table.csv")
     assert (code, "whose places are drawn: give --jitter" in err) == (2, True)
     code, _, err = command("sample job.yaml -o table.csv --jitter 0.01")
