@@ -16,6 +16,7 @@ from .compare import check_equal
 from .effects import check_claims, in_words
 from .job import Part, read_job
 from .kernel import Trees, parts_of, proven_world, unpack
+from .reach import check_reach
 from .reading import Reading, read_world
 from .world import World, loads
 
@@ -25,8 +26,7 @@ MOST_TIME, MOST_WAIT = 30, 60  # [s] of a processor, and by the clock
 SAME_PLACE = 1e-9  # [m], [rad] by which the worlds of a job may differ that hdplan and the checker derived
 MOST_PARTS = 20  # of a job, for each of which the check may take as much time
 
-JOB = """of a job: what is gripped is then held as it stood, and what is let go stays where it was let go
-of a job: what a grip holds is within reach of what is to hold it"""
+JOB = """of a job: what is gripped is then held as it stood, and what is let go stays where it was let go"""
 READ = """the files read are those whose hashes are in the proof, and describe the robot and its surroundings
 Python's XML and JSON, and PyYAML, read what is written"""
 
@@ -83,6 +83,8 @@ def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: d
     """What is proven in one world of a job."""
     check_files(part.reading.hashes, head)
     check_part(part, told)
+    if part.holding is not None:
+        check_reach(World(part.reading.world, cuts), *part.holding)
     world = proven_world(part.reading.world, head, cuts, trees)
     check_claims(world, head)
     return verdict_of(world, head, part.reading)

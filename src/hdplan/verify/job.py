@@ -49,6 +49,7 @@ class Part:
     about: str  # what is held, and what may touch
     reading: Reading
     arm: bool  # whether it is that of the arm that stands still while fingers move
+    holding: tuple[str, tuple[str, ...]] | None  # an object that is taken at its end, and what is to hold it
     drawn: bool  # along a line, whose path and goal are the checker's own: the proof's may be other boxes around it
 
 
@@ -228,7 +229,8 @@ class Job:
         about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}"
         name = f"stage {named(stage.name)}{', the arm that stands still' * arm}"
         read = Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
-        return Part(name, about, read, arm, stage.kind == "line")
+        holding = None if arm or stage.kind != "grip" or "object" not in stage.said else self.holding(stage)
+        return Part(name, about, read, arm, holding, stage.kind == "line")
 
     @property
     def bare(self) -> dict[str, Any]:
@@ -352,19 +354,33 @@ class Job:
             if "object" in stage.said:
                 (self.take if stage.kind == "grip" else self.let_go)(stage)
 
+    def carrier(self, stage: Stage) -> str:
+        """The link that carries an object which is gripped."""
+        joints = self.joints()
+        link = stage.said["link"] if "link" in stage.said else Targets(joints, False).end_effector()
+        need(link in joints.at, f"grip.link: '{link}' is not known")
+        return str(link)
+
+    def fingers_on(self, stage: Stage) -> list[str]:
+        """The links that may touch an object which is gripped, and hold it."""
+        at, name = self.joints().at, stage.said["object"]
+        return [*dict.fromkeys(x for pair in stage.touch if name in pair for x in pair if x in at)]
+
+    def holding(self, stage: Stage) -> tuple[str, tuple[str, ...]]:
+        """An object that is gripped, and the links that hold it, which must be close to it."""
+        return str(stage.said["object"]), tuple(self.fingers_on(stage) or [self.carrier(stage)])
+
     def take(self, stage: Stage) -> None:
         """Take hold of an object as it stands."""
         joints, places, name = self.joints(), self.links(), stage.said["object"]
         shape, place = self.solid(name), self.place(name, places)
-        link = stage.said["link"] if "link" in stage.said else Targets(joints, False).end_effector()
-        need(link in places, f"grip.link: '{link}' is not known")
-        touching = [x for pair in stage.touch if name in pair for x in pair if x in joints.at]
+        link, touching = self.carrier(stage), self.fingers_on(stage)
         for other in touching:
             need(joints.at[other][0] == joints.at[link][0], f"grip: '{other}' does not move with '{link}'")
         del self.standing[name]
         held = {"name": name, "link": link, "shape": shape, "pose": back(places[link], place)}
         mass = {"mass": stage.said["mass"]} if "mass" in stage.said else {}
-        self.held[name] = {**held, **mass, "touch_links": [*dict.fromkeys(touching)]}
+        self.held[name] = {**held, **mass, "touch_links": touching}
 
     def let_go(self, stage: Stage) -> None:
         """Leave a held object where it is; nobody may touch it any more."""

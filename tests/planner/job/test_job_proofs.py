@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 
@@ -19,10 +22,12 @@ from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
-from hdplan.verify.balls import RejectedError
+from hdplan.verify.balls import Ball, RejectedError
 from hdplan.verify.checking import Verdict, check_job, check_part
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
+from hdplan.verify.reach import apart
+from hdplan.verify.world import Piece, shape_of
 
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
@@ -245,7 +250,6 @@ def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: 
         {"grip": {"object": None, "link": None}, "let_go": {"object": None}},  # nothing is held
         {"lift": {"by": [0.0, 0.0, 0.042]}},
         {"lift": {"frame": "bar", "by": [0.04, 0.0, 0.0]}},
-        {"lift": {"position_tolerance": 1e-9}},
         {"stand": {"seconds": 0.2}},
         {"let_go": {"object": None}},  # never let go
         {"let_go": {"joints": {FINGER: 0.025}}},
@@ -273,6 +277,47 @@ def test_what_was_let_go_stands_where_it_was_let_go(
     np.testing.assert_allclose(after - before, [0.0, 0.0, 0.04], atol=1.1e-3)
     assert hdplan.certify_job(scene, Trajectory.load(motion)).certified
     np.testing.assert_allclose(after, body(worlds(data)[-1], "bar")["position"], atol=1e-10)
+
+
+def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    _, motion, data = files
+    other = tmp_path / "other.yaml"
+    for more in ([["bar", [*HAND, "panda_hand", "shelf"]]], [["bar", [*HAND, "panda_link7"]], ["bar", "shelf"]]):
+        replace(scene, goal=None, job=job(grip={"touch": more})).save(other)
+        with pytest.raises(
+            RejectedError, match=r"stage grip: 'panda_(hand|link7)' is to hold 'bar', and is not within"
+        ):
+            judged(other, motion, data)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_how_far_pieces_are_apart(seed: int) -> None:
+    """As coal says, of every shape."""
+    rng = np.random.default_rng(seed)
+
+    def rotated() -> np.ndarray:
+        return np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+    shapes = [
+        ({"type": "box", "size": [0.2, 0.1, 0.3]}, coal.Box(0.2, 0.1, 0.3)),
+        ({"type": "sphere", "radius": 0.1}, coal.Sphere(0.1)),
+        ({"type": "cylinder", "radius": 0.05, "length": 0.2}, coal.Cylinder(0.05, 0.2)),
+        ({"type": "capsule", "radius": 0.05, "length": 0.2}, coal.Capsule(0.05, 0.2)),
+        ({"type": "ellipsoid", "radii": [0.1, 0.2, 0.05]}, coal.Ellipsoid(0.1, 0.2, 0.05)),
+    ]
+    for (one, coal_one), (other, coal_other) in itertools.product(shapes, shapes):
+        pieces, places = [], []
+        for said in (one, other):
+            turn = rotated()
+            turn[:, 0] *= np.linalg.det(turn)
+            at = rng.uniform(-0.3, 0.3, 3)
+            points, _, off, sweep = shape_of(said, "a shape")
+            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep))
+            places.append(coal.Transform3s(turn, at))
+        still: Any = SimpleNamespace(turn=Ball(np.eye(3)[None, None]), at=Ball(np.zeros((1, 1, 3))))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        exact = max(0.0, coal.distance(coal_one, places[0], coal_other, places[1], request, result))
+        assert apart(still, *pieces) == pytest.approx(exact, abs=2e-5)
 
 
 def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
