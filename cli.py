@@ -157,8 +157,8 @@ def prove(
     """Write down why a motion is free, for others to check.
 
     Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
-    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan. Of a job, scene,
-    motion and proof of every stage are written into a folder.
+    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan. A job has one
+    proof of all its stages.
 
     Exit code 1 if the motion is not certified, or no planes are found.
     """

@@ -32,8 +32,9 @@ def motion_file(motion: Trajectory) -> dict[str, bytes]:
     return {MOTION: write_json(motion, {})}
 
 
-def proven(files: dict[str, bytes]) -> str:
-    """Add the proof of a motion in a scene, and say that it is there, or why there is none."""
+def proven(files: dict[str, bytes], of_job: bool = False) -> str:
+    """Add the proof of a motion in a scene, or of a job, and say that it is there, or why there is none."""
+    from hdplan.planner.job.proof import prove_job
     from hdplan.planner.proof.proof import prove
 
     with tempfile.TemporaryDirectory() as folder:
@@ -41,7 +42,7 @@ def proven(files: dict[str, bytes]) -> str:
         scene.write_bytes(files[SCENE])
         motion.write_bytes(files[MOTION])
         try:
-            files[PROOF] = prove(scene, motion).data
+            files[PROOF] = (prove_job if of_job else prove)(scene, motion).data
         except HdplanError as error:
             return str(error).replace(f"{folder}/", "")
     return "written"

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hdplan.planner.batch.outcome import Outcome
-from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 
 LOCKED = 1 << 40  # the byte that is locked where a lock keeps readers away too; beyond all that is written
@@ -111,7 +111,9 @@ def _plain(outcome: Outcome) -> dict[str, Any]:
         return said
     given = {key: getattr(motion, key) for key in ARRAYS}
     arrays = {key: base64.b64encode(x.astype("<f8").tobytes()).decode() for key, x in given.items() if x is not None}
-    return {**said, "trajectory": {"joint_names": motion.joint_names, "locked": dict(motion.locked), **arrays}}
+    marks = [[mark.name, mark.row] for mark in motion.stages]
+    about = {"joint_names": motion.joint_names, "locked": dict(motion.locked), "stages": marks}
+    return {**said, "trajectory": {**about, **arrays}}
 
 
 def _outcome(said: dict[str, Any]) -> Outcome:
@@ -121,5 +123,6 @@ def _outcome(said: dict[str, Any]) -> Outcome:
         names = tuple(motion["joint_names"])
         arrays = {key: np.frombuffer(base64.b64decode(motion[key]), "<f8") for key in ARRAYS if key in motion}
         shaped: dict[str, Any] = {key: x if key == "times" else x.reshape(-1, len(names)) for key, x in arrays.items()}
-        motion = Trajectory(names, locked=motion["locked"], **shaped)
+        marks = tuple(StageMark(*mark) for mark in motion.get("stages", ()))
+        motion = Trajectory(names, locked=motion["locked"], stages=marks, **shaped)
     return Outcome(**said, trajectory=motion)

@@ -20,11 +20,13 @@ from hdplan.planner.batch.files import motion_file, proven, scene_file
 from hdplan.planner.batch.job import Job
 from hdplan.planner.causes import cause_of_refusal, cause_of_verdict
 from hdplan.planner.diagnosis import MOST_TOGETHER, diagnose
+from hdplan.planner.job.planning import plan_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import CUT_SHORT, PlanResult
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.errors import HdplanError, debugging
+from hdplan.scenes.errors import HdplanError, InputError, debugging
 from hdplan.scenes.scene import Scene
 
 PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process that does not return is ended
@@ -51,7 +53,8 @@ class Outcome:
     """What became of one problem."""
 
     problem: str
-    status: str  # of the certificate; "refused" for bad input, "failed" for a process that ended, "error"
+    status: str  # of the certificate, or "not_certified" for a job; "refused" for bad input, "failed" for a process
+    # that ended, "error"
     cause: str  # a code of `causes`; empty if certified
     text: str  # the certificate's sentence, with what the time limit ended; or the error's
     trajectory: Trajectory | None = None
@@ -77,6 +80,8 @@ def solve(job: Job, options: Options) -> Outcome:
                 read = time.perf_counter() - began
                 if options.files:
                     files |= scene_file(scene)
+                if scene.job is not None:
+                    return _of_job(job, scene, options, read, files)
                 result = plan(scene, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
                 if options.files:
                     files |= motion_file(result.trajectory)
@@ -96,7 +101,7 @@ def _diagnosed(
     outcome: Outcome, scene: Scene, failure: PlanResult | HdplanError, job: Job, options: Options
 ) -> Outcome:
     """Return an outcome with its cause found out and what would help, where that is asked for."""
-    if not options.diagnose:
+    if not options.diagnose or scene.job is not None:  # whose stages say what failed
         return outcome
     found = diagnose(scene, failure, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
     return replace(outcome, cause=found.cause, figures={**outcome.figures, "advice": found.advice})
@@ -122,7 +127,7 @@ def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, fil
         "self_worst_other": own and own.other,
         "worst_parameter": worst and worst.parameter,
         "motion_time": motion.duration,
-        "length": float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()),
+        "length": _length(motion),
         "attempts": result.attempts,
         "iterations": result.iterations,
         "timed_out": result.timed_out,
@@ -132,6 +137,33 @@ def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, fil
     cause = "" if result.certified else cause_of_verdict(certificate, CUT_SHORT in result.notes)
     text = f"{certificate.text}; {result.ended}" if result.ended else certificate.text
     return Outcome(job.name, certificate.status.value, cause, text, motion, figures, files)
+
+
+def _of_job(job: Job, scene: Scene, options: Options, read: float, files: dict[str, bytes]) -> Outcome:
+    """Plan a problem that holds a job of several stages."""
+    if options.solver != Options.solver:
+        raise InputError(f"--solver {options.solver}: plans a single motion, and {job.name} holds a job")
+    result = plan_job(scene, seed=job.seed, time_limit=options.time_limit)
+    motion = result.trajectory
+    if options.files:
+        files |= motion_file(motion)
+    figures = {
+        **_common(job),
+        "robot": Setup.of(result.certificate.stages[0].scene).robot.name,
+        "clearance": result.certificate.clearance,
+        "motion_time": motion.duration,
+        "length": _length(motion),
+        "timed_out": False,
+        "proof": proven(files, of_job=True) if options.proofs and result.certified else None,
+        "time_load": read,
+        "time_solve": result.seconds,
+    }
+    status, cause = ("certified", "") if result.certified else ("not_certified", "stage_failed")
+    return Outcome(job.name, status, cause, result.text, motion, figures, files)
+
+
+def _length(motion: Trajectory) -> float:
+    return float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum())
 
 
 def _without_motion(job: Job, status: str, cause: str, text: str, began: float, files: dict[str, bytes]) -> Outcome:

@@ -68,8 +68,14 @@ def export_lerobot(folder: Path, jobs: Sequence[Job], options: Options, fps: int
     InputError as `write_lerobot`."""
     with claimed(folder, jobs, options) as journal:
         groups = ((outcome, jobs[number].group) for number, outcome in journal)
-        told = ((outcome, f"move from start to goal{group and f' in {group}'}") for outcome, group in groups)
+        told = ((outcome, _does(outcome) + (group and f" in {group}")) for outcome, group in groups)
         return write_lerobot(folder / LEROBOT, told, fps)
+
+
+def _does(outcome: Outcome) -> str:
+    """Return what a motion does, in words: of a job the names of its stages."""
+    marks = () if outcome.trajectory is None else outcome.trajectory.stages
+    return ", ".join(mark.name for mark in marks) or "move from start to goal"
 
 
 @contextlib.contextmanager

@@ -1,4 +1,5 @@
-"""Random problems in one scene: starts and goals that are free, as a table of the fields in which they differ."""
+"""Random problems in one scene: starts and goals that are free, or the places of a job, as a table of the fields in
+which they differ."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from hdplan.planner.batch.places import moved_places
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.link_frame import end_effector
@@ -53,14 +55,15 @@ def sample(
     report: Callable[[int, int, str], None] = lambda done, of, what: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Sampled:
-    """Draw problems whose start and goal are free, with the scene's clearance, and keep its path constraints.
+    """Draw problems whose start and goal are free, with the scene's clearance, and keep its path constraints; of a job
+    the places at which its objects are taken and let go.
 
     Args:
         scene: a hdplan scene's file, or a shipped scene's name.
         count: how many.
         seed: the same seed gives the same problems; a longer table begins with a shorter one.
         goal: "joints", or "pose": of the end effector, in the drawn configuration, with the scene format's tolerances.
-        jitter: [m] by at most which each obstacle is moved along each axis.
+        jitter: [m] by at most which each obstacle is moved along each axis; of a job each place, along x and y.
         resize: share, below 1, by at most which each obstacle's sizes are changed.
 
     Joints without limits are drawn within a turn, and slides without limits within a metre, about the scene's start.
@@ -72,11 +75,18 @@ def sample(
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     checked(Choice(GOALS), goal, "goal")
     jitter, resize = checked(Number(low=0.0, unit="m"), jitter, "jitter"), checked(Number(0.0, 0.9), resize, "resize")
+    of_job = load_scene(file).job is not None
+    if of_job and (not jitter or resize or goal != GOALS[0]):
+        raise InputError(f"{file}: holds a job, whose places are drawn: give --jitter, and neither --resize nor --goal")
     made = Sampled()
     for i in range(count):
         if stop():
             break
-        made.rows.append(_draw(file, np.random.default_rng([seed, i]), goal, jitter, resize, i, made.rejected))
+        rng = np.random.default_rng([seed, i])
+        if of_job:
+            made.rows.append(_draw_job(file, rng, jitter, i))
+        else:
+            made.rows.append(_draw(file, rng, goal, jitter, resize, i, made.rejected))
         report(i + 1, count, f"problem {i + 1}")
     return made
 
@@ -97,6 +107,13 @@ def _draw(
     else:
         row |= _pose(robot, ends["goal"])
     return row | fields
+
+
+def _draw_job(file: Path, rng: np.random.Generator, jitter: float, number: int) -> dict[str, Any]:
+    fields = {key: float(value) for key, value in moved_places(load_scene(file), rng, jitter)}
+    name = f"{file.stem}/{number:06d}"
+    load_variant(file, fields, name)  # refuses what the scene's file cannot hold
+    return {"name": name, **fields}
 
 
 def _free(certifier: Certifier, rng: np.random.Generator, end: str, rejected: Counter[str]) -> Array:

@@ -32,7 +32,7 @@ COLUMNS = {  # of results, and what they hold
 }
 OF_MOTIONS = {
     **{"problem": "string", "row": "int32", "joint": "string", "time": "double", "position": "double"},
-    **{"velocity": "double", "acceleration": "double"},
+    **{"velocity": "double", "acceleration": "double", "stage": "string"},
 }
 
 
@@ -120,6 +120,7 @@ def _motion(outcome: Outcome, schema: pyarrow.Schema) -> pyarrow.Table:
         "position": motion.positions.ravel(),
         "velocity": lacking if motion.velocities is None else motion.velocities.ravel(),
         "acceleration": lacking if motion.accelerations is None else motion.accelerations.ravel(),
+        "stage": np.repeat(np.array(motion.stage_names, dtype=object), n),
     }
     arrays = [pyarrow.array(x, kind, from_pandas=True) for x, kind in zip(columns.values(), schema.types, strict=True)]
     return pyarrow.Table.from_arrays(arrays, schema=schema)

@@ -8,15 +8,15 @@ from pathlib import Path
 
 from rich.text import Text
 
-from hdplan.planner.job.bundle import prove_job
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
+from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.output import check_new_folder, write_folder
 from hdplan.scenes.scene import Scene
 
 
@@ -31,6 +31,8 @@ def run_plan_job(
     scene: Scene, *, output: Path | None, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
 ) -> int:
     """Plan a job. Returns the exit code: 0 if all its stages are certified, else 1."""
+    if output is not None:
+        check_stages(output)
     with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
         result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
     if output is not None:
@@ -72,21 +74,18 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
     return 0 if certificate.certified else 1
 
 
-def run_prove_job(scene: Scene, trajectory: Path, output: Path) -> int:
-    """Write the proofs of a job's stages into a new folder. Returns the exit code: 0 if there are, else 1."""
-    output = output.absolute()
-    check_new_folder(output)
-    motion = Trajectory.load(trajectory)
+def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:
+    """Write the proof of a job's motion. Returns the exit code: 0 if there is one, else 1."""
     try:
-        with waiting("proving", shown=True), naming(trajectory):
-            files = prove_job(scene, motion)
+        with waiting("proving", shown=True):
+            proof = prove_job(scene, trajectory, robot)
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
         return 1
-    write_folder(output, files)
+    proof.save(output)
     with printing() as show:
-        size = f"{sum(map(len, files.values())) / 1e3:.1f} kB"
-        show(f"{output}: scene, motion and proof of each of {len(motion.stages)} stages, {size}")
+        show(f"proof of: {proof.certificate.text}")
+        show(table([("size", f"{len(proof.data) / 1e3:.1f} kB"), ("written", str(output))]))
     return 0
 
 

@@ -21,12 +21,11 @@ WITH_ARGUMENTS = (
 
 def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
     """Write the proof of a motion, or of the stages of a job. Returns the exit code: 0 if there is one, else 1."""
-    asked = load_scene(scene, request=request, robot=robot)
-    if asked.job is not None:
+    check_writable(output, ENDINGS)
+    if load_scene(scene, request=request, robot=robot).job is not None:
         from hdplan.planner.commands.job import run_prove_job
 
-        return run_prove_job(asked, trajectory, output)
-    check_writable(output, ENDINGS)
+        return run_prove_job(scene, trajectory, robot, output)
     with waiting("proving", shown=True):
         proof = written_proof(scene, trajectory, request, robot, output)
     if proof is None:

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 from hdplan.planner.terminal.console import printing
-from hdplan.scenes.errors import naming
-from hdplan.scenes.files import check_file
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import check_file, read_file
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify.kernel import IN_PART
+from hdplan.verify.kernel import IN_PART, is_job
 from hdplan.verify.robot_files import is_name
 
 
@@ -24,8 +24,8 @@ def run_verify(
     *,
     world: Path | None = None,
 ) -> int:
-    """Check a proof, and print what it proves or why not; write the `world` that the checker read. Returns the exit
-    code: 0 if the proof is accepted, 4 if it is accepted in part, else 1.
+    """Check a proof, of a motion or a job, and say what it proves or why not; write the `world` that the checker read.
+    Returns the exit code: 0 if the proof is accepted, 4 if it is accepted in part, else 1.
 
     The checker limits the memory and the time of its own process, which whoever wrote the files could else use up.
     """
@@ -38,6 +38,9 @@ def run_verify(
     ):  # what cannot be read is bad input, not a proof that is rejected
         with naming(path):
             check_file(path)
+    for option, value in (("--world", world), ("--request", request)):
+        if value is not None and is_job(read_file(proof)):
+            raise InputError(f"{option}: is about a single motion, and {proof} is the proof of a job: leave it out")
     if world is not None:
         check_writable(world, (".json",))
     given = {"world": world, "request": request, "robot": robot}

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.job.certify import certify_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.film import film
+from hdplan.planner.page.job_page import ShownJob
 from hdplan.planner.page.page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -21,7 +23,7 @@ from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
@@ -47,11 +49,15 @@ def run_view(
         served = {"--host": host, "--port": port, "--proof": proof, "--share": share or None}
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
         return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
+    problem = load_scene(scene, request=request, robot=robot)
+    if problem.job is not None:
+        raise InputError(
+            f"{scene}: job: is shown as a page or a film, --record FILE.html or --video FILE.mp4, and not edited yet"
+        )
     check_installed()
     host, port = HOST if host is None else host, PORT if port is None else port
     if proof is not None:
         check_proof(proof, trajectories, robot)
-    problem = load_scene(scene, request=request, robot=robot)
     motions = _loaded(trajectories)
     read = None
     if proof is not None and not isinstance(robot, RobotSpec):
@@ -83,6 +89,8 @@ def _loaded(trajectories: Sequence[Path]) -> list[tuple[str, Trajectory]]:
 def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, video: Path | None) -> int:
     """Write the motions as files. Returns the exit code: 0."""
     loaded = _loaded(trajectories)
+    if scene.job is not None:
+        return _write_job(scene, loaded, record, video)
     with printing() as show:
         with waiting("loading the robot's meshes"):
             setup = Setup.of(scene)
@@ -98,6 +106,27 @@ def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, vide
         if video is not None:
             with waiting("drawing the film"):
                 drawn = film(setup, motions, video)
+            rows.append(("written", f"{video}, drawn {drawn}"))
+        show(table(rows))
+    return 0
+
+
+def _write_job(scene: Scene, loaded: list[tuple[str, Trajectory]], record: Path | None, video: Path | None) -> int:
+    """Write the motion of a job as files. Returns the exit code: 0."""
+    if len(loaded) > 1:
+        raise InputError(f"{scene.source}: job: one motion at a time is shown of a job, {len(loaded)} are given")
+    ((name, trajectory),) = loaded
+    rows = []
+    with printing() as show:
+        with waiting("loading the robot's meshes"), naming(name):
+            shown = ShownJob(scene, trajectory, certify_job(scene, trajectory))
+            page = shown.page
+        if record is not None:
+            page.save(record)
+            rows.append(("written", str(record)))
+        if video is not None:
+            with waiting("drawing the film"):
+                drawn = film(shown.setup, [shown.motion], video, page)
             rows.append(("written", f"{video}, drawn {drawn}"))
         show(table(rows))
     return 0

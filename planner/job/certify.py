@@ -48,6 +48,7 @@ class StageCertificate:
     scene: Scene  # of its motion: one like any other
     trajectory: Trajectory  # its part of the motion, at its own times
     certificate: Certificate
+    arm: Scene | None = None  # of the arm that stands still, where fingers move
     notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
 
 
@@ -166,8 +167,9 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     times = part.times
     assert times is not None
     fingers = moves_fingers(stage)
-    if fingers and certificate.certified:
-        certificate = _with_the_arm(certificate, Setup.of(standing_scene(world, number)))
+    arm = standing_scene(world, number) if fingers else None
+    if arm is not None and certificate.certified:
+        certificate = _with_the_arm(certificate, Setup.of(arm))
     wrong = ""
     if isinstance(stage, Set | Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
         wrong = "the robot moves where it is to stand still"
@@ -186,6 +188,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         scene,
         part,
         certificate,
+        arm,
         _on_touch(world, number, curve),
     )
     return found, after(world, number, certifier.robot, curve.rows[-1])

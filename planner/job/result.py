@@ -57,6 +57,6 @@ class JobResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the motion; JSON also holds the marks of its stages and the summary, as `verdict`; CSV and the other
-        formats hold its numbers alone. Raises InputError if it cannot be written."""
+        """Write the motion with its stages, in a format that holds them; JSON also holds the summary, as `verdict`.
+        Raises InputError if it cannot be written."""
         self.trajectory.save(path, self.summary())

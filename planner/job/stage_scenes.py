@@ -83,7 +83,7 @@ def _of_arm(world: World, number: int, stage: Stage, **fields: Any) -> Scene:
 
 def _of_hand(world: World, number: int, stage: Grip | Release) -> Scene:
     """Return a scene in which the hand moves and the arm is held."""
-    spec, robot, leaders = world.scene.robot, world.robot, _leaders(world.scene.robot)
+    spec, robot, leaders = world.scene.robot, world.robot, leaders_of(world.scene.robot)
     for joint in stage.joints:
         if joint in robot.joint_names:
             raise InputError(f"joints: '{joint}' is one of the arm's, which stands still while fingers move")
@@ -176,7 +176,7 @@ def stage_source(scene: Scene, number: int) -> str:
     return f"{scene.source}: job[{number}] ({scene.job.names[number]})"
 
 
-def _leaders(spec: RobotSpec) -> dict[str, str]:
+def leaders_of(spec: RobotSpec) -> dict[str, str]:
     """Return the joints of a robot that follow another one, and which."""
     _, _, srdf, _ = description_of(spec)
     tree, _ = read_words(source_of(spec), srdf)

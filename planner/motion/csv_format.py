@@ -1,7 +1,8 @@
 """Trajectories as CSV: a row per waypoint, under a header with the names of the joints.
 
 Times are in the column `time`; velocities and accelerations have columns of their own, `JOINT.velocity` and
-`JOINT.acceleration`. Locked joints are not in the file.
+`JOINT.acceleration`. Of a job, the last column `stage` names the stage of each row; where two meet, the one that
+begins. Locked joints are not in the file.
 """
 
 from __future__ import annotations
@@ -19,12 +20,15 @@ from hdplan.scenes.number_text import read_number
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-TIME = "time"
+TIME, STAGE = "time", "stage"
 COLUMNS = {"velocities": ".velocity", "accelerations": ".acceleration"}  # suffixes of the joints' names
 
 
 def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return the file's content."""
+    """Return the file's content. Raises InputError for a job whose stages or joints have names that it cannot hold."""
+    stages = [name for name in trajectory.stage_names if name is not None]
+    if stages and (STAGE in trajectory.joint_names or all(map(_is_number, stages))):
+        raise InputError(f"{STAGE}: is the column of stages; it is no joint's, and not all are numbers: write .json")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names, rows = trajectory.joint_names, trajectory.positions
@@ -34,8 +38,9 @@ def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
             rows = np.column_stack([rows, values])
     if trajectory.times is not None:
         names, rows = (TIME, *names), np.column_stack([trajectory.times, rows])
-    writer.writerow(names)
-    writer.writerows([repr(value) for value in row] for row in rows.tolist())
+    writer.writerow([*names, *([STAGE] if stages else [])])
+    written = ([repr(value) for value in row] for row in rows.tolist())
+    writer.writerows(written if not stages else ([*row, x] for row, x in zip(written, stages, strict=True)))
     return text.getvalue().encode()
 
 
@@ -56,6 +61,8 @@ def read_csv(data: bytes) -> dict[str, Any]:
     for line, row in rows:
         if len(row) != len(names):
             raise InputError(f"line {line}: {len(row)} values, expected {len(names)} as in the header")
+    names, rows, stages = _without_stages(names, rows)
+    for line, row in rows:
         if wrong := [value for value in row if not _is_number(value)]:
             raise InputError(f"line {line}: '{wrong[0]}' is not a number")
     values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
@@ -73,7 +80,24 @@ def read_csv(data: bytes) -> dict[str, Any]:
             raise InputError(f"line 1: column '{unknown[0]}' belongs to no joint with positions")
         rates[key] = np.column_stack([columns[name + ending] for name in joints]) if given else None
     positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
-    return {"joint_names": joints, "positions": positions, "times": times, **rates}
+    return {"joint_names": joints, "positions": positions, "times": times, "stages": stages, **rates}
+
+
+Lines = list[tuple[int, list[str]]]
+
+
+def _without_stages(names: tuple[str, ...], rows: Lines) -> tuple[tuple[str, ...], Lines, list[dict[str, Any]]]:
+    """Return columns and rows without that of a job's stages, if there is one: in words, as a joint's is in numbers;
+    and where each stage begins."""
+    if names.count(STAGE) != 1:
+        return names, rows, []
+    column = names.index(STAGE)
+    said = [row[column] for _, row in rows]
+    if all(map(_is_number, said)):
+        return names, rows, []
+    marks = [{"name": name, "row": i} for i, name in enumerate(said) if i == 0 or name != said[i - 1]]
+    left = [(line, [*row[:column], *row[column + 1 :]]) for line, row in rows]
+    return (*names[:column], *names[column + 1 :]), left, marks
 
 
 def check_commas(line: int, header: Sequence[str]) -> None:

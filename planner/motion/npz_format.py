@@ -29,9 +29,15 @@ def write_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
         positions=trajectory.positions,
         locked_names=np.array(list(trajectory.locked), dtype=str),
         locked_values=np.array(list(trajectory.locked.values()), dtype=np.float64),
+        **_marks(trajectory),
         **{key: values for key in TIMED if (values := getattr(trajectory, key)) is not None},
     )
     return data.getvalue()
+
+
+def _marks(trajectory: Trajectory) -> dict[str, Any]:
+    names, rows = [mark.name for mark in trajectory.stages], [mark.row for mark in trajectory.stages]
+    return {"stage_names": np.array(names), "stage_rows": np.array(rows)} if names else {}
 
 
 def read_npz(data: bytes) -> dict[str, Any]:
@@ -52,7 +58,11 @@ def read_npz(data: bytes) -> dict[str, Any]:
         raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
     joints = tuple(arrays["joint_names"].ravel().tolist())
     timed = {key: arrays.get(key) for key in TIMED}
-    return {"joint_names": joints, "positions": arrays["positions"], "locked": locked, **timed}
+    marks = [arrays.get(key, np.array([])).ravel().tolist() for key in ("stage_names", "stage_rows")]
+    if len(marks[0]) != len(marks[1]):
+        raise InputError(f"stage_names: {len(marks[0])} names for {len(marks[1])} stage_rows")
+    stages = [{"name": name, "row": row} for name, row in zip(*marks, strict=True)]
+    return {"joint_names": joints, "positions": arrays["positions"], "locked": locked, "stages": stages, **timed}
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:

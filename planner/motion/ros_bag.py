@@ -1,4 +1,5 @@
-"""Trajectories as a ROS 2 bag: an MCAP file with one `trajectory_msgs/JointTrajectory`, or MoveIt's `RobotTrajectory`.
+"""Trajectories as a ROS 2 bag: an MCAP file with one `trajectory_msgs/JointTrajectory`, or MoveIt's `RobotTrajectory`;
+of a job with the messages of its stages (`ros_stages`), which are not read.
 
 Written and read by the libraries mcap and mcap-ros2-support (the extra `ros`), which are imported only when used.
 """
@@ -7,17 +8,17 @@ from __future__ import annotations
 
 import importlib.util
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.motion.ros_message import joint_trajectory, read_message
+from hdplan.planner.motion.ros_stages import ARM, GRIPPER, STAGE, stage_messages
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import MOST_BYTES
 
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-TOPIC = "/joint_trajectory"
 TYPE = "trajectory_msgs/msg/JointTrajectory"
 READ = (TYPE, "moveit_msgs/msg/RobotTrajectory")
 PARTS = {  # of the message definition; the first is the message itself
@@ -29,6 +30,10 @@ PARTS = {  # of the message definition; the first is the message itself
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
 }
+EVENTS = {  # types of a job's other messages, by topic
+    GRIPPER: ("control_msgs/msg/GripperCommand", "float64 position\nfloat64 max_effort"),
+    STAGE: ("std_msgs/msg/String", "string data"),
+}
 DEFINITION = f"\n{'=' * 80}\nMSG: ".join(f"{name}\n{text}" for name, text in PARTS.items()).partition("\n")[2]
 
 
@@ -39,14 +44,22 @@ def check_installed() -> None:
 
 
 def write_bag(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return a bag with the trajectory at time 0. Raises InputError for a trajectory that it cannot hold."""
+    """Return a bag with the trajectory at time 0, or with the messages of a job's stages, each at its time. Raises
+    InputError for a trajectory that it cannot hold."""
     check_installed()
     from mcap_ros2.writer import Writer
 
     file = io.BytesIO()
     with Writer(file) as bag:
-        schema = bag.register_msgdef(TYPE, DEFINITION)
-        bag.write_message(TOPIC, schema, joint_trajectory(trajectory), log_time=0)
+        schemas = {ARM: bag.register_msgdef(TYPE, DEFINITION)}
+        if not trajectory.stages:
+            messages: Iterable[tuple[int, str, dict[str, Any]]] = [(0, ARM, joint_trajectory(trajectory))]
+        else:
+            schemas |= {topic: bag.register_msgdef(*kind) for topic, kind in EVENTS.items()}
+            messages = stage_messages(trajectory)
+        for now, topic, message in messages:
+            schema = next(schemas[x] for x in schemas if topic == x or topic.startswith(f"{x}/"))
+            bag.write_message(topic, schema, message, log_time=now, publish_time=now)
     return file.getvalue()
 
 
@@ -59,6 +72,8 @@ def read_bag(data: bytes) -> dict[str, Any]:
         raise
     except Exception as error:  # the format, its compressions, its messages: each raises exceptions of its own
         raise InputError(f"not a whole ROS 2 bag ({' '.join(str(error).split()) or type(error).__name__})") from error
+    if EVENTS[STAGE][0] in types:
+        raise InputError("holds the stages of a job, one message each: read the JSON or CSV file of its motion")
     if len(messages) != 1:
         found = f"{len(messages)}" if messages else f"messages of {', '.join(sorted(types)) or 'no type'}"
         raise InputError(f"one message of {' or '.join(READ)} is expected, found {found}")

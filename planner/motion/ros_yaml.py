@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.motion.ros_message import ROWS, joint_trajectory, read_message, robot_trajectory
+from hdplan.planner.motion.ros_stages import refuse_stages
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_text import flow_style
 from hdplan.scenes.yaml_values import MOST_VALUES, read_mapping
@@ -54,6 +55,7 @@ def check_size(waypoints: int, joints: int, rows: int = len(ROWS)) -> None:
 
 
 def _check_trajectory(trajectory: Trajectory) -> None:
+    refuse_stages(trajectory)
     rows = sum(getattr(trajectory, key) is not None for key in ROWS)
     check_size(len(trajectory), len(trajectory.joint_names), rows)
 

@@ -192,6 +192,14 @@ class Trajectory:
         now = float(self.at_time(checked(Number(unit="s"), time, "time")).times)
         return [mark.name for mark in self.stages if self.times[mark.row] <= now][-1]
 
+    @property
+    def stage_names(self) -> list[str | None]:
+        """The stage of a job to which each row belongs; where two meet, the one that begins. None for other motions."""
+        if not self.stages:
+            return [None] * len(self)
+        ends = [*(mark.row for mark in self.stages[1:]), len(self)]
+        return [mark.name for mark, end in zip(self.stages, ends, strict=True) for _ in range(mark.row, end)]
+
     def save(
         self,
         path: str | Path,

@@ -4,8 +4,10 @@
 |---|---|
 | .json | everything, to the last bit; also `verdict` and `steps` |
 | .npz | everything, to the last bit |
-| .csv | all but the locked joints, to the last bit |
+| .csv | all but the locked joints, to the last bit; of a job the stage of each row |
 | .joint_trajectory.yaml, .robot_trajectory.yaml, .mcap | ROS messages: as .csv, times in whole nanoseconds |
+
+A job is several messages, which .mcap alone holds, to be played; its motion is read from the first three.
 
 A ROS message is read from any .yaml or .yml file; its keys determine its type.
 """
@@ -56,6 +58,12 @@ def check_output(path: Path) -> None:
     if ending_of(path, FORMATS) == ".mcap":
         with naming(path):
             check_installed()
+
+
+def check_stages(path: Path) -> None:
+    """Check early that the format of `path` can hold a job. Raises InputError otherwise."""
+    if path.suffix.lower() == ".yaml":
+        raise InputError(f"{path}: one message holds one motion, and a job is several: write .mcap, .json or .csv")
 
 
 def check_length(path: Path, waypoints: int, joints: int) -> None:

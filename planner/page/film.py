@@ -44,8 +44,9 @@ def check_film(path: Path) -> None:
         raise InputError(f"{path}: films need a browser (Chromium or Chrome) or matplotlib; neither is installed")
 
 
-def film(setup: Setup, motions: Sequence[ShownMotion], path: Path) -> str:
-    """Write a film of motions, whole or not at all, and return what drew it, in words.
+def film(setup: Setup, motions: Sequence[ShownMotion], path: Path, page: HtmlPage | None = None) -> str:
+    """Write a film of motions, whole or not at all, and return what drew it, in words; of a `page` of theirs, if there
+    is one already.
 
     Raises InputError as `check_film`, for motions that take longer than LONGEST, and for several motions where there is
     no browser.
@@ -60,7 +61,7 @@ def film(setup: Setup, motions: Sequence[ShownMotion], path: Path) -> str:
     program, why = find_browser(), "there is no Chromium or Chrome"
     if program is not None:
         try:
-            data = _encoded(_photographs(program, page_of(setup, motions), moments), path, rate)
+            data = _encoded(_photographs(program, page or page_of(setup, motions), moments), path, rate)
         except BrowserError as error:
             why = str(error)
         else:

@@ -171,6 +171,15 @@ class Page {
       if (said.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
     }
     $("notes").textContent = said.notes;
+    document.documentElement.style.setProperty("--bad", css(said.bad));
+    said.stages.forEach((stage) => { // as long on the bar as in time
+      const button = $("stages").appendChild(document.createElement("button"));
+      button.textContent = stage.name;
+      button.title = `${stage.name}, ${stage.begin.toFixed(2)} to ${stage.end.toFixed(2)} s: ${stage.words}`;
+      button.className = stage.certified ? "" : "bad";
+      button.style.flexGrow = stage.end - stage.begin;
+      button.addEventListener("click", () => { this.stop(); this.go(stage.begin); });
+    });
     this.bars = said.joints.map(({ name, low, high, unit }) => {
       const row = $("joints").insertRow(), cells = [row.insertCell(), row.insertCell(), row.insertCell()];
       cells[0].textContent = name;
@@ -230,6 +239,10 @@ class Page {
     if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.paint(); });
   }
 
+  stageNow() { // the one that begins, where two meet
+    return said.stages.findLastIndex((stage) => stage.begin <= this.now + 1e-9);
+  }
+
   nearest() { // of the moments at which distances were computed
     return said.closest[Math.round(place(said.when, this.now))];
   }
@@ -243,6 +256,7 @@ class Page {
     this.label(context, $("labels").width / scale, $("labels").height / scale, near);
     $("clock").textContent = this.clock();
     $("now").innerText = this.words(near).join("\n");
+    [...$("stages").children].forEach((button, i) => button.classList.toggle("now", i === this.stageNow()));
     const motion = said.motions[0], values = between(motion.joints, place(motion.when, this.now));
     this.bars.forEach((show, i) => show(values[i]));
     const plot = $("clearance"), small = plot.getContext("2d");
@@ -254,7 +268,8 @@ class Page {
 
   words(near) {
     const lines = ["to obstacles", "between links"].map((what, i) => near[i] && `${what} ${near[i].words} (${near[i].pair})`);
-    return ["clearance at this moment:", ...lines.filter((x) => x)];
+    const stage = said.stages[this.stageNow()], about = stage ? [`stage ${stage.name}: ${stage.words}`] : [];
+    return [...about, "clearance at this moment:", ...lines.filter((x) => x)];
   }
 
   label(context, width, height, near) {

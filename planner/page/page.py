@@ -11,7 +11,7 @@ import base64
 import gzip
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import resources
 from string import Template
 from typing import Any
@@ -22,6 +22,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -64,13 +65,20 @@ ASPECT = 1.3  # of the picture, width by height
 GOOD = "#00724f", "#35c795"  # a certified verdict, on a light and on a dark ground
 
 
-def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
-    """Return the page of motions, at least one, that were measured in this scene. Raises InputError for obstacles'
-    meshes that cannot be used."""
+Near = Callable[[float], tuple[Closest | None, Closest | None]]
+
+
+def page_of(
+    setup: Setup, motions: Sequence[ShownMotion], stages: Sequence[dict[str, Any]] = (), close: Near | None = None
+) -> HtmlPage:
+    """Return the page of motions, at least one, that were measured in this scene; of a job with its stages (name,
+    begin, end, certified, words) and with what is close at a time [s]. Raises InputError for obstacles' meshes that
+    cannot be used."""
     scene, robot, packed = setup.scene, setup.robot, _Packed()
     timeline = Timeline.of(scene, [motion.curve for motion in motions])
     when = np.linspace(timeline.begin, timeline.end, MOMENTS)
-    first, certifier, boxes = motions[0], Certifier(setup), _boxes(scene, timeline)
+    first, boxes = motions[0], _boxes(scene, timeline)
+    near = close or _near(Certifier(setup), first, timeline)
     try:
         seen, left_out = visual_skins(robot, scene.robot)
     except InputError as error:
@@ -92,7 +100,8 @@ def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
             {"text": name, "at": at, "color": color, "above": 18}
             for name, at, color in (("start", first.tip[0], START), ("goal", first.tip[-1], GOAL))
         ],
-        "closest": [_closest(certifier, first, timeline, now) for now in when.tolist()],
+        "closest": [_close(near(now)) for now in when.tolist()],
+        "stages": list(stages),
         "levels": _levels(scene, motions),
         "joints": _joints(robot),
         "floor": (*scene.robot.base.position[:2], min([scene.robot.base.position[2], *boxes.lowest()])),
@@ -191,11 +200,20 @@ def _millimetres(clearance: Array) -> Array:
     return 1e3 * clearance if np.isfinite(clearance).all() else clearance[:0]
 
 
-def _closest(certifier: Certifier, motion: ShownMotion, timeline: Timeline, now: float) -> list[dict[str, Any] | None]:
-    """Return the closest pair with an obstacle, and between links, where a motion is at a moment."""
-    q = motion.curve.at_parameter(timeline.parameter(motion.curve, now))
+def _near(certifier: Certifier, motion: ShownMotion, timeline: Timeline) -> Near:
+    """Return what finds the closest pairs at a moment of a motion."""
+
+    def near(now: float) -> tuple[Closest | None, Closest | None]:
+        q = motion.curve.at_parameter(timeline.parameter(motion.curve, now))
+        return certifier.closest(q, timeline.seconds(now))
+
+    return near
+
+
+def _close(pairs: tuple[Closest | None, Closest | None]) -> list[dict[str, Any] | None]:
+    """Return the closest pair with an obstacle, and between links."""
     found: list[dict[str, Any] | None] = []
-    for near, own in zip(certifier.closest(q, timeline.seconds(now)), (None, LINKS), strict=True):
+    for near, own in zip(pairs, (None, LINKS), strict=True):
         color = None if near is None else own or clearance_colors(near.distance)
         said = {} if near is None else {"pair": f"{near.link} – {near.other}", "words": millimetres(near.distance)}
         found.append(None if near is None else {"points": near.points, "color": color, **said})

@@ -10,6 +10,7 @@ import contextlib
 import json
 import time
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,19 +82,39 @@ def prove(
     setup = Setup.of(load_scene(scene_file, asked_file, robot_name))
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
-        certifier = Certifier(setup)
-        certificate = certifier.certify(motion)
-        asked, _ = certifier.asked(curve_of(setup.robot, motion))
-    if not certificate.certified:
-        raise NotProvenError(certificate.text)
+        proven = certified(setup, motion)
     planned = world_of(setup, motion)
-    try:
+    with writing():
         began = time.process_time()
         reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
         check_equal(reading.world, planned)
-        return _Writer(setup, planned, reading, time.process_time() - began).write(certificate, asked)
+        return proof_of(setup, planned, reading, *proven, time.process_time() - began)
+
+
+@contextlib.contextmanager
+def writing() -> Iterator[None]:
+    """Say that no proof can be written of what the checker rejects, and why."""
+    try:
+        yield
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
+
+
+def certified(setup: Setup, motion: Trajectory) -> tuple[Certificate, float]:
+    """Return the certificate of a motion, and the clearance [m] that it asks for. Raises NotProvenError."""
+    certifier = Certifier(setup)
+    certificate = certifier.certify(motion)
+    if not certificate.certified:
+        raise NotProvenError(certificate.text)
+    return certificate, certifier.asked(curve_of(setup.robot, motion))[0]
+
+
+def proof_of(
+    setup: Setup, planned: dict[str, Any], reading: Reading, certificate: Certificate, asked: float, took: float = 0.0
+) -> Proof:
+    """Return the proof of a motion in the world of the checker's `reading`, which is that in which it was `planned`,
+    and `took` so much processor time [s]. Raises NotProvenError and RejectedError."""
+    return _Writer(setup, planned, reading, took).write(certificate, asked)
 
 
 class _Writer:

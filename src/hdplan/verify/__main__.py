@@ -8,15 +8,15 @@ import sys
 from pathlib import Path
 
 from .balls import RejectedError, rejecting, shown
-from .checking import bounded, check
+from .checking import MOST_PARTS, bounded, check, check_job
 from .compare import plain
-from .kernel import IN_PART
+from .kernel import IN_PART, is_job
 from .robot_files import is_name
 
 
 def main(words: list[str]) -> int:
-    """Check a proof: 0 if it is accepted, 4 if it is accepted in part, 1 if it is rejected, 2 for files that are
-    lacking or cannot be written."""
+    """Check a proof, of a motion or of a job: 0 if it is accepted, 4 if it is accepted in part, 1 if it is rejected, 2
+    for files that are lacking or cannot be written."""
     parser = argparse.ArgumentParser(prog="python -m hdplan.verify", description="Check a proof that a motion is free.")
     parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
     parser.add_argument("--world", type=Path, metavar="FILE.json", help="write the world that was read")
@@ -31,10 +31,16 @@ def main(words: list[str]) -> int:
         print(f"{shown(str(lacking[0]))}: no such file", file=sys.stderr)
         return 2
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character
-    bounded()
     try:
         with rejecting():  # a file that cannot be opened, too
-            verdict, read = check(given.scene, given.motion, given.proof.read_bytes(), given.request, given.robot)
+            with given.proof.open("rb") as file:
+                job = is_job(file.read(100))
+            bounded(MOST_PARTS if job else 1)
+            if job and (given.world or given.request):
+                print("--world, --request: are about a single motion, and this is a job's proof", file=sys.stderr)
+                return 2
+            files = given.scene, given.motion, given.proof.read_bytes()
+            verdict, read = check_job(*files, given.robot) if job else check(*files, given.request, given.robot)
     except RejectedError as error:
         print(json.dumps([str(error), None]) if given.json else f"rejected: {error}")
         return 1

@@ -14,13 +14,19 @@ from typing import Any
 from .balls import RejectedError, need, rejecting, shown
 from .compare import check_equal
 from .effects import check_claims, in_words
-from .kernel import proven_world, unpack
+from .job import Part, read_job
+from .kernel import Trees, parts_of, proven_world, unpack
+from .reach import check_reach
 from .reading import Reading, read_world
 from .world import World, loads
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
 MOST_TIME, MOST_WAIT = 30, 60  # [s] of a processor, and by the clock
 
+SAME_PLACE = 1e-9  # [m], [rad] by which the worlds of a job may differ that hdplan and the checker derived
+MOST_PARTS = 20  # of a job, for each of which the check may take as much time
+
+JOB = """of a job: what is gripped is then held as it stood, and what is let go stays where it was let go"""
 READ = """the files read are those whose hashes are in the proof, and describe the robot and its surroundings
 Python's XML and JSON, and PyYAML, read what is written"""
 
@@ -44,16 +50,67 @@ def check(
         told = loads(line)
         reading = read_world(scene, motion, told, request, robot)
         read, hashes = reading.world, reading.hashes
-        for key in sorted({*hashes} | {*head["files"]}):
-            need(key in head["files"], f"{key}: is read, and not among the files of the proof")
-            need(
-                head["files"][key] == hashes.get(key),
-                f"{key}: is not the file that was proven: its SHA-256 differs",
-            )
+        check_files(hashes, head)
         check_equal(read, told)
         world = proven_world(read, head, cuts, trees)
         check_claims(world, head)
         return verdict_of(world, head, reading), read
+
+
+def check_files(hashes: dict[str, str], head: dict[str, Any]) -> None:
+    """Reject unless the files that were read are those of a proof."""
+    for key in sorted({*hashes} | {*head["files"]}):
+        need(key in head["files"], f"{key}: is read, and not among the files of the proof")
+        need(head["files"][key] == hashes.get(key), f"{key}: is not the file that was proven: its SHA-256 differs")
+
+
+def check_job(scene: Path, motion: Path, proof: bytes, robot: str | None = None) -> tuple[Verdict, list[Any]]:
+    """What a job's proof proves of a motion: that every stage is free in the world that the stages before it leave; and
+    these worlds. In this process. Raises RejectedError, which names the stage."""
+    with rejecting():
+        proofs = [unpack(each) for each in parts_of(proof)]
+        told = [loads(line) for _, line, _, _ in proofs]
+        parts, verdicts = read_job(scene, motion, told, robot), list[Verdict]()
+        for part, world, (head, _, cuts, trees) in zip(parts, told, proofs, strict=True):
+            try:
+                verdicts.append(checked_part(part, world, head, cuts, trees))
+            except RejectedError as error:
+                raise RejectedError(f"{part.name}: {error}") from None
+        return verdict_of_job(parts, verdicts), [part.reading.world for part in parts]
+
+
+def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> Verdict:
+    """What is proven in one world of a job."""
+    check_files(part.reading.hashes, head)
+    check_part(part, told)
+    if part.holding is not None:
+        check_reach(World(part.reading.world, cuts), *part.holding)
+    world = proven_world(part.reading.world, head, cuts, trees)
+    check_claims(world, head)
+    return verdict_of(world, head, part.reading)
+
+
+def check_part(part: Part, told: dict[str, Any]) -> None:
+    """Reject unless the world that a proof `told` is that of a part: it derived its own, by roundings of its own. Along
+    a line they may have other boxes around it, and the motion must keep to the checker's."""
+    read = part.reading.world
+    need(read["motion"] == told.get("motion"), "the proof is that of another motion")
+    own = {"path": read["path"], "goal": read["goal"]} if part.drawn else {}
+    check_equal(read, {**told, **own}, SAME_PLACE)
+
+
+def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
+    """What is proven of all parts of a job: what is said of each, and once what is said of all."""
+    lines = [verdict.text.split("\n") for verdict in verdicts]
+    common = [x for x in lines[0][1:] if all(x in own for own in lines)]
+    stages, whole = sum(not part.arm for part in parts), all(x.whole for x in verdicts)
+    lacking = ", ".join(part.name for part, x in zip(parts, verdicts, strict=True) if not x.whole)
+    said = ["accepted" if whole else f"accepted in part; NOT whole, as each says: {lacking}"]
+    said[0] += f": a job of {stages} stages, each of which begins as the one before it ended"
+    for part, own in zip(parts, lines, strict=True):
+        said += [f"  {part.name}: {own[0]}; {part.about}", *(f"  {x}" for x in own[1:] if x not in common)]
+    more = [f"    {line}" for line in JOB.splitlines()]
+    return Verdict("\n".join([*map(shown, said), *common, *more]), whole)
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
@@ -79,19 +136,20 @@ def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, 
     beside = [f"--{key}={x}" for key, x in (("request", request), ("robot", robot)) if x is not None]
     run = [sys.executable, "-m", __package__, "--json", *beside, "--", *map(str, (scene, motion, proof))]
     try:
-        done = subprocess.run(run, capture_output=True, timeout=2 * MOST_WAIT, check=False)
+        done = subprocess.run(run, capture_output=True, timeout=2 * MOST_PARTS * MOST_WAIT, check=False)
         text, whole = json.loads(done.stdout)
     except (subprocess.TimeoutExpired, ValueError):
-        raise RejectedError(f"needs more than {MOST_TIME} s, or more memory than it may take") from None
+        raise RejectedError("needs more time, or more memory, than it may take") from None
     if whole is None:
         raise RejectedError(text)
     return Verdict(text, whole)
 
 
-def bounded() -> None:
-    """Let this process take at most MOST_MEMORY, MOST_TIME and MOST_WAIT, whatever the files say: beyond that, the
-    proof is rejected."""
-    late = threading.Timer(MOST_WAIT, _give_up, (f"needs more than {MOST_WAIT} s",))
+def bounded(parts: int = 1) -> None:
+    """Let this process take at most MOST_MEMORY, and MOST_TIME and MOST_WAIT for as many parts, whatever the files say:
+    beyond that, the proof is rejected."""
+    most, wait = parts * MOST_TIME, parts * MOST_WAIT
+    late = threading.Timer(wait, _give_up, (f"needs more than {wait} s",))
     late.daemon = True
     late.start()
     if sys.platform == "linux":
@@ -103,10 +161,10 @@ def bounded() -> None:
             free = allowed == resource.RLIM_INFINITY
             resource.setrlimit(kind, (soft, hard) if free else (min(soft, allowed), min(hard, allowed)))
 
-        signal.signal(signal.SIGXCPU, lambda *_: _give_up(f"needs more than {MOST_TIME} s of a processor"))
+        signal.signal(signal.SIGXCPU, lambda *_: _give_up(f"needs more than {most} s of a processor"))
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         at_most(resource.RLIMIT_AS, used + MOST_MEMORY, used + MOST_MEMORY)
-        at_most(resource.RLIMIT_CPU, MOST_TIME, MOST_TIME + 5)
+        at_most(resource.RLIMIT_CPU, most, most + 5)
 
 
 def _give_up(words: str) -> None:

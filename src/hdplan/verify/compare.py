@@ -17,11 +17,11 @@ WORKED_OUT = (
 )
 
 
-def check_equal(read: Any, told: Any) -> None:
+def check_equal(read: Any, told: Any, slack: float = 0.0) -> None:
     """Reject, with the first difference, unless the world that the checker `read` and the one that the proof's writer
     `told` are equal: numbers that were worked out, in a group with `off`, up to the sum of both, all others to the last
-    bit. In the place of a mesh the proof may have its `digest`."""
-    _same(read, told, "", 0.0)
+    bit, or to the `slack` of all. In the place of a mesh the proof may have its `digest`."""
+    _same(read, told, "", slack, slack)
 
 
 def digest(mesh: dict[str, Any]) -> dict[str, str]:
@@ -45,7 +45,7 @@ def plain(value: Any) -> Any:
     raise TypeError(f"a world holds no {type(value).__name__}")
 
 
-def _same(read: Any, told: Any, where: str, off: float) -> None:
+def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
     if isinstance(read, np.ndarray) or isinstance(told, np.ndarray):  # tables, as a reader may have large ones
         if type(read) is type(told) and np.array_equal(read, told):
             return
@@ -59,7 +59,8 @@ def _same(read: Any, told: Any, where: str, off: float) -> None:
             two = told[key]
             plain_ = type(one) in (str, int, float) and type(one) is type(two)
             if key != "off" and not (plain_ and one == two):
-                _same(one, two, f"{where}.{key}" if where else str(key), slack * (key in WORKED_OUT))
+                more = slack * (key in WORKED_OUT) + least
+                _same(one, two, f"{where}.{key}" if where else str(key), more, least)
     elif isinstance(read, list) and not (read and isinstance(read[0], dict)) and read == told:
         return  # as nearly all rows of numbers are, and lists compare fast
     elif isinstance(read, list) and isinstance(told, list):
@@ -68,7 +69,7 @@ def _same(read: Any, told: Any, where: str, off: float) -> None:
             f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(told)}",
         )
         for i, (one, two) in enumerate(zip(read, told, strict=True)):
-            _same(one, two, f"{where}[{_name(one, i)}]", off)
+            _same(one, two, f"{where}[{_name(one, i)}]", off, least)
     elif type(read) in (int, float) and type(told) in (int, float):
         same = read == told or abs(read - told) <= up(off)
         need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {told!r}")

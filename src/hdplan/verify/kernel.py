@@ -37,6 +37,7 @@ is assumed.
 
 from __future__ import annotations
 
+import itertools
 import sys
 import zlib
 from pathlib import Path
@@ -63,7 +64,7 @@ from .balls import (
 )
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, VERSION = b"hdplan proof\n", 4
+MAGIC, JOB_MAGIC, VERSION = b"hdplan proof\n", b"hdplan job proof\n", 4
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
@@ -271,6 +272,23 @@ class Motion:
 Trees = tuple[Any, Any, Any, Any, Any]
 """Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
 of the rays that miss meshes."""
+
+
+def is_job(data: bytes) -> bool:
+    """Whether a proof's file is that of a job."""
+    return data.startswith(JOB_MAGIC)
+
+
+def parts_of(data: bytes) -> list[bytes]:
+    """The proofs of a job's parts in one file: a line with their lengths, and one after the other."""
+    need(is_job(data), "the file is not the proof of a job, which the scene holds")
+    line, _, rest = data[len(JOB_MAGIC) :].partition(b"\n")
+    need(len(line) <= MOST_LINE, "the proof's head is too long")
+    (lengths,) = keys_of(loads(line), "the proof's head", "lengths")
+    good = type(lengths) is list and all(type(x) is int and x > 0 for x in lengths)
+    need(good and sum(lengths) == len(rest), "the proof is shorter or longer than its head says")
+    ends = np.cumsum([0, *lengths]).tolist()
+    return [rest[a:b] for a, b in itertools.pairwise(ends)]
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:

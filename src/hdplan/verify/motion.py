@@ -3,6 +3,7 @@ world."""
 
 from __future__ import annotations
 
+import copy
 import csv
 from pathlib import Path
 from typing import Any
@@ -31,16 +32,41 @@ class Rows:
         given = [said[key] for key in RATES if said.get(key) is not None]
         need(all(type(x) is list and all(type(y) is list for y in x) for x in given), f"{path}: lists of rows")
         self.given = [np.array([values(x, len(self.names), RATES[i]) for x in rows]) for i, rows in enumerate(given)]
-        self.times = said.get("times")
+        self.times, self.stages = said.get("times"), said.get("stages")
         rated = [said.get(x) is not None for x in ("times", *RATES[1:])]
         need(said.get("positions") is not None, f"{path}: has no positions")  # else rates would stand for them
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
         self.rule = ("", "linear", "cubic", "quintic")[len(self.given)]
         need(said.get("interpolation", self.rule) == self.rule, f"{path}: its interpolation is not that of its rows")
 
+    def between(self, first: int, last: int) -> Rows:
+        """The rows from one to another, both with them."""
+        need(self.times is not None, f"{self.path}: has no times")
+        part = copy.copy(self)
+        part.given, part.times = [x[first : last + 1] for x in self.given], self.times[first : last + 1]
+        return part
+
+    def still(self, names: list[str], values_: list[float]) -> Rows:
+        """A second in which joints stand still."""
+        rest = np.zeros((2, len(names)))
+        part = copy.copy(self)
+        part.names, part.locked, part.times, part.rule = names, {}, [0.0, 1.0], "quintic"
+        part.given = [rest + values_, rest, rest]
+        return part
+
+    def moves(self) -> bool:
+        """Whether anything moves."""
+        at, *rates = self.given
+        return bool((at != at[0]).any() or any(x.any() for x in rates))
+
+    def last(self, name: str) -> float:
+        """The value of a joint at the last row."""
+        need(name in self.names, f"{self.path}: has no column of joint '{name}'")
+        return float(self.given[0][-1, self.names.index(name)])
+
     @staticmethod
     def _json(path: Path, data: bytes) -> dict[str, Any]:
-        keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(RATES)}"
+        keys = f"hdplan_trajectory joint_names interpolation locked times stages verdict steps {' '.join(RATES)}"
         said = mapping(loads(data), str(path), keys)
         need(said.get("hdplan_trajectory") == 1, f"{path}: not a hdplan trajectory, version 1")
         return said

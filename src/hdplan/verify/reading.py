@@ -3,6 +3,7 @@ hdplan's."""
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ def read_world(
     is taken from the world that a proof `told`, and named. Raises RejectedError."""
     with rejecting():
         reader = Reader(scene, motion, told, request, robot)
+        need("job" not in reader.top, "the scene holds a job, and the proof is that of a single motion")
         world = reader.world_of_other_robot() if isinstance(reader.joints, OtherRobot) else reader.world()
         return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
 
@@ -107,6 +109,13 @@ class Reader:
             self.top = sections(around, asked, spec, tree, semantics)
             spec = self.top["robot"]
         self.joints = Joints(spec, self.top["start"], tree, semantics)
+
+    def of(self, top: dict[str, Any], rows: Rows) -> Reader:
+        """The same files with other sections and other rows, of one stage of a job."""
+        other = copy.copy(self)
+        other.top, other.rows = top, rows
+        other.joints = Joints(top["robot"], top["start"], self.joints.tree, self.joints.semantics)
+        return other
 
     def link_bodies(self) -> list[Any]:
         """The collision geometry of all links."""

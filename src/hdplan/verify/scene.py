@@ -16,7 +16,9 @@ from .meshes import KINDS, triangles
 from .robot import decimal, rpy
 from .text import LARGEST, Files, listing, mapping, values, yaml_of
 
-SECTIONS = "hdplan robot obstacles attached start goal from_request self_collision limits payload path timing planner"
+SECTIONS = (
+    "hdplan robot obstacles attached start goal job from_request self_collision limits payload path timing planner"
+)
 PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
 SHAPES = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
 SHAPES |= {"capsule": "radius length", "points": "points", "mesh": "file"}
@@ -32,7 +34,7 @@ def read_scene(path: Path, data: bytes) -> dict[str, Any]:
     need(isinstance(said, dict) and "hdplan" in said, f"{path}: not a hdplan scene, version 1; {beside}")
     top = mapping(said, str(path), SECTIONS)
     need(top.get("hdplan") == 1 and type(top["hdplan"]) is int, f"{path}: not a hdplan scene, version 1")
-    need("start" in top and "goal" in top, f"{path}: has no start or goal")
+    need("start" in top and ("goal" in top) != ("job" in top), f"{path}: has no start, or not one of goal and job")
     need(type(top.get("from_request", False)) is bool, "from_request: true or false is expected")
     mapping(top.get("planner", {}), "planner", PLANNER)
     mapping(top.get("timing", {}), "timing", "duration scale rate")

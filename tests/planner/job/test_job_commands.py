@@ -49,14 +49,18 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
         "follow job.yaml motion.json",
         "simulate job.yaml motion.json",
         "plot job.yaml motion.json -o sheet.png",
-        "view job.yaml motion.json --record page.html",
         "explain job.yaml",
         "codegen job.yaml -o folder",
-        "sample job.yaml -o table.csv",
     ):
         code, out, err = command(line)
         assert (code, out) == (2, ""), line
         assert "job: holds several motions" in err, line
+    code, _, err = command("view job.yaml motion.json")
+    assert (code, "job: is shown as a page or a film, --record" in err) == (2, True)
+    code, _, err = command("sample job.yaml -o table.csv")
+    assert (code, "whose places are drawn: give --jitter" in err) == (2, True)
+    code, _, err = command("sample job.yaml -o table.csv --jitter 0.01")
+    assert (code, "grips nothing" in err) == (2, True)
     for option in ("--diagnose", "--plot sheet.png", "--proof a.proof", "--solver ipopt"):
         code, _, err = command(f"plan job.yaml -o other.json {option}")
         assert code == 2, option
@@ -73,5 +77,5 @@ def test_a_stage_that_fails_keeps_what_was_planned(command: object) -> None:
     code, out, _ = command("check job.yaml motion.json")
     assert code == 1
     assert out.startswith("not whole: 2 stages are proven, 'away' has no motion")
-    assert command("prove job.yaml motion.json -o proofs")[0] == 1
-    assert not Path("proofs").exists()
+    assert command("prove job.yaml motion.json -o job.proof")[0] == 1
+    assert not Path("job.proof").exists()

@@ -16,7 +16,6 @@ import pytest
 
 import hdplan
 from hdplan.planner.commands.verify import run_verify
-from hdplan.planner.job import bundle
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
@@ -156,9 +155,11 @@ def test_files_keep_marks_and_are_certified_again(scene: Scene, planned: JobResu
     (tmp_path / "half.json").write_bytes((tmp_path / "job.json").read_bytes()[:4000])
     with pytest.raises(InputError, match="not JSON"):
         Trajectory.load(tmp_path / "half.json")
-    planned.save(tmp_path / "job.csv")
+    for ending in ("csv", "npz"):
+        planned.save(tmp_path / f"job.{ending}")
+        assert Trajectory.load(tmp_path / f"job.{ending}").stages == again.stages
     with pytest.raises(InputError, match="no marks of stages"):
-        hdplan.certify_job(scene, Trajectory.load(tmp_path / "job.csv"))
+        hdplan.certify_job(scene, replace(again, stages=()))
 
 
 def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path: Path) -> None:
@@ -167,25 +168,18 @@ def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path
         assert hdplan.certify(hdplan.load_scene(tmp_path / "stage.yaml"), stage.trajectory).certified
 
 
-def test_the_checker_accepts_the_proof_of_a_stage_that_touches(
-    scene: Scene, planned: JobResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of the whole bundle in which the can stands on the table; and not for another scene."""
-    kept = bundle._stage_files
-    monkeypatch.setattr(bundle, "_stage_files", lambda *given: kept(*given) if given[2].name == "lift" else {})
-    files = bundle.prove_job(scene, planned.trajectory)
-    assert sorted(files) == ["03_lift.json", "03_lift.proof", "03_lift.yaml"]
-    for name, data in files.items():
-        (tmp_path / name).write_bytes(data)
-    assert run_verify(str(tmp_path / "03_lift.yaml"), tmp_path / "03_lift.json", tmp_path / "03_lift.proof") == 0
-    written = files["03_lift.yaml"].decode()
-    (tmp_path / "03_lift.yaml").write_text(
-        written.replace('"touch_links": ["can"]', '"touch_links": []'), encoding="utf-8"
-    )
+def test_the_checker_accepts_the_proof_of_a_stage_that_touches(planned: JobResult, tmp_path: Path) -> None:
+    """By itself, of the one in which the can stands on the table; and not for another scene."""
+    (stage,) = [each for each in planned.certificate.stages if each.name == "lift"]
+    scene, motion, proof = (tmp_path / f"lift.{ending}" for ending in ("yaml", "json", "proof"))
+    stage.scene.save(scene)
+    stage.trajectory.save(motion)
+    hdplan.prove(scene, motion).save(proof)
+    assert run_verify(str(scene), motion, proof) == 0
+    written = scene.read_text(encoding="utf-8")
     assert written.count('"touch_links": ["can"]') == 1
-    assert run_verify(str(tmp_path / "03_lift.yaml"), tmp_path / "03_lift.json", tmp_path / "03_lift.proof") == 1
-    with pytest.raises(hdplan.NotProvenError, match="'lift'"):
-        bundle.prove_job(with_stages(scene, (3, {"touch": ()})), planned.trajectory)
+    scene.write_text(written.replace('"touch_links": ["can"]', '"touch_links": []'), encoding="utf-8")
+    assert run_verify(str(scene), motion, proof) == 1
 
 
 def moved_mark(motion: Trajectory, number: int, by: int) -> Trajectory:

@@ -1,0 +1,335 @@
+"""Laws of a job's proof: the checker derives every stage's world itself, so no proof can tell it another one."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import coal
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.commands.verify import run_verify
+from hdplan.planner.job.places import link_pose
+from hdplan.planner.job.proof import prove_job
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.scene import Scene
+from hdplan.verify.balls import Ball, RejectedError
+from hdplan.verify.checking import Verdict, check_job, check_part
+from hdplan.verify.job import read_job
+from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
+from hdplan.verify.reach import apart
+from hdplan.verify.world import Piece, shape_of
+
+FINGER = "panda_finger_joint1"
+HAND = ["panda_leftfinger", "panda_rightfinger"]
+Told = list[dict[str, Any]]
+
+
+def job(**changes: Any) -> hdplan.Job:
+    """A bar is taken from a shelf, lifted and let go in the air; stages by name, with changes."""
+    stages = {
+        "grip": hdplan.Grip(
+            {FINGER: 0.0102},
+            "bar",
+            "panda_hand",
+            touch=[["bar", [*HAND, "shelf"]]],
+            limits=hdplan.Limits(acceleration=2.0),
+        ),
+        "lift": hdplan.Line(by=[0.0, 0.0, 0.04], touch=[["bar", "shelf"]]),
+        "stand": hdplan.Wait(0.1),
+        "let_go": hdplan.Release({FINGER: 0.02}, "bar"),
+        "away": hdplan.Line(by=[0.0, 0.0, 0.03], frame="world"),
+    }
+    return hdplan.Job([replace(x, name=name, **changes.get(name, {})) for name, x in stages.items()])
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    robot = hdplan.load_robot("panda")
+    states = robot.named_states["default"]
+    start = {**{x: states[x] for x in robot.joint_names}, FINGER: 0.02, "panda_finger_joint2": 0.02}
+    tip = link_pose(robot, np.array([start[x] for x in robot.joint_names]), "panda_hand_tcp")[:3, 3]
+    bar, shelf = hdplan.Box([0.02, 0.02, 0.06]), hdplan.Box([0.1, 0.1, 0.02])
+    obstacles = [
+        hdplan.Obstacle("bar", bar, list(tip - [0, 0, 0.025])),
+        hdplan.Obstacle("shelf", shelf, list(tip - [0, 0, 0.065])),
+        hdplan.Obstacle("far", hdplan.Sphere(0.05), [0.0, 0.9, 0.5]),
+    ]
+    limits = hdplan.Limits(acceleration=4.0)
+    return hdplan.Scene(robot="panda", start=start, limits=limits, obstacles=obstacles, job=job())
+
+
+@pytest.fixture(scope="module")
+def files(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, bytes]:
+    """Scene, motion and proof."""
+    folder = tmp_path_factory.mktemp("job")
+    result = hdplan.plan_job(scene)
+    assert result.certified, result.text
+    result.save(folder / "job.json")
+    scene.save(folder / "job.yaml")
+    proof = prove_job(folder / "job.yaml", folder / "job.json")
+    proof.save(folder / "job.proof")
+    return folder / "job.yaml", folder / "job.json", proof.data
+
+
+def packed(parts: list[bytes]) -> bytes:
+    return JOB_MAGIC + json.dumps({"lengths": [len(x) for x in parts]}).encode() + b"\n" + b"".join(parts)
+
+
+def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], None]) -> bytes:
+    """A part with another head and world."""
+    head, _, rest = zlib.decompress(part[len(MAGIC) :]).partition(b"\n")
+    world, _, rest = rest.partition(b"\n")
+    one, two = json.loads(head), json.loads(world)
+    change(one, two)
+    return MAGIC + zlib.compress(b"\n".join([json.dumps(one).encode(), json.dumps(two).encode(), rest]))
+
+
+def worlds(data: bytes) -> Told:
+    return [json.loads(unpack(x)[1]) for x in parts_of(data)]
+
+
+def signed(scene: Path, motion: Path, data: bytes) -> bytes:
+    """The proof of another scene or motion, with the hashes and the worlds of these: all that a forger can change but
+    the directions."""
+    parts = parts_of(data)
+    read = read_job(scene, motion, worlds(data))
+
+    def sign(number: int) -> Callable[[dict[str, Any], dict[str, Any]], None]:
+        def change(head: dict[str, Any], world: dict[str, Any]) -> None:
+            head["files"] = read[number].reading.hashes
+            world |= json.loads(json.dumps(read[number].reading.world))
+
+        return change
+
+    return packed([rewritten(x, sign(i)) for i, x in enumerate(parts)])
+
+
+def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
+    """What the checker says once a forger has signed."""
+    return check_job(scene, motion, signed(scene, motion, data))[0]
+
+
+def test_the_whole_job_is_accepted(files: tuple[Path, Path, bytes], capsys: pytest.CaptureFixture[str]) -> None:
+    scene, motion, data = files
+    verdict, read = check_job(scene, motion, data)
+    assert verdict.whole
+    assert verdict.text.startswith("accepted: a job of 5 stages")
+    assert len(read) == 7  # two where fingers move
+    assert judged(scene, motion, data).whole  # the forger's pen writes what is read
+    assert run_verify(str(scene), motion, scene.with_suffix(".proof")) == 0
+    assert "stage lift: accepted: over the whole motion" in capsys.readouterr().out
+    with pytest.raises(InputError, match="--world: is about a single motion"):
+        run_verify(str(scene), motion, scene.with_suffix(".proof"), world=scene.with_name("world.json"))
+
+
+def test_parts_are_those_of_the_stages(files: tuple[Path, Path, bytes]) -> None:
+    """Left out, twice, exchanged, cut."""
+    scene, motion, data = files
+    parts = parts_of(data)
+    forged = [
+        *(packed([x for k, x in enumerate(parts) if k != i]) for i in range(len(parts))),
+        *(packed([*parts[:i], parts[j], *parts[i + 1 :]]) for i, j in ((1, 0), (2, 6), (4, 5), (5, 1), (6, 2), (3, 2))),
+        packed([*parts, parts[-1]]),
+        packed(parts[::-1]),
+        packed([]),
+        data[:-1],
+        data + b"0",
+        parts[0],
+    ]
+    for each in forged:
+        with pytest.raises(RejectedError):
+            check_job(scene, motion, each)
+
+
+def body(world: dict[str, Any], name: str) -> dict[str, Any]:
+    (found,) = [x for x in world["bodies"] if x["name"] == name]
+    return dict(found)
+
+
+def bodies(world: dict[str, Any], name: str, **changes: Any) -> None:
+    world["bodies"] = [{**x, **changes} if x["name"] == name else x for x in world["bodies"]]
+
+
+def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
+    """A hold left out, another place after release, what may touch told in another stage, limits, joints of the hand,
+    the motion: of whatever part."""
+    scene, motion, data = files
+    told = worlds(data)
+    parts = read_job(scene, motion, told)
+
+    def moved(name: str) -> Any:
+        return lambda x: bodies(x, name, position=[a + 1e-6 for a in body(x, name)["position"]])
+
+    def without(name: str) -> Any:
+        return lambda x: x.update(bodies=[y for y in x["bodies"] if y["name"] != name])
+
+    changes: list[Any] = [change(name) for change in (moved, without) for name in ("bar", "far", "shelf")]
+    changes += [
+        lambda x: x.update(not_compared=sorted([*x["not_compared"], ["bar", "panda_link5", "touch_links"]])),
+        lambda x: x.update(not_compared=x["not_compared"][1:]),
+        lambda x: bodies(x, "bar", joint=3),
+        lambda x: bodies(x, "shelf", kind="held" if body(x, "shelf")["kind"] == "obstacle" else "obstacle"),
+        lambda x: x.update(limits={**x["limits"], "position": x["limits"]["position"][::-1] + [[0.0, 1.0]]}),
+        lambda x: x.update(held={y: at + 1e-3 for y, at in x["held"].items()}),
+        lambda x: x.update(clearances={**x["clearances"], "self": -1.0}),
+        lambda x: x["motion"]["positions"][1].__setitem__(0, 0.3),
+    ]
+    for part, world in zip(parts, told, strict=True):
+        check_part(part, world)
+        for change in changes:
+            forged = json.loads(json.dumps(world))
+            change(forged)
+            assert forged != world
+            with pytest.raises(RejectedError):
+                check_part(part, forged)
+
+
+def changed_motion(motion: Path, change: Callable[[Trajectory], Trajectory], to: Path) -> Path:
+    change(Trajectory.load(motion)).save(to)
+    return to
+
+
+def shifted(key: str, row: int, column: str, by: float) -> Callable[[Trajectory], Trajectory]:
+    def change(motion: Trajectory) -> Trajectory:
+        values = np.array(getattr(motion, key))
+        values[row, motion.joint_names.index(column)] += by
+        return replace(motion, **{key: values})
+
+    return change
+
+
+def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    """Though hashes and worlds in the proof are those of the forged files."""
+    scene, motion, data = files
+    rows = {mark.name: mark.row for mark in Trajectory.load(motion).stages}
+
+    def marked(name: str, by: int) -> Callable[[Trajectory], Trajectory]:
+        def change(old: Trajectory) -> Trajectory:
+            marks = [StageMark(x.name, x.row + by * (x.name == name)) for x in old.stages]
+            return replace(old, stages=tuple(marks))
+
+        return change
+
+    changes = [
+        shifted("positions", rows["lift"], FINGER, 1e-3),  # the hand is another where stages meet
+        shifted("positions", rows["lift"] + 3, FINGER, 1e-3),  # opens while it lifts
+        shifted("positions", rows["grip"] + 3, "panda_joint2", 1e-3),  # the arm moves while fingers do
+        shifted("velocities", rows["lift"], "panda_joint2", 1e-2),  # no rest
+        shifted("velocities", rows["let_go"], FINGER, 1e-2),
+        shifted("positions", rows["stand"], "panda_joint4", 5e-3),  # the line ends elsewhere
+        shifted("positions", rows["lift"] + 10, "panda_joint1", 5e-3),  # off the line
+        shifted("positions", 0, "panda_joint1", 1e-4),  # another start
+        shifted("positions", rows["stand"] + 1, "panda_joint1", 1e-3),  # moves in a wait
+        *(marked(name, by) for name, by in (("lift", 3), ("lift", -3), ("stand", -3), ("let_go", 3), ("away", -3))),
+        lambda old: replace(old, stages=old.stages[:-1]),
+        lambda old: replace(old, stages=(*old.stages[:2], *old.stages[3:])),
+        lambda old: replace(old, stages=(*old.stages[:1], StageMark("stand", rows["lift"]), *old.stages[3:])),
+        lambda old: replace(old, times=np.array(old.times) * 0.5),
+    ]
+    for i, change in enumerate(changes):
+        other = changed_motion(motion, change, tmp_path / f"{i}.json")
+        with pytest.raises(RejectedError):
+            judged(scene, other, data)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"lift": {"touch": ()}},  # what may touch, in no stage or in another one
+        {"lift": {"touch": ()}, "stand": {"touch": [["bar", "shelf"]]}},
+        {"grip": {"object": None, "link": None}, "let_go": {"object": None}},  # nothing is held
+        {"lift": {"by": [0.0, 0.0, 0.042]}},
+        {"lift": {"frame": "bar", "by": [0.04, 0.0, 0.0]}},
+        {"stand": {"seconds": 0.2}},
+        {"let_go": {"object": None}},  # never let go
+        {"let_go": {"joints": {FINGER: 0.025}}},
+        {"grip": {"link": "panda_link0"}},
+        {"away": {"limits": hdplan.Limits(acceleration=0.5)}},
+    ],
+)
+def test_the_proof_of_another_job_is_rejected(
+    scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    _, motion, data = files
+    other = tmp_path / "other.yaml"
+    replace(scene, goal=None, job=job(**changes)).save(other)
+    with pytest.raises(RejectedError):
+        judged(other, motion, data)
+
+
+def test_what_was_let_go_stands_where_it_was_let_go(
+    scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path
+) -> None:
+    """As far as the checker's own kinematics says, and hdplan's."""
+    path, motion, data = files
+    first, last = worlds(data)[0], read_job(path, motion, worlds(data))[-1].reading.world
+    before, after = (np.array(body(x, "bar")["position"]) for x in (first, last))
+    np.testing.assert_allclose(after - before, [0.0, 0.0, 0.04], atol=1.1e-3)
+    assert hdplan.certify_job(scene, Trajectory.load(motion)).certified
+    np.testing.assert_allclose(after, body(worlds(data)[-1], "bar")["position"], atol=1e-10)
+
+
+def test_what_is_out_of_reach_is_not_held(scene: Scene, files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    _, motion, data = files
+    other = tmp_path / "other.yaml"
+    for more in ([["bar", [*HAND, "panda_hand", "shelf"]]], [["bar", [*HAND, "panda_link7"]], ["bar", "shelf"]]):
+        replace(scene, goal=None, job=job(grip={"touch": more})).save(other)
+        with pytest.raises(
+            RejectedError, match=r"stage grip: 'panda_(hand|link7)' is to hold 'bar', and is not within"
+        ):
+            judged(other, motion, data)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_how_far_pieces_are_apart(seed: int) -> None:
+    """As coal says, of every shape."""
+    rng = np.random.default_rng(seed)
+
+    def rotated() -> np.ndarray:
+        return np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+    shapes = [
+        ({"type": "box", "size": [0.2, 0.1, 0.3]}, coal.Box(0.2, 0.1, 0.3)),
+        ({"type": "sphere", "radius": 0.1}, coal.Sphere(0.1)),
+        ({"type": "cylinder", "radius": 0.05, "length": 0.2}, coal.Cylinder(0.05, 0.2)),
+        ({"type": "capsule", "radius": 0.05, "length": 0.2}, coal.Capsule(0.05, 0.2)),
+        ({"type": "ellipsoid", "radii": [0.1, 0.2, 0.05]}, coal.Ellipsoid(0.1, 0.2, 0.05)),
+    ]
+    for (one, coal_one), (other, coal_other) in itertools.product(shapes, shapes):
+        pieces, places = [], []
+        for said in (one, other):
+            turn = rotated()
+            turn[:, 0] *= np.linalg.det(turn)
+            at = rng.uniform(-0.3, 0.3, 3)
+            points, _, off, sweep = shape_of(said, "a shape")
+            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep))
+            places.append(coal.Transform3s(turn, at))
+        still: Any = SimpleNamespace(turn=Ball(np.eye(3)[None, None]), at=Ball(np.zeros((1, 1, 3))))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        exact = max(0.0, coal.distance(coal_one, places[0], coal_other, places[1], request, result))
+        assert apart(still, *pieces) == pytest.approx(exact, abs=2e-5)
+
+
+def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    path, motion, data = files
+    written = path.read_text(encoding="utf-8")
+    for old, new, words in (
+        ('"wait": 0.1', '"circle": 0.1', "does not know 'circle' there"),
+        ('"wait": 0.1', '"wait": 0.1, "blend": 0.01', "does not know 'blend' there"),
+        ('"by": ', '"turn": 1, "by": ', "does not know 'turn' there"),
+    ):
+        assert old in written
+        other = tmp_path / "other.yaml"
+        other.write_text(written.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(RejectedError, match=words):
+            check_job(other, motion, data)
