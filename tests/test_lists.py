@@ -149,6 +149,10 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_LIDAR),
     ),
     ("planner/problem/lay_out.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
+    ("planner/proof/world_values.py", "plain_shape", "shape"): (
+        lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
+        lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
+    ),
     ("planner/proof/world_values.py", "plain_shape", "seen"): (
         lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),

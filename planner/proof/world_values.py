@@ -23,7 +23,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.poses import IDENTITY, Pose
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere
+from hdplan.scenes.shapes import Points, Shape
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 Plain = dict[str, Any]
@@ -72,24 +72,18 @@ def plain_shape(shape: Shape | Seen) -> Plain:
         boxes = boxes_in(shape).array
         corners = np.where(CORNERS > 0, boxes[:, None, 3:], boxes[:, None, :3])
         return _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
-    operations(shape)  # refuses what it does not know
-    match shape:
-        case ReadMesh():
-            return plain_mesh(ordered(shape.mesh))
-        case Box():
-            return _swept(CORNERS * np.array(shape.size) / 2.0)
-        case Points():
-            return _swept(np.array(shape.points))
-        case Sphere():
-            return _swept(np.zeros((1, 3)), np.full((1, 3), shape.radius))
-        case Ellipsoid():
-            return _swept(np.zeros((1, 3)), np.array([shape.radii]))
-        case Cylinder() | Capsule():
-            tip = 0.0 if isinstance(shape, Cylinder) else shape.radius
-            ends = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]) * (shape.length / 2.0)
-            return _swept(ends, np.array([[shape.radius, shape.radius, tip]]))
-        case _:
-            raise TypeError(f"no world can hold a {type(shape).__name__}")
+    outline = operations(shape).outline  # refuses what it does not know
+    if isinstance(shape, ReadMesh):
+        return plain_mesh(ordered(shape.mesh))
+    if isinstance(shape, Points):
+        return _swept(np.array(shape.points))
+    if outline is None:
+        raise TypeError(f"no world can hold a {type(shape).__name__}")
+    body = outline.swept(shape)
+    sweeps = np.array([[body.disc, body.disc, 0.0], body.radii, [body.ball] * 3])
+    if sweeps.any(axis=1).sum() > 1:  # of which the sum is no ellipsoid
+        raise TypeError(f"no world can hold a {type(shape).__name__}, which two solids sweep")
+    return _swept(body.vertices, sweeps.max(axis=0)[None])
 
 
 def _swept(points: Array, sweep: Array | None = None, parts: Rows | None = None) -> Plain:

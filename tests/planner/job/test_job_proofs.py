@@ -24,9 +24,11 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.verify.balls import Ball, RejectedError
 from hdplan.verify.checking import Verdict, check_job, check_part
+from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
 from hdplan.verify.reach import apart
+from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
 FINGER = "panda_finger_joint1"
@@ -91,7 +93,7 @@ def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], No
     world, _, rest = rest.partition(b"\n")
     one, two = json.loads(head), json.loads(world)
     change(one, two)
-    return MAGIC + zlib.compress(b"\n".join([json.dumps(one).encode(), json.dumps(two).encode(), rest]))
+    return MAGIC + zlib.compress(b"\n".join([json.dumps(one, default=plain).encode(), json.dumps(two, default=plain).encode(), rest]))
 
 
 def worlds(data: bytes) -> Told:
@@ -107,7 +109,7 @@ def signed(scene: Path, motion: Path, data: bytes) -> bytes:
     def sign(number: int) -> Callable[[dict[str, Any], dict[str, Any]], None]:
         def change(head: dict[str, Any], world: dict[str, Any]) -> None:
             head["files"] = read[number].reading.hashes
-            world |= json.loads(json.dumps(read[number].reading.world))
+            world |= json.loads(json.dumps(read[number].reading.world, default=plain))
 
         return change
 
@@ -187,7 +189,7 @@ def test_a_proof_tells_no_other_world(files: tuple[Path, Path, bytes]) -> None:
     for part, world in zip(parts, told, strict=True):
         check_part(part, world)
         for change in changes:
-            forged = json.loads(json.dumps(world))
+            forged = json.loads(json.dumps(world, default=plain))
             change(forged)
             assert forged != world
             with pytest.raises(RejectedError):
@@ -299,11 +301,11 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
         return np.linalg.qr(rng.normal(size=(3, 3)))[0]
 
     shapes = [
-        ({"type": "box", "size": [0.2, 0.1, 0.3]}, coal.Box(0.2, 0.1, 0.3)),
-        ({"type": "sphere", "radius": 0.1}, coal.Sphere(0.1)),
-        ({"type": "cylinder", "radius": 0.05, "length": 0.2}, coal.Cylinder(0.05, 0.2)),
-        ({"type": "capsule", "radius": 0.05, "length": 0.2}, coal.Capsule(0.05, 0.2)),
-        ({"type": "ellipsoid", "radii": [0.1, 0.2, 0.05]}, coal.Ellipsoid(0.1, 0.2, 0.05)),
+        (solid("box", {"size": [0.2, 0.1, 0.3]}), coal.Box(0.2, 0.1, 0.3)),
+        (solid("sphere", {"radius": 0.1}), coal.Sphere(0.1)),
+        (solid("cylinder", {"radius": 0.05, "length": 0.2}), coal.Cylinder(0.05, 0.2)),
+        (solid("capsule", {"radius": 0.05, "length": 0.2}), coal.Capsule(0.05, 0.2)),
+        (solid("ellipsoid", {"radii": [0.1, 0.2, 0.05]}), coal.Ellipsoid(0.1, 0.2, 0.05)),
     ]
     for (one, coal_one), (other, coal_other) in itertools.product(shapes, shapes):
         pieces, places = [], []
@@ -311,8 +313,8 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
             turn = rotated()
             turn[:, 0] *= np.linalg.det(turn)
             at = rng.uniform(-0.3, 0.3, 3)
-            points, _, off, sweep = shape_of(said, "a shape")
-            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep))
+            points, _, sweep, off = shape_of(said, "a shape")
+            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep[0]))
             places.append(coal.Transform3s(turn, at))
         still: Any = SimpleNamespace(turn=Ball(np.eye(3)[None, None]), at=Ball(np.zeros((1, 1, 3))))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
