@@ -37,6 +37,7 @@ from hdplan.scenes.robot_files.library import description_of, library_package_di
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
+from hdplan.verify.compare import plain
 from hdplan.verify.kernel import MAGIC
 from hdplan.verify.reading import read_world
 
@@ -110,7 +111,7 @@ class Files:
                     head = head.replace(old, new)
             if {*changed} & {*self.names}:
                 with contextlib.suppress(RejectedError):
-                    parts["world"] = json.dumps(read_world(*self.files).world).encode()
+                    parts["world"] = json.dumps(read_world(*self.files).world, default=plain).encode()
             data = MAGIC + zlib.compress(b"\n".join([head, parts["world"], parts["arrays"]]), 1)
         return check(*self.files, data)[0].text
 

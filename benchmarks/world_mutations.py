@@ -39,6 +39,7 @@ from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
+from hdplan.verify.compare import plain
 from hdplan.verify.kernel import CLAIMS, MAGIC, accept
 
 Random = np.random.Generator
@@ -371,7 +372,8 @@ class Case:
         *groups, counts, depths, normals, rows, ways = arrays
         cuts = dict(zip(head["cuts"], groups, strict=True))
         return cls(
-            json.loads(json.dumps(world)), head, cuts, counts, depths, normals.reshape(-1, 3), rows, ways.reshape(-1, 3)
+            *(json.loads(json.dumps(world, default=plain)), head, cuts, counts, depths),
+            *(normals.reshape(-1, 3), rows, ways.reshape(-1, 3)),
         )
 
     def packed(self) -> bytes:

@@ -12,6 +12,7 @@ from hdplan.scenes import yaml_values
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_values import read_mapping
 from hdplan.verify import RejectedError
+from hdplan.verify.balls import rejecting
 from hdplan.verify.text import yaml_of
 
 PLAIN = (
@@ -182,3 +183,40 @@ def test_a_mapping_that_merges_and_is_merged_keeps_its_own_keys() -> None:
             read_mapping(text.encode())
         with pytest.raises(RejectedError, match="stands twice"):
             yaml_of(text.encode())
+
+
+def test_what_yaml_may_be_is_refused_by_the_checker_where_readers_differ() -> None:
+    """Nesting without end, what contains itself, other documents and tags."""
+    for text in (
+        "a: " + "[" * 70 + "]" * 70,
+        "[" * 100_000,
+        "&x\na: *x",
+        "&x [*x]",
+        "a: *x",
+        "a: &x 1\nb: &x 2",
+        "a: 1\n---\nb: 2",
+        "!!set {a}",
+        "!!omap [a: 1]",
+        "a: 0x10",
+        "a: 1_0",
+        "a: 010",
+        "a: 1:30",
+        "a: .nan",
+        "a: !!python/none x",
+        "1: a",
+        "[a]: b",
+        "{<<: 1}",
+        "{<<: [1]}",
+    ):
+        with pytest.raises(RejectedError), rejecting():
+            yaml_of(text.encode())
+    for text, value in {
+        "": None,
+        "a: &x {b: 1}\nc: *x": {"a": {"b": 1}, "c": {"b": 1}},
+        "a: [1, -2.5, +3., .inf, -.INF, '4', yes, ~, 1e5]": {
+            "a": [1, -2.5, 3.0, float("inf"), -float("inf"), "4", True, None, "1e5"]
+        },
+        "? a\n: |\n  b\n": {"a": "b\n"},
+        "!!map {a: !!seq [!!str 1, !!float 2.5, !!int 3]}": {"a": ["1", 2.5, 3]},
+    }.items():
+        assert yaml_of(text.encode()) == value
