@@ -63,7 +63,7 @@ from .balls import (
 )
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, VERSION = b"hdplan proof\n", 4
+MAGIC, VERSION = b"hdplan proof\n", 5
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
