@@ -13,9 +13,10 @@ from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
 from .compare import check_equal
-from .effects import check_claims, in_words
+from .effects import check_claims
 from .kernel import proven_world, unpack
 from .reading import Reading, read_world
+from .verdict import in_words
 from .world import World, loads
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
