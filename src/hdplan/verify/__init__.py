@@ -4,7 +4,7 @@
 
 Scene, URDF, SRDF, meshes and motion are read into a *world* (`reading`, docs/world.md), by readers that share nothing
 with hdplan's. The proof holds the world in which hdplan planned: the two must be equal (`compare`). Then the kernel
-(`kernel`, `balls`, `world`, `effects`) checks the proof in that world, and reads no file.
+(`kernel`, `balls`, `world`, `effects`, `verdict`) checks the proof in that world, and reads no file.
 """
 
 from __future__ import annotations

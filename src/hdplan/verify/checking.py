@@ -13,11 +13,12 @@ from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
 from .compare import check_equal
-from .effects import check_claims, in_words
+from .effects import check_claims
 from .job import Part, read_job
 from .kernel import Trees, parts_of, proven_world, unpack
 from .reach import check_reach
 from .reading import Reading, read_world
+from .verdict import in_words
 from .world import World, loads
 
 MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself

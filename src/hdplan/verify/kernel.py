@@ -4,7 +4,7 @@
 
 A world (`docs/world.md`) is joints, bodies, pairs and motion in plain numbers. A proof (`docs/proof.md`) holds no
 geometry, only, for every pair of convex pieces, a binary tree of intervals of the motion with a direction n at every
-leaf. "Accepted" is a theorem about real numbers; what it rests on is printed with it (`ASSUMES`).
+leaf. "Accepted" is a theorem about real numbers; what it rests on is printed with it (`verdict`).
 
 Numbers are enclosed (`balls`); every bound is rounded outward.
 
@@ -64,7 +64,7 @@ from .balls import (
 )
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, JOB_MAGIC, VERSION = b"hdplan proof\n", b"hdplan job proof\n", 4
+MAGIC, JOB_MAGIC, VERSION = b"hdplan proof\n", b"hdplan job proof\n", 5
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
@@ -74,15 +74,6 @@ CLAIMS = (  # of a proof: clearances, and what `effects` checks, in this order
     *("clearance", "velocity", "acceleration", "jerk", "torque", "path"),
     *("limits", "start", "goal", "duration"),
 )
-
-ASSUMES = """the world is the robot and its surroundings: links are rigid, and their bodies; joints have no play
-the robot follows the curve of the motion, without rounding its corners
-obstacles are what and where the world says, and move as it says; what a link holds is fixed to it
-joints that do not move stay where the world says
-links and held objects that need not be compared, for the reasons listed, may touch
-a mesh is its triangles and what they enclose; no link of the robot lies within another one, apart from its surface
-the computer's + - x / and square root are those of IEEE 754, rounded to nearest
-Python and NumPy work"""
 
 
 # --- leaves -----------------------------------------------------------------------------------------------------------
@@ -385,7 +376,7 @@ def proven_world(said: Any, head: dict[str, Any], cuts: dict[str, Any], trees: T
 def accept(said: Any, proof: bytes) -> tuple[str, bool]:
     """What a proof's content proves in a world, and whether that is all that the world asks for. Raises RejectedError,
     which names leaf, pair and reason."""
-    from .effects import statement
+    from .verdict import statement
 
     with rejecting():
         head, _, cuts, trees = unpack(proof)

@@ -14,6 +14,7 @@ import numpy as np
 from .balls import CROSS, Ball, Pose, cos_sin, dot, need, norm, stack, unit, up
 
 LEAST_TURN = 1e-9  # from one pose to the next; what turns less has a rotation that is off by as much
+NEARLY_HALF = 7e-5  # [rad] by which a turn must be less than half a turn
 
 
 def joints_of(motion: dict[str, Any], rows: Any, name: str) -> tuple[list[Any], Pose]:
@@ -64,6 +65,7 @@ def turn_of(matrix: Ball, name: str) -> Ball:
     w = float(np.arctan2(m, cos.mid))
     one, two = cos_sin(w)
     e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
-    need(m > 1e3 * r and e < 0.1 and near, f"{name}: turns by half a turn, or by less than its numbers are off")
+    far = cos.mid > 0 or m > NEARLY_HALF  # nearer to half a turn the axis is hardly known
+    need(far and m > 1e3 * r and e < 0.1 and near, f"{name}: turns by half a turn, or by less than its numbers are off")
     axis = unit(v.mid / m)
     return Ball(axis.mid, up(axis.rad + 2 * r / m)) * Ball(w, up(1.01 * e))

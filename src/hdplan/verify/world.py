@@ -366,7 +366,7 @@ class World:
                 rows.append((a, b))
         self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
         number, links = np.array([[x.body, x.kind == "link"] for x in pieces], dtype=np.int64).reshape(-1, 2).T
-        near = np.unique(number[self.pairs[links[self.pairs].sum(axis=1) < 2]], axis=0)  # of two links, ASSUMES has it
+        near = np.unique(number[self.pairs[links[self.pairs].sum(axis=1) < 2]], axis=0)  # of two links it is assumed
         ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself

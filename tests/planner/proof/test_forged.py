@@ -20,10 +20,10 @@ from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.verify import RejectedError, kernel
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
-from hdplan.verify.effects import digits, millimetres, statement
 from hdplan.verify.kernel import IN_PART, VERSION, Motion, accept, half
 from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
+from hdplan.verify.verdict import digits, millimetres, statement
 from hdplan.verify.world import OFF, REASONS, World
 
 from .worlds import packed, unpacked

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from hdplan.verify import RejectedError
-from hdplan.verify.effects import check_torques, statement
+from hdplan.verify.effects import check_torques
 from hdplan.verify.kernel import VERSION, Motion
 from hdplan.verify.reading import read_world
+from hdplan.verify.verdict import statement
 from hdplan.verify.world import World
 
 from .worlds import packed, read, words_of

@@ -31,9 +31,9 @@ from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
 from hdplan.verify import RejectedError, kernel
 from hdplan.verify.checking import check
-from hdplan.verify.effects import statement
 from hdplan.verify.kernel import MAGIC, MOST_BYTES, half
 from hdplan.verify.reading import read_world
+from hdplan.verify.verdict import statement
 
 from .worlds import packed, read, unpacked, words_of
 

@@ -16,10 +16,10 @@ import hdplan
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.verify import RejectedError
-from hdplan.verify.effects import statement
 from hdplan.verify.kernel import least_distances
 from hdplan.verify.reading import read_world
 from hdplan.verify.scene import PLANNER
+from hdplan.verify.verdict import statement
 
 from .worlds import packed, read, unpacked, words_of
 
