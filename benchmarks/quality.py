@@ -191,7 +191,9 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--goals", nargs="*", choices=("pose", "joints"), default=["pose", "joints"])
     parser.add_argument("--polish", nargs="*", type=int, help="rounds; the default's without it")
-    parser.add_argument("--payload", type=float, default=0.0, help="[kg] in the hand, with the URDF's torques as limits")
+    parser.add_argument(
+        "--payload", type=float, default=0.0, help="[kg] in the hand, with the URDF's torques as limits"
+    )
     parser.add_argument("--time-limit", type=float, default=30.0)
     parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
     options = parser.parse_args()

@@ -113,7 +113,8 @@ class Retimer:
         return timed
 
     def quicker(self, path: Trajectory, than: float) -> Timed | None:
-        """Return the same if it takes less than so many seconds; None, most often sooner, if it does not."""
+        """Return the same if it takes less than so many seconds, or just as long as the scene says; if not, None, which
+        most often is known sooner."""
         spline, duration = smooth(self._inset(path.positions)), self.timing.duration
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
@@ -145,17 +146,17 @@ class Retimer:
     def _fastest(
         self, spline: BSpline, laws: list[tuple[float, Averaged]], most: float
     ) -> tuple[Averaged | None, float]:
-        """Return the law that is shortest on the executed curve, and its duration there; no law if it takes `most` or
-        longer.
+        """Return the law that is shortest on the executed curve, and its duration there; no law if at samples all take
+        `most` or longer.
 
         The quintics between rows exceed a jerk that changes within a row, by more or less as the rows happen to lie: a
         longer window may make a shorter motion, and so may a few rows less.
         """
-        fastest, least, best = None, 0.0, most
+        fastest, least, best = None, 0.0, np.inf
         for shortest, law in laws:
-            if shortest >= best:
+            if shortest >= min(best, most):
                 break
-            duration = self._allowed(spline, law, shortest, most)
+            duration = self._allowed(spline, law, shortest)
             if duration < best:
                 fastest, least, best = law, shortest, duration
         if fastest is None:
@@ -200,14 +201,14 @@ class Retimer:
         longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
         return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
-    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float, most: float) -> float:
+    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
-        than needed; from one at which they hold at samples. ∞ if it takes `most` or longer."""
+        than needed; from one at which they hold at samples."""
         best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
-            if duration >= best or duration >= most:
+            if duration >= best:
                 break
             stretch = self._executed(spline, law, duration)
             if stretch <= 1.0:
@@ -215,7 +216,7 @@ class Retimer:
                 if stretch > TIGHT:
                     break
             duration *= stretch
-        if not np.isfinite(best) and duration < most:
+        if not np.isfinite(best):
             raise HdplanError("no time law was found within the limits on the executed curve")
         return best
 
