@@ -169,7 +169,7 @@ class Retimer:
 
     def _laws(self, spline: BSpline, most: float) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
-        shortest first. None where the fastest law of all takes `most` or longer."""
+        shortest first. Empty where the fastest law of all takes `most` or longer."""
         law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
         if law.knots[-1] + shortest >= most:
             return []
