@@ -82,7 +82,7 @@ def test_a_path_cut_evenly_lies_on_the_path() -> None:
 
 def outcome(problem: str, verdict: str = "certified", energy: float = 1.5) -> quality.Outcome:
     return quality.Outcome(
-        "panda", "pose", 0, "box", problem, verdict, 1.25, 3.5, 499.0, energy, *RNG.uniform(size=3).tolist()
+        "panda", "pose", 0, 3.0, "box", problem, verdict, 1.25, 3.5, 499.0, energy, *RNG.uniform(size=3).tolist()
     )
 
 

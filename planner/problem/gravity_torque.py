@@ -60,8 +60,10 @@ class GravityTorques:
         )
 
     def torque(self, kinematics: KinematicsBatch) -> Array:
-        """Return g (B, n) at B configurations."""
-        result: Array = -(self._moved(kinematics) @ self.gravity)
+        """Return g (B, n) at B configurations: γ·w_j = (γ·l_j) Σ m_b + (γ × a_j)·Σ m_b c_b, in few products."""
+        along = kinematics.columns @ self._pull
+        moments = self._moments_of(kinematics)
+        result: Array = -(self._carried * along[..., 0] + np.einsum("bjx,bjx->bj", along[..., 1:], moments))
         return result
 
     def slope(self, kinematics: KinematicsBatch) -> Array:
@@ -72,10 +74,28 @@ class GravityTorques:
 
     def _moved(self, kinematics: KinematicsBatch) -> Array:
         """w (B, n, 3)."""
-        count, joints = kinematics.placements.shape[:2]
-        moments = (kinematics.placements.reshape(count, 12 * joints) @ self._moments).reshape(kinematics.linear.shape)
-        moved: Array = (self.masses @ self.supports)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
+        moments = self._moments_of(kinematics)
+        moved: Array = self._carried[:, None] * kinematics.linear + cross(kinematics.angular, moments)
         return moved
+
+    def _moments_of(self, kinematics: KinematicsBatch) -> Array:
+        """Σ_{b after j} m_b c_b (B, n, 3)."""
+        count, joints = kinematics.placements.shape[:2]
+        moments: Array = kinematics.placements.reshape(count, 12 * joints) @ self._moments
+        return moments.reshape(kinematics.linear.shape)
+
+    @cached_property
+    def _carried(self) -> Array:
+        """Σ_{b after j} m_b (n,)."""
+        result: Array = self.masses @ self.supports
+        return result
+
+    @cached_property
+    def _pull(self) -> Array:
+        """What makes γ·l and γ × a of a column (l, a): (6, 4)."""
+        result = np.zeros((6, 4))
+        result[:3, 0], result[3:, 1:] = self.gravity, np.cross(self.gravity, np.eye(3))
+        return result
 
     @cached_property
     def _moments(self) -> Array:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 STEP = 2e-3  # [s] between samples of power, at most
+HOPELESS = 1.1  # a motion whose fastest law takes longer than another motion by this factor is not improved
 
 
 class Achieved(NamedTuple):
@@ -57,9 +58,9 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
-    def quickest(self, path: Array) -> float:
-        """Return a closer bound of it for all timings of waypoints (N, n), which takes longer to find."""
-        return self.least_along(path)
+    def hopeless(self, path: Array, value: float) -> bool:
+        """Whether a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
+        return False
 
     def longest(self, value: float) -> float:
         """Return a duration [s] such that no motion that takes so long or longer costs less than `value`."""
@@ -104,9 +105,9 @@ class Time(Objective):
         assert motion.duration is not None
         return motion.duration
 
-    def quickest(self, path: Array) -> float:
-        """Return the time of the fastest law within the limits of velocity, acceleration and torque."""
-        return self.retimer.quickest_along(path)
+    def hopeless(self, path: Array, value: float) -> bool:
+        """Whether even the fastest law takes HOPELESS times as long, whatever its jerk."""
+        return self.retimer.quickest_along(path) > HOPELESS * value
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""

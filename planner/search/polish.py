@@ -3,9 +3,9 @@ is certified and better.
 
 Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; each that
 follows, the most promising of WAYS motions from further guesses, to each goal in turn, that are not ALIKE those before:
-perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has converged, with the penalty setting in ever
-closer to obstacles (CLOSER), where time is the objective with the cost of its pace, and with its end sliding along the
-goal set. What promises most is retimed and certified; if that fails, the next.
+perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has converged, with the
+penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its pace, and with
+its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -34,7 +34,6 @@ SAME = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 ALIKE = 0.05  # [rad] or [m] between two ways, at most, that are one
-HOPELESS = 1.2  # a way that takes longer than the best motion by this factor, at its quickest, is not improved
 WAYS = 8  # that are compared in a round, before the most promising one is improved
 
 
@@ -77,9 +76,7 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         if found:
             _, i, path = min(found, key=lambda each: each[:2])
             improved.append(path)
-            if searches[i].objective.quickest(path) <= HOPELESS * value and _improve(
-                searches[i], stages(i), path, value
-            ):
+            if not searches[i].objective.hopeless(path, value) and _improve(searches[i], stages(i), path, value):
                 taken = i
 
 

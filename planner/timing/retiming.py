@@ -210,17 +210,17 @@ class Retimer:
     def _fastest(
         self, spline: BSpline, laws: list[tuple[float, Averaged]], most: float
     ) -> tuple[Averaged | None, float]:
-        """Return the law that is shortest on the executed curve, and its duration there; no law if it takes `most` or
-        longer.
+        """Return the law that is shortest on the executed curve, and its duration there; no law if at samples all take
+        `most` or longer.
 
         The quintics between rows exceed a jerk that changes within a row, by more or less as the rows happen to lie: a
         longer window may make a shorter motion, and so may a few rows less.
         """
-        fastest, least, best = None, 0.0, most
+        fastest, least, best = None, 0.0, np.inf
         for shortest, law in laws:
-            if shortest >= best:
+            if shortest >= min(best, most):
                 break
-            duration = self._allowed(spline, law, shortest, most)
+            duration = self._allowed(spline, law, shortest)
             if duration < best:
                 fastest, least, best = law, shortest, duration
         if fastest is None:
@@ -231,7 +231,7 @@ class Retimer:
 
     def _laws(self, spline: BSpline, most: float) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
-        shortest first. None where the fastest law of all takes `most` or longer."""
+        shortest first. Empty where the fastest law of all takes `most` or longer."""
         law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.rate
         if law.knots[-1] + shortest >= most:
             return []
@@ -263,14 +263,14 @@ class Retimer:
         longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
         return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
-    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float, most: float) -> float:
+    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
-        than needed; from one at which they hold at samples. ∞ if it takes `most` or longer."""
+        than needed; from one at which they hold at samples."""
         best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
             duration = (row_count(duration, self.rate) - 1) / self.rate
-            if duration >= best or duration >= most:
+            if duration >= best:
                 break
             stretch = self._executed(spline, law, duration)
             if stretch <= 1.0:
@@ -278,7 +278,7 @@ class Retimer:
                 if stretch > TIGHT:
                     break
             duration *= stretch
-        if not np.isfinite(best) and duration < most:
+        if not np.isfinite(best):
             raise HdplanError("no time law was found within the limits on the executed curve")
         return best
 

@@ -65,6 +65,25 @@ def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: in
     assert (parameter[0], parameter[-1]) == (0.0, 1.0)
 
 
+@pytest.mark.parametrize("limits", LIMITS, ids=["acceleration", "jerk", "all"])
+@pytest.mark.parametrize("timing", [None, Timing(scale=0.4)])
+def test_a_motion_that_has_to_be_quicker_is_the_same_or_none(limits: Limits, timing: Timing | None) -> None:
+    scene, robot = limited(limits, timing)
+    retimer = Retimer(Setup.of(scene, robot))
+    for seed in range(2):
+        path = wild(robot, seed)
+        motion = retimer(path).trajectory
+        assert motion.duration is not None
+        assert retimer.quickest_along(path.positions) <= motion.duration
+        for than in (motion.duration, 0.9 * motion.duration, 0.1):
+            assert retimer.quicker(path, than) is None
+        for than in (1.0001 * motion.duration, 1.3 * motion.duration):
+            found = retimer.quicker(path, than)
+            assert found is not None
+            np.testing.assert_array_equal(found.trajectory.positions, motion.positions)
+            np.testing.assert_array_equal(found.trajectory.times, motion.times)
+
+
 @pytest.mark.parametrize("timing", [None, Timing(duration=3.0), Timing(scale=0.4), Timing(rate=37.0)])
 def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | None) -> None:
     scene, robot = limited(LIMITS[1], timing)
