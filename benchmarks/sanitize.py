@@ -23,6 +23,7 @@ SUITES = (
     "tests/planner/problem/test_loops.py",
     "tests/planner/motion/test_reach_loop.py",
     "tests/planner/collision/test_broad_phase.py",
+    "tests/planner/collision/test_exact.py",
     "tests/planner/collision/test_hdsdf.py",
     "tests/planner/kinematics/test_inverse.py",
     "tests/planner/certificate/test_interval_bounds.py",

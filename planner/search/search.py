@@ -1,5 +1,5 @@
 """The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again; and where the first guesses all fail by contacts, go on with exact distances, which take longer.
+again; and where they keep failing by contacts, go on with exact distances, which take longer.
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
+LATE = 9  # guesses after these before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 ALIKE = 0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
@@ -149,10 +150,7 @@ class Search:
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
             if solution.status is SolverStatus.STALLED or not certificate.unproven:
-                if self.attempts <= GUESSES or not self.is_tight or (exact := exactly(problem)) is problem:
-                    break
-                problem, guess, weight = exact, solution.trajectory.positions, DETOUR_WEIGHT
-                continue
+                break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
         if (closer := more_closely(self.problem)) is not self.problem:
@@ -364,8 +362,9 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
 
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
-    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's; after the first GUESSES,
-    where it is contacts that they fail by, with exact distances, and from the straight line again."""
+    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
+    by contacts, guesses are solved with exact distances, from the straight line again: after the first GUESSES where
+    bodies overlap at an end, else, as the HD-SDF has no kinks, after LATE more, and in turn."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
@@ -373,9 +372,19 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
     yield from map(Guess, itertools.islice(ways, GUESSES - 1))
-    if search.is_tight and ends_overlap(search.problem) and (exact := exactly(search.problem)) is not search.problem:
-        search.problem, ways = exact, seeds(exact, seed)
-        yield Guess(next(ways), FIRST_WEIGHT)
+    loose, overlap = search.problem, ends_overlap(search.problem)
+    if not overlap:
+        yield from map(Guess, itertools.islice(ways, LATE))
+    exact = exactly(loose) if search.is_tight else loose
+    if exact is not loose:
+        search.problem, exactly_so = exact, seeds(exact, seed)
+        yield Guess(next(exactly_so), FIRST_WEIGHT)
+        for way in exactly_so:
+            if not overlap:
+                search.problem = loose
+                yield Guess(next(ways))
+            search.problem = exact
+            yield Guess(way)
     yield from map(Guess, ways)
 
 

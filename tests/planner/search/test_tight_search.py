@@ -4,7 +4,6 @@ ones are solved with exact distances."""
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from typing import Any
 
@@ -15,9 +14,10 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.lay_out import closer, exactly
+from hdplan.planner.search import search as searching
 from hdplan.planner.search.retreat import retreats
 from hdplan.planner.search.roadmap import Roadmap, seeds
-from hdplan.planner.search.search import GUESSES, Search, _guesses
+from hdplan.planner.search.search import GUESSES, LATE, Search, _guesses
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -36,30 +36,35 @@ def failing(status: Status) -> Any:
     return dataclasses.make_dataclass("Best", ["certificate"])(certificate)
 
 
-@pytest.mark.parametrize("name", ["panda_cage", "panda_corridor"])
-def test_the_first_guesses_are_as_ever_and_the_next_ones_exact(name: str) -> None:
-    under_way = search(load_scene(name))
+@pytest.mark.parametrize("overlap", [True, False])
+def test_the_first_guesses_are_as_ever_and_later_ones_exact(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once where bodies overlap at an end, else later and in turn."""
+    monkeypatch.setattr(searching, "ends_overlap", lambda problem: overlap)
+    under_way = search(load_scene("panda_cage"))
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None)
-    for guess, same in itertools.islice(zip(guesses, ever, strict=False), GUESSES):
-        np.testing.assert_array_equal(guess.positions, same)
-    assert under_way.problem is problem
     under_way.best = failing(Status.IN_CONTACT)
+    for _ in range(GUESSES + (0 if overlap else LATE)):
+        np.testing.assert_array_equal(next(guesses).positions, next(ever))
+        assert under_way.problem is problem
     exact = seeds(exactly(problem), 5)
-    for guess, same in itertools.islice(zip(guesses, exact, strict=False), 4):
-        np.testing.assert_array_equal(guess.positions, same)
-    assert under_way.problem.exact
+    for _ in range(3):
+        np.testing.assert_array_equal(next(guesses).positions, next(exact))
+        assert under_way.problem.exact
+        if not overlap:
+            np.testing.assert_array_equal(next(guesses).positions, next(ever))
+            assert under_way.problem is problem
 
 
 @pytest.mark.parametrize("status", [Status.TOO_FAST, Status.OFF_PATH, Status.OVERLOADED])
-def test_what_fails_by_something_else_goes_on_as_it_was(status: Status) -> None:
+def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(searching, "ends_overlap", lambda problem: True)
     under_way = search(load_scene("panda_corridor"))
     problem, guesses = under_way.problem, _guesses(under_way, 0, None)
-    for _ in itertools.islice(guesses, GUESSES):
-        pass
     under_way.best = failing(status)
-    next(guesses)
-    assert under_way.problem is problem
+    for _ in range(GUESSES + 2):
+        next(guesses)
+        assert under_way.problem is problem
 
 
 @pytest.mark.parametrize("settings", [{"distance": "fcl"}, {"swept": True}])
