@@ -30,7 +30,7 @@ from hdplan.verify.reading import read_world
 
 LIMITS = Limits(acceleration=5.0, jerk=60.0)
 HOME: dict[str, Any] = {
-    "kinova": "arm_up",
+    "kinova": [0.81, 2.01, 3.54, 1.65, 0.81, -3.06],
     "panda": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785],
     "ur5": [0.5, -1.2, 1.5, -1.8, -1.57, 0.0],
 }
@@ -194,21 +194,24 @@ def test_durations_scales_and_rates_are_kept_with_moving_ends() -> None:
         hdplan.plan(moving(short, [0.4, 0, 0, 0, 0, 0]))
 
 
+STILL = [0.0] * 5
 REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
-    "no limit": (lambda s: hdplan.plan(dataclasses.replace(s, limits=Limits(velocity=1.0), timing=Timing(2.0))),
-                 r"start.velocity: is not 0, but limits.acceleration is missing"),
-    "too few": (lambda s: hdplan.plan(moving(s, [0.1])), r"start.velocity: 1 values, but ur5 plans 6 joints"),
-    "unknown": (lambda s: hdplan.plan(moving(s, {"elbow": 0.1})), r"start.velocity: unknown joint 'elbow'"),
-    "too fast": (lambda s: hdplan.plan(moving(s, [9.0] + [0.0] * 5)), r"start.velocity: joint 'shoulder_pan_joint' is at 9,"),
-    "too strong": (lambda s: hdplan.plan(moving(s, [0.0] * 6, [6.0] + [0.0] * 5)), r"start.acceleration: joint"),
-    "beyond velocity": (lambda s: hdplan.plan(moving(s, [3.14] + [0.0] * 5, [5.0] + [0.0] * 5)), "passes its limit of velocity"),
-    "acceleration alone": (lambda s: State(s.start, None, [0.1] * 6), r"State.acceleration: needs a velocity"),
-    "a choice": (lambda s: s.with_goal([State(s.goal, [0.1] * 6), s.goal]), r"goal: one of several goals has a velocity|velocity"),
-    "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), r"start.velocity: is of a single motion"),
-    "a stage": (lambda s: Move(State(s.goal, [0.1] * 6)), r"goal.velocity: is of a single motion"),
-    "a problem": (hdplan.build, r"start.velocity: is not 0, and the path of a problem"),
-    "a controller": (lambda s: follow(Setup.of(s), None), r"start.velocity: is not 0, and a controller"),  # type: ignore[arg-type]
-}  # fmt: skip
+    "no limit": (
+        lambda s: hdplan.plan(dataclasses.replace(s, limits=Limits(velocity=1.0), timing=Timing(2.0))),
+        "start.velocity: is not 0, but limits.acceleration is missing",
+    ),
+    "too few": (lambda s: hdplan.plan(moving(s, [0.1])), "start.velocity: 1 values, but ur5 plans 6 joints"),
+    "unknown": (lambda s: hdplan.plan(moving(s, {"elbow": 0.1})), "start.velocity: unknown joint 'elbow'"),
+    "too fast": (lambda s: hdplan.plan(moving(s, [9, *STILL])), "start.velocity: joint 'shoulder_pan_joint' is at 9,"),
+    "too strong": (lambda s: hdplan.plan(moving(s, [0, *STILL], [6, *STILL])), "start.acceleration: joint"),
+    "soon too fast": (lambda s: hdplan.plan(moving(s, [3.14, *STILL], [5, *STILL])), "passes its limit of velocity"),
+    "acceleration alone": (lambda s: State(s.start, None, [0.1, *STILL]), "State.acceleration: needs a velocity"),
+    "a choice": (lambda s: s.with_goal([State(s.goal, [0.1, *STILL]), s.goal]), "one of several goals has a velocity"),
+    "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), "start.velocity: is of a single"),
+    "a stage": (lambda s: Move(State(s.goal, [0.1, *STILL])), "goal.velocity: is of a single motion"),
+    "a problem": (hdplan.build, "start.velocity: is not 0, and the path of a problem"),
+    "a controller": (lambda s: follow(Setup.of(s), None), "start.velocity: is not 0, and a controller"),  # type: ignore[arg-type]
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -452,7 +452,9 @@ def test_velocities_of_the_start_are_read_and_zeros_are_rest(files: Files) -> No
         assert moving.start.velocity.keys() == moving.start.by_name.keys()
         assert moving.limits.acceleration == 1.0
         assert "1 assumed, as a URDF has no acceleration limits" in moving.notes[0]
-        with pytest.raises(InputError, match=rf"{key}.joint_state: must have as many velocities as names, found 1 and 2"):
+        with pytest.raises(
+            InputError, match=rf"{key}.joint_state: must have as many velocities as names, found 1 and 2"
+        ):
             files.edit(which, state, [0.1]).load()
         with pytest.raises(InputError, match=rf"{key}.joint_state.velocity\[0\]: must be a finite number"):
             files.edit(which, state, [float("nan"), 0.0]).load()
