@@ -140,8 +140,8 @@ def test_a_forged_beginning_is_refused_by_certificate_and_kernel(
         forged = dataclasses.replace(motion, **{name: rows})
         found = hdplan.certify(scene, forged)
         assert found.status in (Status.WRONG_ENDS, Status.TOO_FAST)
+        forged.save(tmp_path / "f.json")
         with pytest.raises(hdplan.NotProvenError):
-            forged.save(tmp_path / "f.json")
             hdplan.prove(tmp_path / "s.yaml", tmp_path / "f.json")
     world = read_world(tmp_path / "s.yaml", tmp_path / "m.json", None).world
     assert accept(world, proof.data)[1]
