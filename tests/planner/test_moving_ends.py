@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import hdplan
 from hdplan import InputError, Job, Limits, Move, Scene, State, Timing, Trajectory, UnsolvableError
@@ -258,3 +259,25 @@ def test_files_with_rates_that_have_no_meaning_are_refused(line: str, said: str,
 def test_an_explanation_says_how_fast_the_robot_is() -> None:
     rows = effects(problem_of(Setup.of(moving(scene_of("ur5"), [0.1, -0.25, 0, 0, 0, 0]))))
     assert next(each.on for each in rows if each.name == "moving ends").startswith("start at up to 0.25 rad/s")
+
+
+def test_a_request_with_velocities_is_planned_and_proven(tmp_path: Path) -> None:
+    examples = Path(__file__).parents[2] / "docs" / "examples"
+    asked = yaml.safe_load((examples / "moveit_request.yaml").read_text())
+    state = asked["start_state"]["joint_state"]
+    state["velocity"] = [0.2, *(0.0 for _ in state["name"][1:])]
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    given = examples / "moveit_scene.yaml", tmp_path / "r.yaml", "panda"
+    result = hdplan.plan(load_scene(*given))
+    assert result.certificate.certified
+    assert result.trajectory.velocities is not None
+    assert (
+        dict(zip(result.trajectory.joint_names, result.trajectory.velocities[0], strict=True))[state["name"][0]] == 0.2
+    )
+    result.save(tmp_path / "m.json")
+    proof = hdplan.prove(given[0], tmp_path / "m.json", *given[1:])
+    assert proof.text.startswith("accepted: over the whole motion")
+    state["velocity"][0] = 0.2001
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    with pytest.raises(hdplan.NotProvenError, match="wrong ends"):
+        hdplan.prove(given[0], tmp_path / "m.json", *given[1:])
