@@ -48,7 +48,8 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
 
 def met_by(certifier: Certifier, motion: Trajectory) -> str:
     """Say what a robot meets on a motion, or which path constraint it leaves; nothing if it is free."""
-    found = certifier.certify(motion, required=0.0, check_ends=False)
+    last = len(motion.positions) - 2, 1.0  # where it stands: the first contact found settles it
+    found = certifier.certify(motion, required=0.0, check_ends=False, suspect=last)
     if found.status is Status.IN_CONTACT:
         return f"{found.failures[0].link} and {found.failures[0].other} would meet"
     return found.departures[0].words if found.status is Status.OFF_PATH else ""

@@ -103,7 +103,7 @@ class MovingEnds:
         """Return how the robot brakes from the start's rates, or, backwards, from those of the goal. Of those that meet
         nothing, the one is taken from which the straight line to the `other` end (n,) takes the least time."""
         self._check_rates(rates)
-        setup, said, found = self.setup, dict[tuple[float, float], str](), list[tuple[float, Braking]]()
+        setup, said, found = self.setup, list[str](), list[tuple[float, Braking]]()
         scene, way = setup.scene, 1.0 if end == "start" else -1.0
         at = setup.robot.configuration(getattr(scene, end), scene.from_request)
         swings = [(share, 1.0) for share in SHARES]
@@ -114,16 +114,24 @@ class MovingEnds:
             braking = brake(way * rates.velocity, rates.acceleration, limits, 1.0 / self.rate, swing)
             if isinstance(braking, int):
                 joint = setup.robot.joint_names[braking]
-                said[share, swing] = f"joint '{joint}' passes its limit of velocity before its acceleration has changed"
+                said.append(f"joint '{joint}' passes its limit of velocity before its acceleration has changed")
                 continue
             part, stands = (braking if end == "start" else braking.backwards), at - braking.away[0]
-            said[share, swing] = self._hindrance(stands + part.away, part, rates)
-            if not said[share, swing]:
+            if why := self._hindrance(stands + part.away, part, rates):
+                said.append(why)
+            else:
                 found.append((self._estimate(braking, stands, stands if other is None else other), braking))
-        if found:
-            return min(found, key=lambda each: each[0])[1]
+        for _, braking in sorted(found, key=lambda each: each[0]):
+            part = braking if end == "start" else braking.backwards
+            rows, times = at - braking.away[0] + part.away, np.arange(len(part) + 1) / self.rate
+            joints, locked = setup.robot.joint_names, setup.robot.locked
+            if not (why := self.meets(Trajectory(joints, rows, locked, times, part.velocity, part.acceleration))):
+                return braking
+            said.append(why)
         what = "the robot cannot brake from it" if end == "start" else "the robot cannot come to it from standing"
-        raise UnsolvableError(f"{scene.source}: {rates.field}.velocity: {what}: {said[1.0, 1.0]}", "end_too_fast")
+        raise UnsolvableError(
+            f"{scene.source}: {rates.field}.velocity: {what}: {said[-1] if found else said[0]}", "end_too_fast"
+        )
 
     def _estimate(self, braking: Braking, stands: Array, other: Array) -> float:
         """Return the rows that it takes to brake and to go on, straight from where the robot stands to another
@@ -143,7 +151,7 @@ class MovingEnds:
 
     def _hindrance(self, rows: Array, part: Braking, rates: EndRates) -> str:
         """Say why a robot cannot brake, or speed up, along positions (rows, n) so; nothing if it can."""
-        robot, times = self.setup.robot, np.arange(len(rows)) / self.rate
+        robot = self.setup.robot
         curve = self._curve((rows, part.velocity, part.acceleration))
         if (beyond := self._beyond(curve)) is not None:
             joint, reached = beyond
@@ -152,9 +160,8 @@ class MovingEnds:
                 f"{np.ptp(rows[:, joint]):.3g} for it within its limits, which leads to {reached:.4g}; its range is "
                 f"[{robot.lower[joint]:g}, {robot.upper[joint]:g}]"
             )
-        if any(limit.stretch(curve) > 1.0 for limit in self.limits):
-            return "it would exceed limits of torque"
-        return self.meets(Trajectory(robot.joint_names, rows, robot.locked, times, part.velocity, part.acceleration))
+        exceeded = any(limit.stretch(curve) > 1.0 for limit in self.limits)
+        return "it would exceed a limit of torque" if exceeded else ""
 
     def _check_rates(self, rates: EndRates) -> None:
         """Refuse rates beyond the joints' limits."""

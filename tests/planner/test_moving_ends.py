@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import hdplan
 from hdplan import InputError, Job, Limits, Move, Scene, State, Timing, Trajectory, UnsolvableError
@@ -30,7 +31,7 @@ from hdplan.verify.reading import read_world
 
 LIMITS = Limits(acceleration=5.0, jerk=60.0)
 HOME: dict[str, Any] = {
-    "kinova": "arm_up",
+    "kinova": [0.81, 2.01, 3.54, 1.65, 0.81, -3.06],
     "panda": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785],
     "ur5": [0.5, -1.2, 1.5, -1.8, -1.57, 0.0],
 }
@@ -140,8 +141,8 @@ def test_a_forged_beginning_is_refused_by_certificate_and_kernel(
         forged = dataclasses.replace(motion, **{name: rows})
         found = hdplan.certify(scene, forged)
         assert found.status in (Status.WRONG_ENDS, Status.TOO_FAST)
+        forged.save(tmp_path / "f.json")
         with pytest.raises(hdplan.NotProvenError):
-            forged.save(tmp_path / "f.json")
             hdplan.prove(tmp_path / "s.yaml", tmp_path / "f.json")
     world = read_world(tmp_path / "s.yaml", tmp_path / "m.json", None).world
     assert accept(world, proof.data)[1]
@@ -194,21 +195,24 @@ def test_durations_scales_and_rates_are_kept_with_moving_ends() -> None:
         hdplan.plan(moving(short, [0.4, 0, 0, 0, 0, 0]))
 
 
+STILL = [0.0] * 5
 REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
-    "no limit": (lambda s: hdplan.plan(dataclasses.replace(s, limits=Limits(velocity=1.0), timing=Timing(2.0))),
-                 r"start.velocity: is not 0, but limits.acceleration is missing"),
-    "too few": (lambda s: hdplan.plan(moving(s, [0.1])), r"start.velocity: 1 values, but ur5 plans 6 joints"),
-    "unknown": (lambda s: hdplan.plan(moving(s, {"elbow": 0.1})), r"start.velocity: unknown joint 'elbow'"),
-    "too fast": (lambda s: hdplan.plan(moving(s, [9.0] + [0.0] * 5)), r"start.velocity: joint 'shoulder_pan_joint' is at 9,"),
-    "too strong": (lambda s: hdplan.plan(moving(s, [0.0] * 6, [6.0] + [0.0] * 5)), r"start.acceleration: joint"),
-    "beyond velocity": (lambda s: hdplan.plan(moving(s, [3.14] + [0.0] * 5, [5.0] + [0.0] * 5)), "passes its limit of velocity"),
-    "acceleration alone": (lambda s: State(s.start, None, [0.1] * 6), r"State.acceleration: needs a velocity"),
-    "a choice": (lambda s: s.with_goal([State(s.goal, [0.1] * 6), s.goal]), r"goal: one of several goals has a velocity|velocity"),
-    "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), r"start.velocity: is of a single motion"),
-    "a stage": (lambda s: Move(State(s.goal, [0.1] * 6)), r"goal.velocity: is of a single motion"),
-    "a problem": (hdplan.build, r"start.velocity: is not 0, and the path of a problem"),
-    "a controller": (lambda s: follow(Setup.of(s), None), r"start.velocity: is not 0, and a controller"),  # type: ignore[arg-type]
-}  # fmt: skip
+    "no limit": (
+        lambda s: hdplan.plan(dataclasses.replace(s, limits=Limits(velocity=1.0), timing=Timing(2.0))),
+        "start.velocity: is not 0, but limits.acceleration is missing",
+    ),
+    "too few": (lambda s: hdplan.plan(moving(s, [0.1])), "start.velocity: 1 values, but ur5 plans 6 joints"),
+    "unknown": (lambda s: hdplan.plan(moving(s, {"elbow": 0.1})), "start.velocity: unknown joint 'elbow'"),
+    "too fast": (lambda s: hdplan.plan(moving(s, [9, *STILL])), "start.velocity: joint 'shoulder_pan_joint' is at 9,"),
+    "too strong": (lambda s: hdplan.plan(moving(s, [0, *STILL], [6, *STILL])), "start.acceleration: joint"),
+    "soon too fast": (lambda s: hdplan.plan(moving(s, [3.14, *STILL], [5, *STILL])), "passes its limit of velocity"),
+    "acceleration alone": (lambda s: State(s.start, None, [0.1, *STILL]), "State.acceleration: needs a velocity"),
+    "a choice": (lambda s: s.with_goal([State(s.goal, [0.1, *STILL]), s.goal]), "one of several goals has a velocity"),
+    "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), "start.velocity: is of a single"),
+    "a stage": (lambda s: Move(State(s.goal, [0.1, *STILL])), "goal.velocity: is of a single motion"),
+    "a problem": (hdplan.build, "start.velocity: is not 0, and the path of a problem"),
+    "a controller": (lambda s: follow(Setup.of(s), None), "start.velocity: is not 0, and a controller"),  # type: ignore[arg-type]
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -255,3 +259,25 @@ def test_files_with_rates_that_have_no_meaning_are_refused(line: str, said: str,
 def test_an_explanation_says_how_fast_the_robot_is() -> None:
     rows = effects(problem_of(Setup.of(moving(scene_of("ur5"), [0.1, -0.25, 0, 0, 0, 0]))))
     assert next(each.on for each in rows if each.name == "moving ends").startswith("start at up to 0.25 rad/s")
+
+
+def test_a_request_with_velocities_is_planned_and_proven(tmp_path: Path) -> None:
+    examples = Path(__file__).parents[2] / "docs" / "examples"
+    asked = yaml.safe_load((examples / "moveit_request.yaml").read_text())
+    state = asked["start_state"]["joint_state"]
+    state["velocity"] = [0.2, *(0.0 for _ in state["name"][1:])]
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    given = examples / "moveit_scene.yaml", tmp_path / "r.yaml", "panda"
+    result = hdplan.plan(load_scene(*given))
+    assert result.certificate.certified
+    assert result.trajectory.velocities is not None
+    assert (
+        dict(zip(result.trajectory.joint_names, result.trajectory.velocities[0], strict=True))[state["name"][0]] == 0.2
+    )
+    result.save(tmp_path / "m.json")
+    proof = hdplan.prove(given[0], tmp_path / "m.json", *given[1:])
+    assert proof.text.startswith("accepted: over the whole motion")
+    state["velocity"][0] = 0.2001
+    (tmp_path / "r.yaml").write_text(yaml.safe_dump(asked))
+    with pytest.raises(hdplan.NotProvenError, match="wrong ends"):
+        hdplan.prove(given[0], tmp_path / "m.json", *given[1:])

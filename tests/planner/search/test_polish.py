@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -102,13 +102,13 @@ def test_a_motion_without_a_time_law_does_not_cost_the_certified_one(
     def report(event: Event) -> None:
         certified.extend([event.certificate] if event.certificate and event.certificate.certified else [])
 
-    def only_before(retimer: Retimer, path: Trajectory, than: float) -> Timed | None:
+    def only_before(retimer: Retimer, path: Trajectory, than: float = math.inf) -> Iterator[Timed]:
         if certified:
             raise error
-        return timer(retimer, path, than)
+        yield from timer(retimer, path, than)
 
-    timer = Retimer.quicker
-    monkeypatch.setattr(Retimer, "quicker", only_before)
+    timer = Retimer.ways
+    monkeypatch.setattr(Retimer, "ways", only_before)
     result = plan(scene, report=report)
     assert result.certified
     assert result.certificate == certified[0]

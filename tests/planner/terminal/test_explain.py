@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.planner.build import build
+from hdplan.planner.build import build, problem_of
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -84,7 +85,7 @@ path:
   position: {link: panda_hand, size: [.inf, 5, 5]}
   relative: {link: panda_hand, to: panda_link6, position_tolerance: 0.5, orientation_tolerance: 3}
 timing: {duration: 4}
-start: {state: default}
+start: {state: default, velocity: {panda_joint1: 0.1}}
 goal: {joints: [[0.5, -0.785, 0, -2.356, 0, 1.571, 0.785], [-0.5, -0.785, 0, -2.356, 0, 1.571, 0.785]]}
 """
 
@@ -93,7 +94,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
     """Each effect is off in an empty scene, with the section that would switch it on, and on in a scene of all."""
     file = tmp_path / "everything.yaml"
     file.write_text(EVERYTHING)
-    every, none = build(load_scene(file)), build(load_scene("empty"))
+    every, none = problem_of(Setup.of(load_scene(file))), build(load_scene("empty"))
     on, off = rows(every, "on"), rows(none, "off")
     assert "off" not in explain(every)
     assert set(on) == {*off, *rows(none, "on")}
