@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
+from hdplan.distance.compiled.c_library import WAITING
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.build import build
 from hdplan.planner.collision.growth import sizes_of
@@ -172,3 +173,15 @@ def test_what_is_no_size_is_refused() -> None:
         assert np.isfinite(float(cost(x, p)))
         p[at] = wrong
         assert np.isnan(float(cost(x, p)))
+
+
+def test_products_are_vectors_in_generated_c_with_the_same_bits() -> None:
+    """CasADi's product of matrices is found in its code and replaced; the sums keep their order."""
+    a, b = ca.MX.sym("a", 5, 7), ca.MX.sym("b", 7, 3)
+    function, rng = ca.Function("product_of_matrices", [a, b], [a @ b]), np.random.default_rng(0)
+    generator = ca.CodeGenerator("product.c")
+    generator.add(function)
+    assert WAITING in generator.dump()
+    one, other = rng.normal(size=(5, 7)), rng.normal(size=(7, 3))
+    (found,) = RowFunction(function).once(one.ravel(order="F"), other.ravel(order="F"))
+    np.testing.assert_array_equal(found.reshape(5, 3, order="F"), np.array(function(one, other)))
