@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 
@@ -41,13 +42,17 @@ def _cut(follow: Follow, begin: int, end: int) -> Follow:
     return Follow(follow.link, follow.poses[begin : end + 1], free_rotation=follow.free_rotation)
 
 
-def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array:
-    """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly.
-    Raises NotFollowedError."""
+def along_poses(
+    robot: Robot, start: Array, follow: Follow, count: int, guide: Callable[[float], Array] | None = None
+) -> Array:
+    """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly: near a
+    `guide`, which gives joint values (n,) at shares of the way, or else as steadily as they go. Raises
+    NotFollowedError."""
     rows = [start]
-    for share, pose in zip(np.linspace(0.0, 1.0, count)[1:], _spread(follow, count)[1:], strict=True):
+    for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), spread(follow, count)[1:], strict=True):
         aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
-        q = np.clip(2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start, robot.lower, robot.upper)[None]
+        steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
+        q = np.clip(steady if guide is None else guide(share), robot.lower, robot.upper)[None]
         for _ in range(STEPS):
             error, jacobian = aim.linearized(q)
             if (aim.sizes(error) <= EXACT).all():
@@ -67,11 +72,23 @@ def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array
     return np.array(rows)
 
 
-def _spread(follow: Follow, count: int) -> list[Pose]:
+def drawn_through(rows: Array) -> Array:
+    """Return waypoints (N, n) whose smooth path (`timing.retiming`), which passes its control points by, leads through
+    rows (N, n) evenly along a curve but for terms of fourth order: at a knot a cubic B-spline is (c₋ + 4 c + c₊)/6."""
+    found = rows.copy()
+    found[1:-1] -= (rows[:-2] - 2.0 * rows[1:-1] + rows[2:]) / 6.0
+    return found
+
+
+def length_of(follow: Follow) -> float:
+    """Return the length of a curve [m], turns counted as lengths."""
+    return float(_lengths(np.array([pose.matrix for pose in follow.poses]), follow.free_rotation)[0].sum())
+
+
+def spread(follow: Follow, count: int) -> list[Pose]:
     """Return poses that are spread evenly over a curve."""
     poses = np.array([pose.matrix for pose in follow.poses])
-    turns = _turns(poses, follow.free_rotation)
-    steps = np.hypot(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), ARM * np.linalg.norm(turns, axis=1))
+    steps, turns = _lengths(poses, follow.free_rotation)
     along = np.interp(
         np.linspace(0.0, steps.sum(), count), np.concatenate([[0.0], np.cumsum(steps)]), np.arange(len(poses))
     )
@@ -81,6 +98,14 @@ def _spread(follow: Follow, count: int) -> list[Pose]:
     turned = rotation.from_rotvec(share * turns[segment]) * rotation.from_matrix(poses[segment, :3, :3])
     places = (1.0 - share) * poses[segment, :3, 3] + share * poses[segment + 1, :3, 3]
     return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.as_quat().tolist(), strict=True)]
+
+
+def _lengths(poses: Array, free: str) -> tuple[Array, Array]:
+    """Return how far it is from each of some poses (N, 4, 4) to the next (N − 1,), and the turns (N − 1, 3)."""
+    turns = _turns(poses, free)
+    return np.hypot(
+        np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), ARM * np.linalg.norm(turns, axis=1)
+    ), turns
 
 
 def _turns(poses: Array, free: str) -> Array:

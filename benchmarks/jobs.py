@@ -1,0 +1,149 @@
+"""Jobs: tool paths as published with CppFlow, each followed as one stage within 0.1 mm and 0.1°, free, and proven.
+
+    python benchmarks/jobs.py cppflow DIR --fetch FOLDER
+
+DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. Each line has the
+problem, the length of the motion [s], the processor time of planning and certifying [s], and whether it is certified;
+the last one how many are. Frames are those at which all joints are 0. What is certified is looked at again at every
+pose of the path, by Pinocchio, against the path as published.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import yaml
+from scipy.spatial.transform import Rotation
+
+import hdplan
+
+FAR, ANGLE = 1e-4, math.radians(0.1)
+LINKS = {"panda": "panda_hand", "fetch": "gripper_link"}
+ARM = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_roll wrist_flex wrist_roll"
+
+
+def robot_of(name: str, fetch: Path | None) -> hdplan.RobotSpec:
+    """Return the robot of a problem."""
+    if name == "panda":
+        return hdplan.RobotSpec(name="panda")
+    if fetch is None:
+        raise SystemExit("--fetch: is missing: where is the robot's folder?")
+    urdf, srdf = (str(fetch / f"fetch.{ending}") for ending in ("urdf", "srdf"))
+    return hdplan.RobotSpec(urdf=urdf, srdf=srdf, package_dirs=[str(fetch)], group=[f"{x}_joint" for x in ARM.split()])
+
+
+def poses_of(folder: Path, said: dict[str, Any], robot: hdplan.Robot) -> list[hdplan.Pose]:
+    """Return the poses of a problem in the world."""
+    with (folder / "paths" / f"{said['path_name']}.csv").open(encoding="utf-8") as file:
+        rows = np.array([[float(x) for x in row[1:]] for row in list(csv.reader(file))[1:]])
+    frame = np.eye(4)
+    if said["path_offset_frame"] != "world":
+        data, model = robot.model.createData(), robot.model
+        pin.framesForwardKinematics(model, data, robot.pin_q(np.zeros(robot.n)))
+        frame = data.oMf[model.getFrameId(said["path_offset_frame"])].homogeneous.copy()
+    offset = np.eye(4)
+    offset[:3, :3], offset[:3, 3] = said["path_R_offset"], said["path_xyz_offset"]
+    found = []
+    for x, y, z, qw, qx, qy, qz in rows:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = Rotation.from_quat([qx, qy, qz, qw]).as_matrix(), [x, y, z]
+        pose = frame @ offset @ pose
+        found.append(hdplan.Pose(pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_quat()))
+    return [found[0], *(pose for last, pose in itertools.pairwise(found) if pose != last)]
+
+
+def boxes_of(said: dict[str, Any]) -> list[hdplan.Box]:
+    """Return the obstacles of a problem."""
+    boxes = []
+    for pairs in said.get("obstacles") or ():
+        each = {name: value for pair in pairs for name, value in pair.items()}
+        place = np.array([each[axis] for axis in "xyz"]) + said["obstacle_xyz_offset"]
+        pose = hdplan.Pose.from_rpy(place, [each[angle] for angle in ("roll", "pitch", "yaw")])
+        boxes.append(hdplan.Box([each[f"size_{axis}"] for axis in "xyz"], name=f"box{len(boxes)}", pose=pose))
+    return boxes
+
+
+def scene_of(folder: Path, file: Path, fetch: Path | None) -> hdplan.Scene:
+    """Return a problem as a job: to its first pose, and along the others."""
+    said = yaml.safe_load(file.read_text(encoding="utf-8"))
+    spec, link = robot_of(said["robot"], fetch), LINKS[said["robot"]]
+    robot = hdplan.load_robot(spec)
+    poses = poses_of(folder, said, robot)
+    job = hdplan.Job([
+        hdplan.Move(hdplan.PoseTarget(link, poses[0], 0.1 * FAR, 0.1 * ANGLE), name="to the path"),
+        hdplan.Along(poses, link=link, position_tolerance=FAR, orientation_tolerance=ANGLE, name="along it"),
+    ])  # fmt: skip
+    start = (
+        (-1.5, -0.8, 0.0, -2.2, 0.0, 1.6, 0.8)
+        if said["robot"] == "panda"
+        else (0.1, 1.32, 1.4, -0.2, 1.72, 0.0, 1.66, 0.0)
+    )
+    return hdplan.Scene(
+        name=file.stem,
+        robot=spec,
+        start=start,
+        obstacles=boxes_of(said),
+        limits=hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0),
+        job=job,
+    )
+
+
+def seen_again(scene: hdplan.Scene, result: hdplan.JobResult) -> str:
+    """Say which pose of the path a certified motion does not pass, in order; empty if it passes all."""
+    stage, along = result.certificate.stages[-1], scene.job.stages[-1]  # type: ignore[union-attr]
+    robot, motion = hdplan.load_robot(scene.robot), stage.trajectory
+    data, frame = robot.model.createData(), robot.model.getFrameId(along.link)
+    order = [motion.joint_names.index(joint) for joint in robot.joint_names]
+    at = []
+    for q in motion.at_time(np.arange(motion.times[0], motion.times[-1], 1e-3)).positions[:, order]:
+        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+        at.append(data.oMf[frame].homogeneous.copy())
+    poses, first = np.array(at), 0
+    steps = 0.6 * np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).max()
+    turns = 0.6 * Rotation.from_matrix(poses[:-1, :3, :3].transpose(0, 2, 1) @ poses[1:, :3, :3]).magnitude().max()
+    for number, pose in enumerate(along.poses):
+        off = np.linalg.norm(poses[first:, :3, 3] - pose.position, axis=1)
+        turned = Rotation.from_matrix(pose.matrix[:3, :3].T @ poses[first:, :3, :3]).magnitude()
+        near = np.flatnonzero((off <= FAR + steps) & (turned <= ANGLE + turns))
+        if not len(near):
+            return f"pose {number} is not passed"
+        first += int(near[0])
+    return ""
+
+
+def cppflow(folder: Path, fetch: Path | None, only: str, time_limit: float) -> None:
+    """Follow all paths, and print what was found."""
+    done = tried = 0
+    for file in sorted((folder / "problems").glob(f"{only}*.yaml")):
+        scene = scene_of(folder, file, fetch)
+        began = time.process_time()
+        try:
+            result = hdplan.plan_job(scene, time_limit=time_limit)
+        except hdplan.HdplanError as error:
+            print(f"{file.stem:22} no: {str(error)[:220]}", flush=True)
+            tried += 1
+            continue
+        seconds, tried, done = time.process_time() - began, tried + 1, done + result.certified
+        again = seen_again(scene, result) if result.certified else ""
+        words = f"REFUTED: {again}" if again else "certified" if result.certified else f"no: {result.text[:220]}"
+        print(f"{file.stem:22} {result.trajectory.duration:7.2f} s, {seconds:6.2f} s of processor: {words}", flush=True)
+    print(f"{done} of {tried} certified")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["cppflow"])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--fetch", type=Path)
+    parser.add_argument("--only", default="", help="how the names of problems begin")
+    parser.add_argument("--time-limit", type=float, default=60.0)
+    asked = parser.parse_args()
+    cppflow(asked.folder, asked.fetch, asked.only, asked.time_limit)

@@ -1,0 +1,146 @@
+"""The motions of stages that leave no choice but how a redundant arm follows a curve: lines and other curves, fingers,
+outputs and waits."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.job.certify import certified_stage, standing
+from hdplan.planner.job.following import NotFollowedError, along_poses, drawn_through, length_of, smooth_parts
+from hdplan.planner.job.joining import Piece, one_after_other
+from hdplan.planner.job.places import link_pose, pose_of
+from hdplan.planner.job.redundancy import ways_along
+from hdplan.planner.job.stage_scenes import stage_setup
+from hdplan.planner.job.world import World
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.errors import naming
+from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
+from hdplan.scenes.path_constraints import Follow
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
+
+PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
+HAND_PLACES = 5
+BESIDE = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
+
+
+class StageFailedError(Exception):
+    """A stage that cannot be done, and why."""
+
+
+@dataclass(eq=False)
+class Certain:
+    """Makes such motions for the stages of one job."""
+
+    stages: Sequence[Stage]
+    seed: int
+    late: Callable[[], bool]
+    ways: dict[tuple[int, bytes], Array] = field(default_factory=dict)
+    """Along the curve of a stage, by its number, from a configuration."""
+
+    def done(self, world: World, number: int, plainly: bool = False) -> Piece:
+        """Do a stage, and certify it; a curve only as steadily as the joints go, if `plainly`. Raises
+        StageFailedError."""
+        stage, setup = self.stages[number], stage_setup(world, number)
+        scene, robot = setup.asked, setup.robot
+        with naming(scene.source):  # values that the stage's own limits do not allow
+            start = robot.configuration(scene.start)
+            goal = robot.configuration(scene.goal) if isinstance(scene.goal, JointTarget) else start
+        match stage:
+            case Curve():
+                return self._followed(world, number, start, plainly)
+            case Grip() | Release() if stage.joints:
+                motion = self._timed(setup, np.linspace(start, goal, HAND_PLACES))
+            case Grip() | Release() | Set():
+                motion = standing(robot, start, 1.0 / (scene.timing or Timing()).rate)
+            case Wait():
+                motion = standing(robot, start, stage.seconds)
+            case _:
+                raise TypeError(f"{stage.kind} leaves a choice")
+        found, there = certified_stage(world, number, motion)
+        if not found.certificate.certified:
+            raise StageFailedError(found.certificate.text)
+        return Piece(motion, there, found.certificate.notes)
+
+    def _followed(self, world: World, number: int, start: Array, plainly: bool) -> Piece:
+        """Follow the curve of a stage: as steadily as the joints go, or else on a way that leads to the end. Raises
+        StageFailedError."""
+        way = self.ways.get((number, start.tobytes()))
+        if way is not None:
+            return self._guided(world, number, start, way)
+        try:
+            return self._guided(world, number, start, None)
+        except StageFailedError:
+            if plainly or self.late():
+                raise
+            way = next(self.ways_along(stage_setup(world, number), start, start), None)
+            if way is None:
+                raise
+        return self._guided(world, number, start, way)
+
+    def ways_along(self, setup: Setup, at: Array, start: Array | None) -> Iterator[Array]:
+        """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
+        first pose is reached: well away from what stands around first."""
+        follow, certifier = setup.scene.path.follow or _straight(setup, at), Certifier(setup)
+        for beside in BESIDE:
+            free = functools.partial(_is_free, certifier, setup.scene.planner.clearance + beside)
+            yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
+
+    def _guided(self, world: World, number: int, start: Array, way: Array | None) -> Piece:
+        setup = stage_setup(world, number)
+        follow = setup.scene.path.follow or _straight(setup, start)
+        from hdplan.planner.timing.retiming import smooth
+
+        parts = smooth_parts(follow)
+        shares = np.cumsum([0.0, *map(length_of, parts)]) / length_of(follow)
+        spline = None if way is None else smooth(drawn_through(way))
+        for count in PLACES:
+            motions: list[Trajectory] = []
+            for part, first, last in zip(parts, shares[:-1], shares[1:], strict=True):
+                begins = motions[-1].positions[-1] if motions else start
+                guide = None if spline is None else functools.partial(_between, spline, first, last)
+                try:
+                    rows = along_poses(setup.robot, begins, part, count, guide)
+                except NotFollowedError as error:
+                    raise StageFailedError(str(error)) from None
+                motions.append(self._timed(setup, drawn_through(rows)))
+            motion = one_after_other(motions)
+            found, there = certified_stage(world, number, motion)
+            if found.certificate.certified:
+                return Piece(motion, there, found.certificate.notes)
+            if found.certificate.status is not Status.OFF_PATH:
+                break
+        raise StageFailedError(found.certificate.text)
+
+    def _timed(self, setup: Setup, waypoints: Array) -> Trajectory:
+        from hdplan.planner.timing.retiming import Retimer
+
+        path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
+        return Retimer(setup)(path).trajectory
+
+
+def _between(way: Callable[[float], Array], first: float, last: float, share: float) -> Array:
+    """Return joint values at a share of the part of a way from one share of it to another."""
+    return way((1.0 - share) * first + share * last)
+
+
+def _is_free(certifier: Certifier, clearance: float, q: Array) -> bool:
+    return not certifier.too_close(q, clearance)
+
+
+def _straight(setup: Setup, start: Array) -> Follow:
+    """Return the line of a stage along which nothing turns."""
+    assert isinstance(setup.scene.goal, Goals)
+    (target,) = setup.scene.goal.targets
+    assert isinstance(target, PoseTarget)
+    assert target.link is not None
+    return Follow(target.link, (pose_of(link_pose(setup.robot, start, target.link)), target.pose))

@@ -1,0 +1,75 @@
+"""Motions of stages one after the other, as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.job.world import World
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.job import Job, Set
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The motion of one stage, and what there is after it."""
+
+    motion: Trajectory
+    after: World
+    notes: tuple[str, ...] = ()
+
+
+def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:
+    """Return one motion of all joints that the pieces move, one piece after the other, with marks where they begin. A
+    piece begins with the row with which the last one ended; there everything rests."""
+    joints = tuple(dict.fromkeys(joint for piece in pieces for joint in piece.motion.joint_names))
+    held = [piece.motion.locked for piece in pieces]
+    at = {
+        joint: next(each[joint] for each in held if joint in each)
+        for joint in joints
+        if joint not in pieces[0].motion.joint_names
+    }
+    blocks, marks, times, begins, row = [], [], [], 0.0, 0
+    for i, (piece, name, stage) in enumerate(zip(pieces, job.names, job.stages, strict=False)):
+        motion = piece.motion
+        assert motion.times is not None
+        rows = np.zeros((3, len(motion), len(joints)))
+        for column, joint in enumerate(joints):
+            if joint in motion.joint_names:
+                own = motion.joint_names.index(joint)
+                values = (motion.positions, motion.velocities, motion.accelerations)
+                for block, given in zip(rows, values, strict=True):
+                    block[:, column] = 0.0 if given is None else given[:, own]
+                at[joint] = float(motion.positions[-1, own])
+            else:
+                rows[0, :, column] = at[joint]
+        rows[1:, [0, -1]] = 0.0  # at rest: what is left there is rounding
+        first = 0 if i == 0 else 1
+        blocks.append(rows[:, first:])
+        times.append((begins + (motion.times - motion.times[0]))[first:])
+        marks.append(StageMark(name, row, stage.outputs if isinstance(stage, Set) else {}))
+        row += len(motion) - 1
+        begins = float(times[-1][-1])
+    positions, velocities, accelerations = np.concatenate(blocks, axis=1)
+    last = {joint: value for joint, value in held[-1].items() if joint not in joints}
+    steady = {joint: value for joint, value in last.items() if all(each.get(joint) == value for each in held)}
+    return Trajectory(joints, positions, steady, np.concatenate(times), velocities, accelerations, stages=tuple(marks))
+
+
+def one_after_other(motions: Sequence[Trajectory]) -> Trajectory:
+    """Return motions of the same joints, each of which begins with the row with which the last one ended, as one."""
+    rows: list[list[Array]] = [[], [], [], []]
+    begins = 0.0
+    for i, motion in enumerate(motions):
+        assert motion.times is not None
+        assert motion.velocities is not None
+        assert motion.accelerations is not None
+        times = begins + (motion.times - motion.times[0])
+        for kept, given in zip(rows, (motion.positions, times, motion.velocities, motion.accelerations), strict=True):
+            kept.append(given[min(i, 1) :])
+        begins = float(times[-1])
+    positions, times, velocities, accelerations = (np.concatenate(each) for each in rows)
+    return Trajectory(motions[0].joint_names, positions, motions[0].locked, times, velocities, accelerations)

@@ -1,0 +1,68 @@
+"""Laws of ways along a curve: at every place the pose, near the last one, within the limits, and free."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hdplan
+from hdplan.planner.job.redundancy import INNER, STEP, ways_along
+
+TOOL = "panda_hand_tcp"
+READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
+
+
+def place_of(robot: hdplan.Robot, q: np.ndarray) -> np.ndarray:
+    data, frame = robot.model.createData(), robot.model.getFrameId(TOOL)
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+    return np.array(data.oMf[frame].homogeneous)
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_ways_are_followed_freely(fixed: bool) -> None:
+    robot = hdplan.load_robot("panda")
+    begins = place_of(robot, READY)
+    ends = begins.copy()
+    ends[:3, 3] += [0.1, 0.25, 0.05]
+    poses = [hdplan.Pose(each[:3, 3], pin.Quaternion(each[:3, :3]).coeffs()) for each in (begins, ends)]
+    follow = hdplan.Follow(TOOL, poses)
+    asked: list[np.ndarray] = []
+
+    def free(q: np.ndarray) -> bool:
+        """As if something stood where the elbow is turned to one side."""
+        asked.append(q)
+        return bool(q[2] < 0.4)
+
+    found = list(itertools.islice(ways_along(robot, READY if fixed else None, follow, 0.27, 0, free), 2))
+    assert len(found) == (1 if fixed else 2)
+    assert asked
+    for way in found:
+        if fixed:
+            assert np.array_equal(way[0], READY)
+        assert np.abs(np.diff(way, axis=0)).max() <= STEP
+        assert (way >= robot.lower + INNER).all()
+        assert (way <= robot.upper - INNER).all()
+        assert (way[:, 2] < 0.4).all()
+        for share, q in zip(np.linspace(0, 1, len(way)), way, strict=True):
+            place = place_of(robot, q)
+            np.testing.assert_allclose(place[:3, 3], begins[:3, 3] + share * (ends - begins)[:3, 3], rtol=0, atol=1e-4)
+            np.testing.assert_allclose(place[:3, :3], begins[:3, :3], rtol=0, atol=1e-3)
+    for one, other in itertools.combinations(found, 2):
+        assert np.abs(one[0] - other[0]).max() > 0.05
+
+
+def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
+    robot = hdplan.load_robot("panda")
+    poses = [
+        hdplan.Pose(place, pin.Quaternion(place_of(robot, READY)[:3, :3]).coeffs())
+        for place in ([0.5, 0, 0.4], [0.5, 0, 2.0])
+    ]
+    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, poses), 1.6, 0, lambda q: True))
+    near = [
+        hdplan.Pose([0.5, 0, 0.4], poses[0].quaternion_xyzw),
+        hdplan.Pose([0.5, 0.1, 0.4], poses[0].quaternion_xyzw),
+    ]
+    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, 0, lambda q: False))
