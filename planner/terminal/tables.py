@@ -49,8 +49,10 @@ def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
 
 
 def closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    """Return rows with the closest places that the proof has found: to an obstacle, and between links. Other places may be
-    closer, down to the proven clearance."""
+    """Return rows with the closest places that the proof has found: to an obstacle, and between links.
+
+    Other places may be closer, down to the proven clearance.
+    """
     places = {"closest found": certificate.worst, "closest links": certificate.self_worst}
     return [(name, _place(place)) for name, place in places.items() if place is not None]
 

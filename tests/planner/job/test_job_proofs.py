@@ -93,7 +93,8 @@ def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], No
     world, _, rest = rest.partition(b"\n")
     one, two = json.loads(head), json.loads(world)
     change(one, two)
-    return MAGIC + zlib.compress(b"\n".join([json.dumps(one, default=plain).encode(), json.dumps(two, default=plain).encode(), rest]))
+    lines = (json.dumps(each, default=plain).encode() for each in (one, two))
+    return MAGIC + zlib.compress(b"\n".join([*lines, rest]))
 
 
 def worlds(data: bytes) -> Told:
