@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -112,7 +112,14 @@ class Certain:
                     rows = along_poses(setup.robot, begins, part, count, guide)
                 except NotFollowedError as error:
                     raise StageFailedError(str(error)) from None
-                motions.append(self._timed(setup, drawn_through(rows)))
+                try:
+                    motions.append(self._timed(setup, drawn_through(rows)))
+                except InputError:
+                    raise
+                except HdplanError as error:
+                    raise StageFailedError(
+                        f"{error}: the curve runs through a singularity faster than the joints can"
+                    ) from None
             motion = one_after_other(motions)
             found, there = certified_stage(world, number, motion)
             if found.certificate.certified:
