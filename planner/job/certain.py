@@ -30,6 +30,7 @@ from hdplan.scenes.timing import Timing
 
 PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
 HAND_PLACES = 5
+POSED = 6  # coordinates of a pose
 BESIDE = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
 
 
@@ -91,6 +92,8 @@ class Certain:
         """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
         first pose is reached: well away from what stands around first."""
         follow, certifier = setup.scene.path.follow or _straight(setup, at), Certifier(setup)
+        if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
+            return  # nothing is left open along the curve
         for beside in BESIDE:
             free = functools.partial(_is_free, certifier, setup.scene.planner.clearance + beside)
             yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
