@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -30,6 +30,7 @@ from hdplan.scenes.timing import Timing
 
 PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
 HAND_PLACES = 5
+POSED = 6  # coordinates of a pose
 BESIDE = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
 
 
@@ -91,6 +92,8 @@ class Certain:
         """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
         first pose is reached: well away from what stands around first."""
         follow, certifier = setup.scene.path.follow or _straight(setup, at), Certifier(setup)
+        if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
+            return  # nothing is left open along the curve
         for beside in BESIDE:
             free = functools.partial(_is_free, certifier, setup.scene.planner.clearance + beside)
             yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
@@ -112,7 +115,14 @@ class Certain:
                     rows = along_poses(setup.robot, begins, part, count, guide)
                 except NotFollowedError as error:
                     raise StageFailedError(str(error)) from None
-                motions.append(self._timed(setup, drawn_through(rows)))
+                try:
+                    motions.append(self._timed(setup, drawn_through(rows)))
+                except InputError:
+                    raise
+                except HdplanError as error:
+                    raise StageFailedError(
+                        f"{error}: the curve runs through a singularity faster than the joints can"
+                    ) from None
             motion = one_after_other(motions)
             found, there = certified_stage(world, number, motion)
             if found.certificate.certified:
