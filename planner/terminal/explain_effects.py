@@ -156,7 +156,8 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
     said = {name: _kept_all_along(asked) for name, asked in scene.path.asked.items()}
-    names = (f"path.{each.name}" for each in dataclasses.fields(scene.path))
+    kinds = (each.name for each in dataclasses.fields(scene.path) if each.name != "follow")  # which jobs alone have
+    names = (f"path.{kind}" for kind in kinds)
     return tuple(Effect(name, said.get(name, ""), f"needs {name}") for name in names)
 
 
