@@ -179,7 +179,8 @@ class _Writer:
         key = str(body)
         if key not in world.parts:
             return False
-        triangles = world.parts[key]  # or boxes, or the centres of balls
+        points = np.asarray(self.reading.world["bodies"][body]["shape"]["points"])
+        triangles = points[world.parts[key]]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
         own = [i for i, each in enumerate(world.pieces) if each.body == body]  # in the order of the groups
         finer = divided(groups, own.index(piece), triangles)
