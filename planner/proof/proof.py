@@ -12,7 +12,8 @@ import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,6 +39,9 @@ from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
+
+if TYPE_CHECKING:
+    from hdplan.planner.result import PlanResult
 
 SHORT = 1e-4  # [m] by which less is proven than by the certificate
 QUICK = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
@@ -76,19 +80,59 @@ def prove(
         InputError: for bad files, and for what a proof cannot hold yet, by name.
         NotProvenError: the motion is not certified, or no planes were found.
     """
-    scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    asked_file = None if request is None else checked(path_of, request, "request")
-    robot_name = None if robot is None else str(checked(path_of, robot, "robot"))
-    setup = Setup.of(load_scene(scene_file, asked_file, robot_name))
-    motion = Trajectory.load(motion_file)
-    with naming(motion_file):
+    files = _Files.of(scene, trajectory, request, robot)
+    setup = Setup.of(load_scene(files.scene, files.request, files.robot))
+    motion = Trajectory.load(files.motion)
+    with naming(files.motion):
         proven = certified(setup, motion)
-    planned = world_of(setup, motion)
-    with writing():
-        began = time.process_time()
-        reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
-        check_equal(reading.world, planned)
-        return proof_of(setup, planned, reading, *proven, time.process_time() - began)
+    return files.proof(setup, motion, *proven)
+
+
+def prove_planned(
+    result: PlanResult,
+    scene: FilePath,
+    trajectory: FilePath,
+    request: FilePath | None = None,
+    robot: FilePath | None = None,
+) -> Proof:
+    """Write down why a motion is free that was planned in this process, in a scene read from these files, and written
+    to the file `trajectory`: hdplan neither reads nor certifies it again. The checker reads the files, and there is no
+    proof if they have other numbers by now. Raises as `prove`."""
+    files = _Files.of(scene, trajectory, request, robot)
+    assert result.asked is not None
+    setup = Setup.of(result.asked)
+    asked = Certifier(setup).asked(curve_of(setup.robot, result.trajectory))[0]
+    return files.proof(setup, result.trajectory, result.certificate, asked)
+
+
+@dataclass(frozen=True)
+class _Files:
+    """What a proof is about."""
+
+    scene: Path
+    motion: Path
+    request: Path | None
+    robot: str | None
+
+    @classmethod
+    def of(cls, scene: FilePath, trajectory: FilePath, request: FilePath | None, robot: FilePath | None) -> _Files:
+        """Check that these are names of files. Raises InputError."""
+        return cls(
+            find_scene(scene),
+            checked(path_of, trajectory, "trajectory"),
+            None if request is None else checked(path_of, request, "request"),
+            None if robot is None else str(checked(path_of, robot, "robot")),
+        )
+
+    def proof(self, setup: Setup, motion: Trajectory, certificate: Certificate, asked: float) -> Proof:
+        """Return the proof of a motion with this certificate, once the checker reads of these files what the setup has.
+        Raises InputError and NotProvenError."""
+        planned = world_of(setup, motion)
+        with writing():
+            began = time.process_time()
+            reading = read_world(self.scene, self.motion, planned, self.request, self.robot)
+            check_equal(reading.world, planned)
+            return proof_of(setup, planned, reading, certificate, asked, time.process_time() - began)
 
 
 @contextlib.contextmanager
