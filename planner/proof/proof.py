@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
@@ -39,9 +40,6 @@ from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, unpack
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
-
-if TYPE_CHECKING:
-    from hdplan.planner.result import PlanResult
 
 SHORT = 1e-4  # [m] by which less is proven than by the certificate
 QUICK = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
@@ -88,8 +86,24 @@ def prove(
     return files.proof(setup, motion, *proven)
 
 
+class Planned(Protocol):
+    """What a plan leaves behind (`PlanResult`)."""
+
+    @property
+    def asked(self) -> Scene | None:
+        """The scene that was planned in."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion."""
+
+    @property
+    def certificate(self) -> Certificate:
+        """What is proven of it."""
+
+
 def prove_planned(
-    result: PlanResult,
+    result: Planned,
     scene: FilePath,
     trajectory: FilePath,
     request: FilePath | None = None,
