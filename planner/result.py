@@ -70,7 +70,7 @@ class PlanResult:
 
     @cached_property
     def _proven(self) -> Proof:
-        from hdplan.planner.proof.proof import prove
+        from hdplan.planner.proof.proof import prove_planned
         from hdplan.scenes.yaml_format.reader import load_scene
 
         assert self.asked is not None
@@ -84,7 +84,7 @@ class PlanResult:
             if not same:
                 scene = Path(folder) / "scene.yaml"
                 self.asked.save(scene)
-            return prove(scene, motion)
+            return prove_planned(self, scene, motion)
 
     def __repr__(self) -> str:
         """Give the scene, the robot and the verdict."""

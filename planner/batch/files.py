@@ -10,8 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import quote
 
+from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.json_format import write_json
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.result import PlanResult
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.output import write_output
 from hdplan.scenes.scene import Scene
@@ -32,17 +34,20 @@ def motion_file(motion: Trajectory) -> dict[str, bytes]:
     return {MOTION: write_json(motion, {})}
 
 
-def proven(files: dict[str, bytes], of_job: bool = False) -> str:
-    """Add the proof of a motion in a scene, or of a job, and say that it is there, or why there is none."""
+def proven(files: dict[str, bytes], result: PlanResult | JobResult) -> str:
+    """Add the proof of what was planned, whose files are there, and say that it is there, or why there is none."""
     from hdplan.planner.job.proof import prove_job
-    from hdplan.planner.proof.proof import prove
+    from hdplan.planner.proof.proof import prove_planned
 
     with tempfile.TemporaryDirectory() as folder:
         scene, motion = Path(folder) / f"scene{SCENE}", Path(folder) / f"motion{MOTION}"
         scene.write_bytes(files[SCENE])
         motion.write_bytes(files[MOTION])
         try:
-            files[PROOF] = (prove_job if of_job else prove)(scene, motion).data
+            if isinstance(result, PlanResult):
+                files[PROOF] = prove_planned(result, scene, motion).data
+            else:
+                files[PROOF] = prove_job(scene, motion).data
         except HdplanError as error:
             return str(error).replace(f"{folder}/", "")
     return "written"

@@ -85,7 +85,7 @@ def solve(job: Job, options: Options) -> Outcome:
                 result = plan(scene, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
                 if options.files:
                     files |= motion_file(result.trajectory)
-                proof = proven(files) if options.proofs and result.certified else None
+                proof = proven(files, result) if options.proofs and result.certified else None
             outcome = _of_result(job, result, read, proof, files)
             return outcome if outcome.certified else _diagnosed(outcome, scene, result, job, options)
         except HdplanError as error:
@@ -154,7 +154,7 @@ def _of_job(job: Job, scene: Scene, options: Options, read: float, files: dict[s
         "motion_time": motion.duration,
         "length": _length(motion),
         "timed_out": False,
-        "proof": proven(files, of_job=True) if options.proofs and result.certified else None,
+        "proof": proven(files, result) if options.proofs and result.certified else None,
         "time_load": read,
         "time_solve": result.seconds,
     }

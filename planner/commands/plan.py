@@ -104,9 +104,11 @@ def run_plan(
         draw(Subject.planned(Setup.of(problem), result), plot)
     proven = result.certified
     if proof is not None and output is not None and result.certified and not isinstance(robot, RobotSpec):
-        from hdplan.planner.commands.prove import written_proof
+        from hdplan.planner.commands.prove import written
+        from hdplan.planner.proof.proof import prove_planned
 
-        proven = written_proof(scene, output, request, robot, proof) is not None
+        made, file, beside = result, output, (request, robot)
+        proven = written(lambda: prove_planned(made, scene, file, *beside), proof) is not None
     if not quiet:
         with printing() as show:
             if as_json:

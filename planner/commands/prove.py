@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from hdplan.planner.proof.proof import NotProvenError, Proof, prove
@@ -27,7 +28,7 @@ def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | N
 
         return run_prove_job(scene, trajectory, robot, output)
     with waiting("proving", shown=True):
-        proof = written_proof(scene, trajectory, request, robot, output)
+        proof = written(lambda: prove(scene, trajectory, request, robot), output)
     if proof is None:
         return 1
     with printing() as show:
@@ -46,10 +47,10 @@ def check_proof_of_plan(proof: Path, output: Path | None, robot: str | RobotSpec
         raise InputError(WITH_ARGUMENTS)
 
 
-def written_proof(scene: str, trajectory: Path, request: Path | None, robot: str | None, output: Path) -> Proof | None:
-    """Write the proof of a motion, or say why there is none."""
+def written(make: Callable[[], Proof], output: Path) -> Proof | None:
+    """Write a proof, or say why there is none."""
     try:
-        proof = prove(scene, trajectory, request, robot)
+        proof = make()
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
         return None

@@ -12,7 +12,8 @@ import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
@@ -76,19 +78,75 @@ def prove(
         InputError: for bad files, and for what a proof cannot hold yet, by name.
         NotProvenError: the motion is not certified, or no planes were found.
     """
-    scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    asked_file = None if request is None else checked(path_of, request, "request")
-    robot_name = None if robot is None else str(checked(path_of, robot, "robot"))
-    setup = Setup.of(load_scene(scene_file, asked_file, robot_name))
-    motion = Trajectory.load(motion_file)
-    with naming(motion_file):
+    files = _Files.of(scene, trajectory, request, robot)
+    setup = Setup.of(load_scene(files.scene, files.request, files.robot))
+    motion = Trajectory.load(files.motion)
+    with naming(files.motion):
         proven = certified(setup, motion)
-    planned = world_of(setup, motion)
-    with writing():
-        began = time.process_time()
-        reading = read_world(scene_file, motion_file, planned, asked_file, robot_name)
-        check_equal(reading.world, planned)
-        return proof_of(setup, planned, reading, *proven, time.process_time() - began)
+    return files.proof(setup, motion, *proven)
+
+
+class Planned(Protocol):
+    """What a plan leaves behind (`PlanResult`)."""
+
+    @property
+    def asked(self) -> Scene | None:
+        """The scene that was planned in."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion."""
+
+    @property
+    def certificate(self) -> Certificate:
+        """What is proven of it."""
+
+
+def prove_planned(
+    result: Planned,
+    scene: FilePath,
+    trajectory: FilePath,
+    request: FilePath | None = None,
+    robot: FilePath | None = None,
+) -> Proof:
+    """Write down why a motion is free that was planned in this process, in a scene read from these files, and written
+    to the file `trajectory`: hdplan neither reads nor certifies it again. The checker reads the files, and there is no
+    proof if they have other numbers by now. Raises as `prove`."""
+    files = _Files.of(scene, trajectory, request, robot)
+    assert result.asked is not None
+    setup = Setup.of(result.asked)
+    asked = Certifier(setup).asked(curve_of(setup.robot, result.trajectory))[0]
+    return files.proof(setup, result.trajectory, result.certificate, asked)
+
+
+@dataclass(frozen=True)
+class _Files:
+    """What a proof is about."""
+
+    scene: Path
+    motion: Path
+    request: Path | None
+    robot: str | None
+
+    @classmethod
+    def of(cls, scene: FilePath, trajectory: FilePath, request: FilePath | None, robot: FilePath | None) -> _Files:
+        """Check that these are names of files. Raises InputError."""
+        return cls(
+            find_scene(scene),
+            checked(path_of, trajectory, "trajectory"),
+            None if request is None else checked(path_of, request, "request"),
+            None if robot is None else str(checked(path_of, robot, "robot")),
+        )
+
+    def proof(self, setup: Setup, motion: Trajectory, certificate: Certificate, asked: float) -> Proof:
+        """Return the proof of a motion with this certificate, once the checker reads of these files what the setup has.
+        Raises InputError and NotProvenError."""
+        planned = world_of(setup, motion)
+        with writing():
+            began = time.process_time()
+            reading = read_world(self.scene, self.motion, planned, self.request, self.robot)
+            check_equal(reading.world, planned)
+            return proof_of(setup, planned, reading, certificate, asked, time.process_time() - began)
 
 
 @contextlib.contextmanager
@@ -179,7 +237,8 @@ class _Writer:
         key = str(body)
         if key not in world.parts:
             return False
-        triangles = world.parts[key]  # or boxes, or the centres of balls
+        points = np.asarray(self.reading.world["bodies"][body]["shape"]["points"])
+        triangles = points[world.parts[key]]  # or boxes, or the centres of balls
         groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
         own = [i for i, each in enumerate(world.pieces) if each.body == body]  # in the order of the groups
         finer = divided(groups, own.index(piece), triangles)

@@ -123,6 +123,11 @@ def stack(parts: Sequence[Ball], axis: int = 0) -> Ball:
     return Ball(np.stack([x.mid for x in parts], axis), np.stack([x.rad for x in parts], axis))
 
 
+def joined(parts: Sequence[Ball], axis: int = 0) -> Ball:
+    """np.concatenate."""
+    return Ball(np.concatenate([x.mid for x in parts], axis), np.concatenate([x.rad for x in parts], axis))
+
+
 def where(mask: Any, a: Ball, b: Ball) -> Ball:
     """np.where."""
     return Ball(np.where(mask, a.mid, b.mid), np.where(mask, a.rad, b.rad))

@@ -53,6 +53,7 @@ from .balls import (
     cos_sin,
     cross,
     dot,
+    joined,
     need,
     norm,
     rejecting,
@@ -137,15 +138,16 @@ class Motion:
         turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
         slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
         turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
-        frames = [(Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T))] * (
-            count + 1
-        )  # last: the world's
+        world_frame = Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T)
+        frames = [world_frame] * (count + 1)  # the last stays it
         for j, joint in enumerate(world.joints):
             before, origin = frames[joint.parent]
             frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
         self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
         self.axis = dot("knij,nj->kni", self.turn[:, :-1], world.axis)
-        self.moment = where(world.turning[:, None], cross(self.at[:, :-1], self.axis), self.axis)
+        turns, none = world.turning[:, None], Ball(np.zeros_like(self.axis.mid))
+        moment = where(turns, cross(self.at[:, :-1], self.axis), self.axis)
+        self.screw = joined([where(turns, self.axis, none), moment], 2)  # of each joint: its parts of W and V
         joint = world.joint[world.movers]
         ends = dot("kgij,gj->kgi", self.turn[:, joint], world.centers[world.movers]) + self.at[:, joint]
         self.reach = self.reaches(ends, world.radii[world.movers], world.carried[joint])
@@ -180,15 +182,15 @@ class Motion:
             step = self.step * moves
             at = dot("kij,mj->kmi", self.turn[:, joint], local)
             at = at if bond.turns else at + self.at[:, joint, None]
-            turned = cross(dot("kn,kni->ki", step * self.world.turning, self.axis)[:, None], at)
-            slide = dot("kn,kni->ki", step, self.moment)[:, None]
+            twist = dot("kn,kni->ki", step, self.screw)[:, None]
+            spin, slide = cross(twist[..., :3], at), twist[..., 3:]
             reach = (
                 self.world.turning[None]
                 if bond.turns
                 else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
             )
             x.append(at)
-            rate.append(turned if bond.turns else turned + slide)
+            rate.append(spin if bond.turns else spin + slide)
             rests = rests + self.rest(step, reach * moves, self.off)
         gap, change = x[0] - x[1], rate[0] - rate[1]
         if bond.along is not None:
@@ -220,12 +222,8 @@ class Motion:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
         moves, count = self.world.carried[self.world.joint], len(node)
         body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
-        most, rest = self.extremes(
-            np.tile(node, 2),
-            body,
-            picked(moves, body) & ~picked(moves, other),
-            np.concatenate([-normal.T, normal.T], axis=1).T,
-        )
+        moves, way = picked(moves, body) & ~picked(moves, other), np.concatenate([-normal.T, normal.T], axis=1).T
+        most, rest = self.extremes(np.tile(node, 2), body, moves, way)
         length = norm(np.abs(normal))
         both = above(most[:, :count], most[:, count:]).max(axis=0)
         least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
@@ -233,29 +231,34 @@ class Motion:
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
         """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
-        world, joint, step = self.world, self.world.joint[body], picked(self.step, node) * moves
-        spin = cross(d, dot("ln,lni->li", step * world.turning, picked(self.axis, node)))
-        slide = dot("li,li->l", d, dot("ln,lni->li", step, picked(self.moment, node)))
-        reach = np.where(moves, picked(self.reach, node, world.slot[body]), 0.0) if len(world.movers) else 0.0 * moves
-        way = stack([spin + d, d - spin])  # in the world, then in the joint's frame, then in the piece's
-        base = dot("sli,li->sl", way, picked(self.at, node, joint)) + stack([slide, -slide])
-        way = dot("sli,lij->slj", way, picked(self.turn, node, joint))
-        base = base + dot("sli,li->sl", way, picked(world.at, body))
-        way = dot("sli,lij->slj", way, picked(world.turn, body))
-        return above(self.supports(body, way), above(base.mid, base.rad)), self.rest(
-            step, reach, picked(self.off, node)
-        )
+        world, most, rest = self.world, np.empty((2, len(node))), np.zeros(len(node))
+        moving, still = (np.flatnonzero(moves.any(axis=1) == x) for x in (True, False))
+        row = np.concatenate([moving, moving, still])  # what stands still is where it is at either end
+        at, moves, way = node[moving], picked(moves, moving), picked(d, moving)
+        step, reach = picked(self.step, at) * moves, picked(self.reach, at, world.slot[body[moving]]) * moves
+        rest[moving] = self.rest(step, reach, picked(self.off, at))
+        twist = dot("ln,lni->li", step, picked(self.screw, at))
+        spin, slide = cross(way, twist[:, :3]), dot("li,li->l", way, twist[:, 3:])
+        node, body, joint = node[row], body[row], world.joint[body[row]]
+        way = joined([spin + way, way - spin, Ball(picked(d, still))])  # in the world, the joint's frame, the piece's
+        base = joined([slide, -slide, Ball(np.zeros(len(still)))]) + dot("li,li->l", way, picked(self.at, node, joint))
+        way = dot("li,lij->lj", way, picked(self.turn, node, joint))
+        base = base + dot("li,li->l", way, picked(world.at, body))
+        way = dot("li,lij->lj", way, picked(world.turn, body))
+        found = above(self.supports(body, way), above(base.mid, base.rad))
+        most[:, moving], most[:, still] = found[: 2 * len(moving)].reshape(2, -1), found[2 * len(moving) :]
+        return most, rest
 
     def supports(self, body: Any, d: Ball) -> Any:
-        """Return upper bounds (2, L) of d.x over the points x of pieces, for directions (2, L, 3) in their frames."""
-        world, most, order = self.world, np.empty(d.mid.shape[:2]), np.argsort(body, kind="stable")
+        """Return upper bounds (L,) of d.x over the points x of pieces, for directions (L, 3) in their frames."""
+        world, most, order = self.world, np.empty(len(body)), np.argsort(body, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
             corners = world.pieces[body[rows[0]]].corners
-            count = 1 + 2_000_000 // len(corners)
+            count = 1 + 4_000_000 // len(corners)
             for part in (rows[i : i + count] for i in range(0, len(rows), count)):
-                most[:, part] = (d.mid[:, part] @ corners.T).max(axis=2)
+                most[part] = (corners @ d.mid.T[:, part]).max(axis=0)
         off = (d.rad + 8 * EPS * np.abs(d.mid)) * picked(world.size, body) + d.size * world.off[body, None]
-        return above(most, up(off.sum(axis=2) + norm(picked(world.sweep, body) * d.size)))
+        return above(most, up(off.sum(axis=1) + norm(picked(world.sweep, body) * d.size)))
 
 
 # --- the proof --------------------------------------------------------------------------------------------------------

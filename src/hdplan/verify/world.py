@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, Pose, dot, inverse, length, named, need, norm, stack, unit, up
+from .balls import EPS, HERE, Ball, Pose, dot, inverse, joined, length, named, need, norm, stack, unit, up
 
 VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
@@ -117,12 +117,13 @@ def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
     points, sweep = (numbers(x, (-1, 3), f"{what}.{key}") for x, key in ((points, "points"), (sweep, "sweep")))
     found = np.arange(len(points))[None]
     if parts is not None:
-        found = numbers(parts, (-1, -1), f"{what}.parts")
-        good = found.size and (found % 1 == 0).all() and found.min() >= 0 and found.max() < len(points)
+        said = numbers(parts, (-1, -1), f"{what}.parts")
+        found = said.astype(int)
+        good = found.size and (found == said).all() and found.min() >= 0 and found.max() < len(points)
         need(good, f"{what}: has no parts, or one with a point that is not there")
     need(found.shape[1] != 3 or not sweep.any(), f"{what}: triangles are not swept")  # as more would be enclosed
     need(sweep.min(initial=0) >= 0 and len(sweep) in (1, len(found)), f"{what}: sizes for all, or each, of its parts")
-    return points, found.astype(int), sweep, off
+    return points, found, sweep, off
 
 
 @dataclass(eq=False)
@@ -229,7 +230,8 @@ class World:
         self.tracks = list[tuple[Any, Ball]]()  # of joints that follow the time: times, and values there
         for i, each in enumerate(tracks):
             self.add_track(f"tracks[{i}]", each)
-        self.pieces, self.parts = list[Piece](), dict[str, Any]()
+        self.pieces, self.parts = list[Piece](), dict[str, Any]()  # parts: of each body, by the numbers of their points
+        self.counts = dict[tuple[str, str], int]()  # of bodies of each name and kind
         self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
         for i, each in enumerate(bodies):
             self.add_body(i, each)
@@ -269,21 +271,23 @@ class World:
         need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
         as_said = kind == "obstacle" or (name in self.links) == (kind == "link")
         need(as_said, f"{what}: '{name}' is a link, or is to be one")
-        taken = kind != "link" and (name, kind) in {(x.name, x.kind) for x in self.pieces}
-        need(not taken, f"{what}: the name '{name}' is taken")
+        before = self.counts.get((name, kind), 0)
+        need(kind == "link" or not before, f"{what}: the name '{name}' is taken")
         joint, pose = self.carried_frame(what, *place, timed=kind == "obstacle")
-        called = f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
-        if kind == "link":  # which may have several
-            called += f" {len({x.body for x in self.pieces if x.name == name})}"
-        own, key = (name, kind, number, called, joint, pose), str(number)
+        called = f"{named(name)} {before}" if kind == "link" else f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
+        own, key, self.counts[name, kind] = (name, kind, number, called, joint, pose), str(number), before + 1
         points, parts, sweep, off = shape_of(shape, what)
-        self.parts[key], groups = points[parts], self.cuts.get(key, np.zeros(len(parts)))
-        need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
-        order = np.argsort(groups, kind="stable")
-        together = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
-        for rows in together:
-            size = sweep[rows].max(axis=0) if len(sweep) > 1 else sweep[0]
-            self.pieces.append(Piece(*own, points[np.unique(parts[rows])], off, size))
+        self.parts[key], groups, used = parts, self.cuts.get(key), np.zeros(len(points), dtype=bool)
+        used[parts] = True  # which is quicker than `unique`, once
+        together: list[Any] = [(slice(None), used)]
+        if groups is not None:
+            need(groups.shape == parts.shape[:1], f"{what}: has {len(parts)} parts, not {len(groups)}")
+            order = np.argsort(groups, kind="stable")
+            split = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+            together = [(rows, np.unique(parts[rows])) for rows in split]
+        for rows, corners in together:
+            size = (sweep[rows] if len(sweep) > 1 else sweep).max(axis=0)
+            self.pieces.append(Piece(*own, points[corners], off, size))
         if parts.shape[1] == 3 and len(together) > 1:
             self.surfaces[number] = dot("ij,mj->mi", pose[0], Ball(points, off)) + pose[1], parts
 
@@ -336,8 +340,7 @@ class World:
                 at = track(span, values, times)
                 steps = [(at[1:] - at[:-1]) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
                 columns.append(stack([at[:-1] + step for step in steps], 1)[:, :, None])
-            mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
-            self.control = Ball(mid, rad)
+            self.control = joined(columns, 2)
         count = len(self.joints)
         self.carried = np.zeros((count + 1, count), dtype=bool)  # by which joints; the last row: the world
         for i, each in enumerate(self.joints):

@@ -24,6 +24,7 @@ import trimesh
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.proof.proof import prove_planned
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
@@ -561,9 +562,31 @@ def test_a_result_gives_its_proof_of_the_files_that_it_writes(tmp_path: Path) ->
             scene.save(tmp_path / "s.yaml")
         proof = result.certificate.proof
         assert words_of(files, tmp_path / "m.json", proof.data) == proof.text
+        assert hdplan.prove(files, tmp_path / "m.json").text == proof.text
         assert result.certificate.proof is proof
         again = pickle.loads(pickle.dumps(result))
         assert again.certificate.proof.data == proof.data
     certificate = hdplan.certify(scene, result.trajectory)
     with pytest.raises(hdplan.InputError, match=r"hdplan\.prove"):
         _ = certificate.proof
+
+
+def test_there_is_no_proof_of_a_planned_motion_in_files_that_say_something_else_by_now(tmp_path: Path) -> None:
+    scene, motion = tmp_path / "s.yaml", tmp_path / "m.json"
+    hdplan.load_scene("ur5_table").save(scene)
+    result = hdplan.plan(hdplan.load_scene(scene))
+    result.save(motion)
+    told = json.loads(motion.read_text())
+    assert words_of(scene, motion, prove_planned(result, scene, motion).data).startswith("accepted")
+    told["positions"][1][2] = np.nextafter(told["positions"][1][2], 9.0)
+    for file, words, said in (
+        (motion, json.dumps(told), r"the worlds differ: motion\.positions\[1\]"),
+        (scene, scene.read_text().replace("[0.3, 0.0, -0.03]", "[0.3, 0.0, -0.04]"), r"the worlds differ: bodies"),
+        (scene, "hdplan: 1\n", "no proof of this can be written"),
+    ):
+        whole = file.read_text()
+        assert words != whole
+        file.write_text(words)
+        with pytest.raises(hdplan.InputError, match=said):
+            prove_planned(result, scene, motion)
+        file.write_text(whole)
