@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.files import read_file
+from hdplan.scenes.number_text import read_number
 from hdplan.scenes.poses import Pose
 
 COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -20,7 +21,11 @@ def read_pose_table(path: str | Path) -> tuple[Pose, ...]:
     another length, and for what is no number or no unit quaternion."""
     path = Path(path)
     with naming(path):
-        rows = [row for row in csv.reader(read_file(path).decode("utf-8", "replace").splitlines()) if row]
+        lines = read_file(path).decode("utf-8-sig", "replace").splitlines()
+        try:
+            rows = [row for row in csv.reader(lines) if row]
+        except csv.Error as error:
+            raise InputError(f"is no table of poses: {error}") from None
         head = [name.strip() for name in rows[0]] if rows else []
         if sorted(name for name in head if name != UNUSED) != sorted(COLUMNS) or len({*head}) != len(head):
             found = ", ".join(head)[:80] or "nothing"
@@ -35,7 +40,7 @@ def _pose(row: list[str], head: list[str], number: int) -> Pose:
     values = []
     for name in COLUMNS:
         try:
-            values.append(float(given[name]))
+            values.append(read_number(given[name].strip()))
         except ValueError:
             raise InputError(f"line {number}: {name}: must be a number, found {given[name][:40]!r}") from None
         if not math.isfinite(values[-1]):

@@ -41,6 +41,7 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of, unfolded_curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.as_loaded import check_as_loaded
+from hdplan.planner.robot.link_frame import links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
@@ -142,6 +143,16 @@ class Certifier:
             return ()
         return (f"meshes with holes: {', '.join(names)}: points that they surround by more than half count as inside",)
 
+    @cached_property
+    def weightless(self) -> tuple[str, ...]:
+        """A note on held objects without a mass, where torques are limited; empty if there are none."""
+        if self.scene.limits.torque is None:
+            return ()
+        links, frames = links_of(self.robot), self.robot.model.frames
+        carried = [each for each in self.scene.attached if frames[links[each.link]].parentJoint]
+        names = ", ".join(each.name for each in carried if each.mass is None)
+        return (f"torques are those without a mass of {names}, as none is given",) if names else ()
+
     def certify(
         self,
         trajectory: Trajectory,
@@ -212,7 +223,7 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
-            notes=(*reductions, *self.holes, *self.setup.units, *self.setup.ignored),
+            notes=(*reductions, *self.holes, *self.weightless, *self.setup.units, *self.setup.ignored),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:

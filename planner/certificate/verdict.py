@@ -100,7 +100,7 @@ class Certificate:
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
-    notes: tuple[str, ...] = ()  # on less clearance required than asked for, meshes with holes, points left out
+    notes: tuple[str, ...] = ()  # on less clearance than asked for, holes in meshes, masses and points left out
     prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a planned motion
 
     @property

@@ -151,8 +151,8 @@ class ShownJob:
         joints, times = curve.at_parameter(parameter), curve.time_of(parameter)
         number = self._number(times)
         clearance = np.full((2, len(times)), np.inf)
-        for i, stage in enumerate(self.stages):
-            clearance[:, number == i] = stage.clearances(times[number == i])
+        for i in np.unique(number).tolist():  # a short stage may lie between two times
+            clearance[:, number == i] = self.stages[i].clearances(times[number == i])
         whole = self.certificate
         one = (whole.failed or whole.stages[0]).certificate
         status = one.status if whole.failed or whole.certified else Status.WRONG_ENDS

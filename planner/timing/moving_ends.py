@@ -123,7 +123,9 @@ class MovingEnds:
                 found.append((self._estimate(braking, stands, stands if other is None else other), braking))
         for _, braking in sorted(found, key=lambda each: each[0]):
             part = braking if end == "start" else braking.backwards
-            rows, times = at - braking.away[0] + part.away, np.arange(len(part) + 1) / self.rate
+            rows = at - braking.away[0] + part.away
+            later = max(0, (self.count or 0) - len(part)) if end == "goal" else 0  # obstacles are where they are then
+            times = (later + np.arange(len(part) + 1)) / self.rate
             joints, locked = setup.robot.joint_names, setup.robot.locked
             if not (why := self.meets(Trajectory(joints, rows, locked, times, part.velocity, part.acceleration))):
                 return braking

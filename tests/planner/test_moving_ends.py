@@ -20,6 +20,7 @@ from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control.follow import follow
 from hdplan.planner.control.replay import replay
+from hdplan.planner.job.places import link_pose
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain_effects import effects
@@ -122,6 +123,23 @@ def test_what_meets_something_while_it_brakes_is_refused() -> None:
         UnsolvableError, match=r"start.velocity: the robot cannot brake from it: panda_\w+ and wall would"
     ):
         hdplan.plan(moving(rest.with_obstacles([wall]), fast))
+
+
+def test_obstacles_are_where_they_are_when_the_robot_comes_to_its_goal() -> None:
+    """One that stood in the way of its last part is none once it has left."""
+    home = HOME["ur5"]
+    goal = [home[0] + 0.5, *home[1:]]
+    place = link_pose(hdplan.load_robot("ur5"), np.array([goal[0] - 0.15, *goal[1:]]), "tool0")[:3, 3]
+    poses = [hdplan.Pose([*place]), hdplan.Pose([*(place + [0, 0, 2.0])])]
+    scene = Scene(
+        robot="ur5",
+        start=[home[0] - 0.3, *home[1:]],
+        goal=State(goal, [0.6, 0, 0, 0, 0, 0]),
+        obstacles=[hdplan.Obstacle("ball", hdplan.Sphere(0.1), motion=hdplan.TimedPoses([1.2, 2.0], poses))],
+        limits=Limits(acceleration=3.0, jerk=40.0),
+        timing=Timing(duration=3.0),
+    )
+    assert hdplan.plan(scene).certified
 
 
 def test_a_forged_beginning_is_refused_by_certificate_and_kernel(

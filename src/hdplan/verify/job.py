@@ -140,6 +140,7 @@ class Job:
         need(not said and top.get("self_collision") is not False, f"{', '.join(said) or 'self_collision'}: with a job")
         self.reader, self.stages, self.rows, self.spec = reader, stages, rows, joints.spec
         start = Targets(joints, False).target(top["start"], "start")
+        need("velocity" not in start, "start.velocity: with a job, whose stages begin at rest")
         self.arm = dict(zip(joints.lead, start["joints"], strict=True))
         given = top["start"].get("joints")
         self.hand = {x: joints.held[x] for x in (given if isinstance(given, dict) else ()) if x in joints.held}
@@ -202,6 +203,8 @@ class Job:
             need(rows.times[-1] - rows.times[0] >= asked - SAME_TIME, f"waits for less than {asked:g} s")
         aim: dict[str, Any] = {"goal": still}
         if stage.kind == "move":
+            rates = {"velocity", "acceleration"} & {*stage.said}
+            need(not rates, "move.velocity: with a job, whose stages end at rest")
             aim = {"goal": stage.said, "path": stage.beside.get("path", {})}
         elif stage.kind == "line":
             aim = self.line(stage.said)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from .balls import need
+from .balls import Ball, need
 from .text import DECIMAL, mapping, values
-from .world import loads, unique
+from .world import hermite, loads, numbers, unique
 
 SAME = 1e-6  # [rad or m] between a joint that stands still or follows and what the file says of it
 RATES = ("positions", "velocities", "accelerations")
@@ -93,23 +93,29 @@ class Rows:
         lead = [x["name"] for x in joints if x["follows"] is None]
         missing = [x for x in lead if x not in self.names]
         need(not missing, f"{self.path}: has no column of joint '{missing[0] if missing else ''}', which moves")
-        known = {x["name"]: x for x in joints}
         for name, at in self.locked.items():
             need(name in held, f"{self.path}: locked: '{name}' is no joint that is held")
             off = abs(float(values(at, 1, f"locked.{name}")[0]) - held[name])
             need(off <= SAME, f"{self.path}: locked: '{name}' is held at {held[name]:g}")
-        for i, name in enumerate(self.names):
-            if name in lead:
-                continue
-            need(name in held or name in known, f"{self.path}: '{name}' is no joint of the robot")
-            for k, rows in enumerate(self.given):
-                if name in held:
-                    wanted: Any = held[name] if k == 0 else 0.0
-                else:
-                    other, factor, add = known[name]["follows"]
-                    leader = rows[:, self.names.index(joints[other]["name"])]
-                    wanted = factor * leader + (add if k == 0 else 0.0)
-                need((np.abs(rows[:, i] - wanted) <= SAME).all(), f"{self.path}: '{name}' moves otherwise in the world")
+        if {*self.names} - {*lead}:
+            self.check_others(joints, held)
         order = [self.names.index(x) for x in lead]
         rates = zip(RATES, (rows[:, order].tolist() for rows in self.given), strict=False)
         return {"rule": self.rule, "times": self.times, **dict(rates)}
+
+    def check_others(self, joints: list[Any], held: dict[str, float]) -> None:
+        """Reject unless joints that are held, or that follow, do so at every row, and in between: rates that are hardly
+        any lead far in much time."""
+        times = None if self.times is None else numbers(self.times, (len(self.given[0]),), "times")
+        curve = hermite(self.given, times)  # its control points: between two rows it is within their hull
+        rules = {x["name"]: x["follows"] for x in joints}
+        rules |= {x: (None, 0.0, at) for x, at in held.items()}
+        for i, name in enumerate(self.names):
+            need(name in rules, f"{self.path}: '{name}' is no joint of the robot")
+            if rules[name] is None:
+                continue  # it leads
+            other, factor, add = rules[name]
+            leader = i if other is None else self.names.index(joints[other]["name"])
+            for k, rows in enumerate([curve, *map(Ball, self.given)]):
+                off = rows[..., i] - (rows[..., leader] * factor + add * (k < 2))
+                need((off.size <= SAME).all(), f"{self.path}: '{name}' moves otherwise in the world")

@@ -243,8 +243,8 @@ class Reader:
         }
 
     def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
-        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared, and of
-        rows that are farther apart than a scene says."""
+        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared, of rows
+        that are farther apart than a scene says, and of held objects without a mass where torques are limited."""
         whose, *pairs = self.top.get("matrix", ("", [], []))
         left_out, told = world["not_compared"], [*pairs[0], *pairs[1]]
         found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
@@ -257,4 +257,10 @@ class Reader:
             said.append(
                 f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are asked for"
             )
+        light = [
+            named(x.get("name", f"attached{i}"))
+            for i, x in enumerate(listing(self.top.get("attached"), "attached"))
+            if "torque" in world["limits"] and x.get("mass") is None and self.joints.at[x["link"]][0] >= 0
+        ]
+        said += [f"torques are those without a mass of {', '.join(light)}, as none is given"] * bool(light)
         return tuple(said)

@@ -171,13 +171,17 @@ def test_files_are_certified_again_and_faster_ones_are_not(planned: JobResult, t
 def test_tables_of_poses(tmp_path: Path) -> None:
     table = tmp_path / "poses.csv"
     lines = ["time,x,y,z,qw,qx,qy,qz", "0,0,0,0,1,0,0,0", "1,0.1,0,0,1,0,0,0"]
-    table.write_text("\n".join(lines))
-    assert hdplan.Along.read(table) == (hdplan.Pose(), hdplan.Pose([0.1, 0, 0]))
+    for mark in ("", "\ufeff"):  # of byte order, as spreadsheets write one
+        table.write_text(mark + "\n".join(lines), encoding="utf-8")
+        assert hdplan.Along.read(table) == (hdplan.Pose(), hdplan.Pose([0.1, 0, 0]))
     for number, line, words in (
         (0, "time,x,y,z,qw,qx,qy", "must have the columns x, y, z, qx, qy, qz, qw in its first line"),
         (0, "speed,x,y,z,qw,qx,qy,qz", "must have the columns"),
         (2, "1,0.1,0,0,1,0,0", "line 3: has 7 values, 8 are expected"),
-        (2, "1,0.1,0,nan,1,0,0,0", "line 3: z: must be a finite number"),
+        (2, "1,0.1,0,1e999,1,0,0,0", "line 3: z: must be a finite number"),
+        (2, "1,0.1,0,nan,1,0,0,0", "line 3: z: must be a number"),
+        (2, "1,0.1,0,0_1,1,0,0,0", "line 3: z: must be a number, found '0_1'"),
+        (2, f"1,0.1,0,{'1' * 200_000},1,0,0,0", "is no table of poses: field larger"),
         (2, "1,0.1,0,2mm,1,0,0,0", "line 3: z: must be a number, found '2mm'"),
         (2, "1,0.1,0,0,1,1,0,0", "line 3: Pose.quaternion_xyzw: must be a unit quaternion"),
     ):

@@ -336,3 +336,21 @@ def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, b
         other.write_text(written.replace(old, new, 1), encoding="utf-8")
         with pytest.raises(RejectedError, match=words):
             check_job(other, motion, data)
+
+
+def test_a_job_begins_and_ends_at_rest_as_the_planner_has_it(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    """A velocity that nobody would check is refused, by both."""
+    path, motion, data = files
+    written = path.read_text(encoding="utf-8")
+    start, goal = '"panda_finger_joint2": 0.02}', '"wait": 0.1'
+    for old, new, words in (
+        (start, f'{start}, "velocity": {{"panda_joint1": 0.1}}', "start.velocity"),
+        (goal, '"move": {"state": "default", "velocity": [0, 0, 0, 0, 0, 0, 0]}', "move.velocity"),
+    ):
+        assert old in written
+        other = tmp_path / "other.yaml"
+        other.write_text(written.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(RejectedError, match=words):
+            check_job(other, motion, data)
+        with pytest.raises(InputError, match="velocity"):
+            hdplan.load_scene(other)

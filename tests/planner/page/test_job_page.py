@@ -14,6 +14,7 @@ import pytest
 import hdplan
 from hdplan.planner.commands.view import run_view
 from hdplan.planner.job.places import link_pose
+from hdplan.planner.page import job_page
 from hdplan.planner.page.job_page import ShownJob
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -62,6 +63,13 @@ def test_what_is_held_moves_with_the_hand_and_stays_where_it_is_let_go(shown: Sh
     (left,) = [each for each in stages[-1].scene.attached if each.name == "block"]
     world = link_pose(setup.robot, curve.at_time(times[:1])[0], left.link) @ left.pose.matrix
     np.testing.assert_allclose(moving.at(times[-1:])[0], world, atol=1e-9)
+
+
+def test_a_stage_too_short_to_be_drawn_is_passed_over(shown: ShownJob, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one that sets outputs in the middle of a long job."""
+    monkeypatch.setattr(job_page, "sample_parameters", lambda _: np.array([0.0, 1.0]))
+    rough = replace(shown)
+    np.testing.assert_array_equal(rough.motion.clearance, shown.motion.clearance[[0, -1]])
 
 
 def test_what_is_close_is_that_of_the_stage(shown: ShownJob) -> None:

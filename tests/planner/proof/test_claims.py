@@ -282,3 +282,17 @@ def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
         return
     with pytest.raises(RejectedError, match="its axis is no unit vector"):
         bonds_of_path(world, path, lambda: True)
+
+
+def test_who_is_held_without_a_mass_is_named_where_torques_are_limited(tmp_path: Path) -> None:
+    home = [0.5, -1.2, 1.5, -1.8, -1.57, 0.0]
+    for mass, torque, named in ((None, "urdf", True), (0.5, "urdf", False), (None, None, False)):
+        held = [hdplan.Attached("box", "wrist_3_link", hdplan.Box([0.02] * 3), [0.0, 0.0, 0.1], mass=mass)]
+        limits = hdplan.Limits(acceleration=2.0, torque=torque)
+        scene = hdplan.Scene(robot="ur5", start=home, goal=[0.6, *home[1:]], attached=held, limits=limits)
+        result = hdplan.plan(scene)
+        scene.save(tmp_path / "s.yaml")
+        result.save(tmp_path / "m.json")
+        words = "torques are those without a mass of box, as none is given"
+        assert (words in result.certificate.notes) == named
+        assert (words in hdplan.prove(tmp_path / "s.yaml", tmp_path / "m.json").text) == named

@@ -132,3 +132,30 @@ def test_a_joint_that_passes_its_limit_between_rows_is_beyond_it(over: float, tm
     world = read(tmp_path / "s.yaml", tmp_path / "m.json")
     with pytest.raises(RejectedError, match=r"limits\.position: joint 'pan' is beyond it"):
         statement(world, {"claims": ["limits"], "clearance": None, "self_clearance": 1e-3})
+
+
+@pytest.mark.parametrize("rule", ['<mimic joint="pan"/>', ""])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_held_or_follows_does_so_between_rows_too(rule: str, seed: int, tmp_path: Path) -> None:
+    """Rates that are as good as none swing a joint far if rows are hours apart."""
+    rng = np.random.default_rng(seed)
+    arm = ARM.replace('<axis xyz="0 1 0"/>', f'<axis xyz="0 1 0"/>{rule}')
+    (tmp_path / "r.urdf").write_text(arm.format(yoke='<link name="yoke"/>', at="-3 0 0"))
+    robot = "robot: {urdf: r.urdf, group: [pan]}" if rule else "robot: {urdf: r.urdf, locked: {lift: 0}}"
+    (tmp_path / "s.yaml").write_text(f"hdplan: 1\n{robot}\nstart: {{joints: [0]}}\ngoal: {{joints: [0]}}\n")
+    seconds, (one, two) = 10.0 ** rng.uniform(1, 6), rng.uniform(0.1, 0.9, 2) * 1e-6
+
+    def moved(rates: list[float]) -> None:
+        rows = {"positions": [[0, 0]] * 2, "velocities": [[0, 0]] * 2, "accelerations": [[0, x] for x in rates]}
+        said = {"hdplan_trajectory": 1, "joint_names": ["pan", "lift"], "times": [0.0, seconds], **rows}
+        (tmp_path / "m.json").write_text(json.dumps(said))
+        read(tmp_path / "s.yaml", tmp_path / "m.json")
+
+    x = np.linspace(0.0, 1.0, 101)
+    swing = seconds**2 * np.abs(one * x**2 * (1 - x) ** 3 + two * x**3 * (1 - x) ** 2).max() / 2
+    moved([0.0, 0.0])
+    if swing > 1e-6:
+        with pytest.raises(RejectedError, match="'lift' moves otherwise in the world"):
+            moved([one, two])
+    else:
+        moved([one, two])
