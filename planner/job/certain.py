@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -125,7 +125,12 @@ class Certain:
         from hdplan.planner.timing.retiming import Retimer
 
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
-        return Retimer(setup)(path).trajectory
+        try:
+            return Retimer(setup)(path).trajectory
+        except InputError:
+            raise
+        except HdplanError as error:
+            raise StageFailedError(str(error)) from None
 
 
 def _between(way: Callable[[float], Array], first: float, last: float, share: float) -> Array:

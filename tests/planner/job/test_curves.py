@@ -198,6 +198,21 @@ def test_tables_of_poses(tmp_path: Path) -> None:
         (lambda: hdplan.Line(by=[0, 0, 0]), "has no length"),
         (lambda: hdplan.Line(to=[0, 0, 0], turn=[1, 0, 0]), "goes with 'by'"),
         (lambda: hdplan.Line(by=[0, 0, 0.1], rpy=[1, 0, 0]), "goes with 'to'"),
+        (
+            lambda: hdplan.Circle(by=[0, 0.1, 0], interim=[0.05, 0.05, 0], position_tolerance=1e-17),
+            "circle.position_tolerance: 1e-17 m on an arc of radius 0.05 m takes more than 20000 chords",
+        ),
+        (
+            lambda: hdplan.Circle(by=[0, 0.1, 0], interim=[0.05, 0.05, 0], turn=[0, 0, math.pi]),
+            "circle.turn: turns by 3.14 rad from the beginning; at most 3 are allowed",
+        ),
+        (lambda: hdplan.Line(by=[0, 0.1, 0], turn=[0, 0, 4]), r"Line.turn\[2\]: must be .* -3.14159 to 3.14159 .rad.,"),
+        (lambda: hdplan.Along([hdplan.Pose([0, 0, 0])] * 2, frame="tool"), "along: has no length"),
+        (
+            lambda: hdplan.Line(by=[0, 0, 0], turn=[0, 0, 0.5], frame="tool", free_rotation="z"),
+            "line: has no length: the link is to stay",
+        ),
+        (lambda: hdplan.Along(EIGHT, frame="tool", link="panda_link0"), "along.link: no planned joint moves 'panda_l"),
         (lambda: hdplan.Along(EIGHT), r"stage|along.poses: the first is .* away from where the link is"),
     ],
 )
