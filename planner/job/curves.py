@@ -103,8 +103,8 @@ def _end(stage: Line | Circle, world: World, begins: Array) -> Array:
     turn = scipy.spatial.transform.Rotation.from_matrix(ends[:3, :3] @ begins[:3, :3].T).magnitude()
     if turn > MOST_TURN:
         raise InputError(
-            f"{stage.kind}.{'turn' if stage.to is None else 'rpy'}: turns by {turn:.3g} rad from the beginning; at most "
-            f"{MOST_TURN:g} are allowed, as half a turn has no shortest way: give two stages"
+            f"{stage.kind}.{'turn' if stage.to is None else 'rpy'}: turns by {turn:.3g} rad from the beginning; at "
+            f"most {MOST_TURN:g} are allowed, as half a turn has no shortest way: give two stages"
         )
     return ends
 
