@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,7 @@ from hdplan.scenes.values import NEEDED, Choice, Name, Number, Numbers, Row
 WORLD, TOOL = "world", "tool"  # frames, beside the names of objects
 
 Angles = Annotated[Vector3, Row(Number(unit="rad"), 3)]
+Turn = Annotated[Vector3, Row(Number(-math.pi, math.pi, unit="rad"), 3)]  # beyond, the shortest way is the other one
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +45,7 @@ class _ToEnd(Curve):
     by: Place | None = None  # a shift in `frame` [m]
     to: Place | None = None  # a position in the world [m]
     frame: Name = WORLD  # of `by` and `turn`: "world", "tool", as it is at the beginning, or an object's name
-    turn: Angles | None = None  # with `by`: roll, pitch and yaw about the axes of `frame` [rad]
+    turn: Turn | None = None  # with `by`: roll, pitch and yaw about the axes of `frame` [rad]
     rpy: Angles | None = None  # with `to`: the orientation in the world at the end [rad]
 
     def _check_whole(self) -> None:

@@ -18,19 +18,21 @@ UNUSED = "time"
 
 def read_pose_table(path: str | Path) -> tuple[Pose, ...]:
     """Return the poses of a file, one a row. Raises InputError for missing, unknown and repeated columns, for rows of
-    another length, and for what is no number or no unit quaternion."""
+    another length, for what is no number or no unit quaternion, and for less than two poses."""
     path = Path(path)
     with naming(path):
-        lines = read_file(path).decode("utf-8-sig", "replace").splitlines()
+        reader = csv.reader(read_file(path).decode("utf-8-sig", "replace").splitlines())
         try:
-            rows = [row for row in csv.reader(lines) if row]
-        except csv.Error as error:
-            raise InputError(f"is no table of poses: {error}") from None
-        head = [name.strip() for name in rows[0]] if rows else []
+            rows = [(reader.line_num, row) for row in reader if row]
+        except csv.Error as error:  # a field longer than it takes
+            raise InputError(f"line {reader.line_num}: not CSV ({error})") from None
+        head = [name.strip() for name in rows[0][1]] if rows else []
         if sorted(name for name in head if name != UNUSED) != sorted(COLUMNS) or len({*head}) != len(head):
             found = ", ".join(head)[:80] or "nothing"
             raise InputError(f"must have the columns {', '.join(COLUMNS)} in its first line, found {found}")
-        return tuple(_pose(row, head, number) for number, row in enumerate(rows[1:], 2))
+        if len(rows) < 3:
+            raise InputError(f"must have two poses or more below its first line, found {len(rows) - 1}")
+        return tuple(_pose(row, head, number) for number, row in rows[1:])
 
 
 def _pose(row: list[str], head: list[str], number: int) -> Pose:
@@ -42,7 +44,7 @@ def _pose(row: list[str], head: list[str], number: int) -> Pose:
         try:
             values.append(read_number(given[name].strip()))
         except ValueError:
-            raise InputError(f"line {number}: {name}: must be a number, found {given[name][:40]!r}") from None
+            values.append(math.nan)
         if not math.isfinite(values[-1]):
             raise InputError(f"line {number}: {name}: must be a finite number, found {given[name][:40]!r}")
     try:

@@ -135,7 +135,12 @@ class Certain:
         from hdplan.planner.timing.retiming import Retimer
 
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
-        return Retimer(setup)(path).trajectory
+        try:
+            return Retimer(setup)(path).trajectory
+        except InputError:
+            raise
+        except HdplanError as error:
+            raise StageFailedError(str(error)) from None
 
 
 def _between(way: Callable[[float], Array], first: float, last: float, share: float) -> Array:

@@ -133,7 +133,8 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
         outputs = each.outputs if isinstance(each, Set) else {}
         if repr(dict(mark.outputs)) != repr(dict(outputs)):  # True is no 1.0
             said = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
-            raise InputError(f"trajectory: stage '{mark.name}' {said}")
+            kept = "" if mark.outputs else ": of files only JSON holds outputs"
+            raise InputError(f"trajectory: stage '{mark.name}' {said}{kept}")
     found, seen = [], world.notes
     for number in range(len(marks)):
         part = stage_motion(trajectory, number)

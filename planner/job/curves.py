@@ -14,24 +14,26 @@ import numpy as np
 from hdplan.planner.job.line import as_constraints
 from hdplan.planner.job.places import link_pose, pose_of
 from hdplan.planner.job.world import Array, World
-from hdplan.planner.robot.link_frame import end_effector
+from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.path_constraints import Follow, PathConstraints
+from hdplan.scenes.path_constraints import MOST_POSES, MOST_TURN, Follow, PathConstraints
 from hdplan.scenes.poses import Pose, Vector3, from_rpy
 from hdplan.scenes.targets import Goals, PoseTarget
 
 CHORD = 0.02  # share of a position's tolerance that the chords of an arc take
 SHORTEST = 1e-6  # [m] of a radius, and of a chord
+STILL = 1e-9  # [m] of a curve, and of the change of its directions, below which it leads nowhere
 HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which way
 
 
 def along_curve(stage: Curve, world: World) -> dict[str, Any]:
-    """Return the goal and the path constraints of a stage. Raises InputError for a frame that there is not, an arc that
-    is none, and for poses that begin elsewhere."""
+    """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, a frame
+    that there is not, an arc that is none, a curve that leads nowhere, and for poses that begin elsewhere."""
     robot = world.robot
     link = end_effector(robot, stage.kind) if stage.link is None else stage.link
+    link_frame(robot, link, stage.kind)
     begins = link_pose(robot, world.q, link)
     lost = 0.0
     match stage:
@@ -48,6 +50,7 @@ def along_curve(stage: Curve, world: World) -> dict[str, Any]:
             _check_beginning(stage, begins, poses[0])
         case _:
             raise TypeError(f"{stage.kind} is no curve")
+    _check_length(stage, poses)
     target = PoseTarget(
         link,
         pose_of(poses[-1]),
@@ -93,10 +96,16 @@ def _end(stage: Line | Circle, world: World, begins: Array) -> Array:
         ends[:3, 3] = stage.to
         if stage.rpy is not None:
             ends[:3, :3] = _rotation(stage.rpy)
-        return ends
-    ends[:3, 3] += frame @ np.array(stage.by)
-    if stage.turn is not None:
-        ends[:3, :3] = frame @ _rotation(stage.turn) @ frame.T @ begins[:3, :3]
+    else:
+        ends[:3, 3] += frame @ np.array(stage.by)
+        if stage.turn is not None:
+            ends[:3, :3] = frame @ _rotation(stage.turn) @ frame.T @ begins[:3, :3]
+    turn = scipy.spatial.transform.Rotation.from_matrix(ends[:3, :3] @ begins[:3, :3].T).magnitude()
+    if turn > MOST_TURN:
+        raise InputError(
+            f"{stage.kind}.{'turn' if stage.to is None else 'rpy'}: turns by {turn:.3g} rad from the beginning; at "
+            f"most {MOST_TURN:g} are allowed, as half a turn has no shortest way: give two stages"
+        )
     return ends
 
 
@@ -116,7 +125,13 @@ def _arc(stage: Circle, world: World, begins: Array, ends: Array) -> tuple[Array
     arm = one - center
     radius = float(np.linalg.norm(arm))
     allowed = min(CHORD * stage.position_tolerance, 0.1 * radius)
-    count = max(2, int(np.ceil(angle / (2.0 * np.arccos(1.0 - allowed / radius)))) + 1)
+    chord = 4.0 * np.arcsin(np.sqrt(0.5 * allowed / radius))  # the angle of an arc that is so far from its chord
+    if angle > (MOST_POSES - 1) * chord:
+        raise InputError(
+            f"circle.position_tolerance: {stage.position_tolerance:g} m on an arc of radius {radius:.4g} m takes more "
+            f"than {MOST_POSES} chords: allow more"
+        )
+    count = max(2, int(np.ceil(angle / chord)) + 1)
     shares = np.linspace(0.0, 1.0, count)
     rotations = scipy.spatial.transform.Rotation
     turn = rotations.from_matrix(ends[:3, :3] @ begins[:3, :3].T).as_rotvec()
@@ -166,6 +181,13 @@ def _around(one: Array, center: Array, other: Array, tolerance: float) -> tuple[
 def _angle(one: Array, other: Array, axis: Array) -> float:
     """Return the angle from a vector to another about an axis, above 0 and below a whole turn."""
     return float(np.arctan2(np.cross(one, other) @ axis, one @ other) % (2.0 * np.pi))
+
+
+def _check_length(stage: Curve, poses: Array) -> None:
+    """Refuse poses (N, 4, 4) that are all the same, to a link that is free about an axis in the direction of that."""
+    turned = slice(3) if stage.free_rotation == "none" else "xyz".index(stage.free_rotation)
+    if max(np.ptp(poses[:, :3, 3], axis=0).max(), np.ptp(poses[:, :3, turned], axis=0).max()) < STILL:
+        raise InputError(f"{stage.kind}: has no length: the link is to stay where it is")
 
 
 def _check_beginning(stage: Along, begins: Array, first: Array) -> None:

@@ -36,8 +36,6 @@ def as_constraints(stage: Line, robot: Robot, link: str, begins: Array, ends: Ar
     box[:3, :3], box[:3, 3] = along(way / length), middle[:3, 3]
     within = Within(link, (length + 2 * slack, 2 * slack, 2 * slack), pose_of(box))
     root, fixed = fixed_link(robot)
-    if link == root:
-        raise InputError(f"line.link: '{link}' stands fast in the world")
     place = pose_of(np.linalg.inv(fixed) @ middle)
     relative = Relative(link, root, place, min(1.0, 0.5 * length + slack), turn)
     target = PoseTarget(link, pose_of(ends), stage.position_tolerance, turn, field="goal")

@@ -15,8 +15,9 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 
 def plain_path(setup: Setup) -> list[Plain]:
-    """Return the path constraints."""
-    return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.asked.values()]
+    """Return the path constraints. Raises InputError for one of which a proof holds nothing."""
+    with naming(setup.scene.source):
+        return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.asked.values()]
 
 
 def _constraint(asked: PathConstraint, from_request: bool) -> Plain:

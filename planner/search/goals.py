@@ -57,9 +57,9 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
     most = max(1, TRIED // len(scene.goal.targets))
     found: list[tuple[float, JointTarget]] = []
     refused, words, causes = [], [], []
+    path = _path(certifier.setup)
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
-        path = _path(certifier.setup)
         for target in scene.goal.targets:
             reached, nearest, free = _reached(certifier, target, start, rng, path)
             if free and nearest is not None:

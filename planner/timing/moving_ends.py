@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.braking import Braking, brake
-from hdplan.planner.timing.limits import TimingLimit
+from hdplan.planner.timing.limits import RateLimit, TimingLimit
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import UnsolvableError
@@ -51,7 +51,8 @@ class MovingEnds:
         self.count = None if timing.duration is None else row_count(timing.duration, timing.rate) - 1
         self.rate = timing.rate if self.count is None or timing.duration is None else self.count / timing.duration
         none = self._none = Braking(*np.zeros((3, 1, setup.robot.n)))
-        (start, goal), ends = setup.rates, None if isinstance(setup.scene.goal, Goals) else setup.query
+        start, goal = (None if each is None or not each.moving else each for each in setup.rates)
+        ends = None if isinstance(setup.scene.goal, Goals) else setup.query
         self.head = none if start is None else self._braking(start, "start", None if ends is None else ends.goal)
         self.tail = none
         if goal is not None and ends is not None:
@@ -162,8 +163,10 @@ class MovingEnds:
                 f"{np.ptp(rows[:, joint]):.3g} for it within its limits, which leads to {reached:.4g}; its range is "
                 f"[{robot.lower[joint]:g}, {robot.upper[joint]:g}]"
             )
-        exceeded = any(limit.stretch(curve) > 1.0 for limit in self.limits)
-        return "it would exceed a limit of torque" if exceeded else ""
+        # limits of rates hold as it is made, and to the last bit where a rate that is given is at its limit
+        others = (limit for limit in self.limits if not isinstance(limit, RateLimit))
+        exceeded = any(limit.stretch(curve) > 1.0 for limit in others)
+        return "it would exceed a limit of torque, or of its tool" if exceeded else ""
 
     def _check_rates(self, rates: EndRates) -> None:
         """Refuse rates beyond the joints' limits."""

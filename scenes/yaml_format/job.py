@@ -60,7 +60,9 @@ def _stage(entry: Field) -> Stage:
             return entry.make(Move, goal=read_goal(said), **values)
         case "along":
             keys = said.mapping((*OWN[Along], "file"))
-            return _made(entry, kind, Along, {**keys, "poses": _poses(said, keys)}, values)
+            poses = _poses(said, keys)
+            own = {key: value for key, value in keys.items() if key != "file"}
+            return _made(entry, kind, Along, {**own, "poses": poses}, values)
         case "line" | "circle" | "grip" | "release":
             return _made(entry, kind, KINDS[kind], said.mapping(OWN[KINDS[kind]]), values)
         case "set":
@@ -80,7 +82,7 @@ def _poses(said: Field, keys: dict[str, Field]) -> tuple[Pose, ...]:
     """Return the poses that stand here, or those of the file that is named."""
     if ("file" in keys) == ("poses" in keys):
         raise said.error("needs either file or poses")
-    return read_pose_table(keys.pop("file").path()) if "file" in keys else read_poses(keys["poses"])
+    return read_pose_table(keys["file"].path()) if "file" in keys else read_poses(keys["poses"])
 
 
 def stage_entry(

@@ -93,6 +93,17 @@ def test_at_velocity_zero_the_plan_is_that_from_rest_to_the_byte() -> None:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
+def test_an_end_may_be_at_a_limit_and_the_other_at_a_velocity_of_zero() -> None:
+    """What is given to the last bit of a limit is within it; an end that is said to be at rest needs no braking."""
+    rest = scene_of("ur5")
+    most = Setup.of(rest).limits
+    ends = (most["velocity"] * [1, 0, 0, -1, 0, 0], None), (np.zeros(6), most["acceleration"] * [1, 0, 0, 0, -1, 0])
+    for velocity, acceleration in ends:
+        for still in (rest.goal, State(rest.goal, np.zeros(6)), State(rest.goal, np.zeros(6), np.zeros(6))):
+            result = hdplan.plan(moving(rest, velocity, acceleration).with_goal(still))
+            assert result.certificate.certified, result.certificate.text
+
+
 def test_what_leaves_its_range_while_it_brakes_is_refused() -> None:
     """At 1 rad/s and 5 rad/s², with any jerk, a joint goes 0.1 rad and more."""
     for name in ("panda", "ur5"):

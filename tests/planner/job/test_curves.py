@@ -171,24 +171,49 @@ def test_files_are_certified_again_and_faster_ones_are_not(planned: JobResult, t
 def test_tables_of_poses(tmp_path: Path) -> None:
     table = tmp_path / "poses.csv"
     lines = ["time,x,y,z,qw,qx,qy,qz", "0,0,0,0,1,0,0,0", "1,0.1,0,0,1,0,0,0"]
-    for mark in ("", "\ufeff"):  # of byte order, as spreadsheets write one
-        table.write_text(mark + "\n".join(lines), encoding="utf-8")
-        assert hdplan.Along.read(table) == (hdplan.Pose(), hdplan.Pose([0.1, 0, 0]))
+    table.write_text("\n".join(lines))
+    assert hdplan.Along.read(table) == (hdplan.Pose(), hdplan.Pose([0.1, 0, 0]))
+    table.write_bytes(b"\xef\xbb\xbf" + "\r\n".join(lines).encode())  # as spreadsheets write it
+    assert hdplan.Along.read(table) == (hdplan.Pose(), hdplan.Pose([0.1, 0, 0]))
     for number, line, words in (
         (0, "time,x,y,z,qw,qx,qy", "must have the columns x, y, z, qx, qy, qz, qw in its first line"),
         (0, "speed,x,y,z,qw,qx,qy,qz", "must have the columns"),
         (2, "1,0.1,0,0,1,0,0", "line 3: has 7 values, 8 are expected"),
         (2, "1,0.1,0,1e999,1,0,0,0", "line 3: z: must be a finite number"),
-        (2, "1,0.1,0,nan,1,0,0,0", "line 3: z: must be a number"),
-        (2, "1,0.1,0,0_1,1,0,0,0", "line 3: z: must be a number, found '0_1'"),
-        (2, f"1,0.1,0,{'1' * 200_000},1,0,0,0", "is no table of poses: field larger"),
-        (2, "1,0.1,0,2mm,1,0,0,0", "line 3: z: must be a number, found '2mm'"),
+        (2, "1,0.1,0,nan,1,0,0,0", "line 3: z: must be a finite number"),
+        (2, "1,0.1,0,2mm,1,0,0,0", "line 3: z: must be a finite number, found '2mm'"),
+        (2, "1,0.1,0,1_0,1,0,0,0", "line 3: z: must be a finite number, found '1_0'"),
+        (2, "\n\n1,0.1,0,,1,0,0,0", "line 5: z: must be a finite number, found ''"),
+        (2, "1,0.1,0," + "0" * 200_000 + ",1,0,0,0", "line 3: not CSV"),
+        (2, "", "must have two poses or more below its first line, found 1"),
         (2, "1,0.1,0,0,1,1,0,0", "line 3: Pose.quaternion_xyzw: must be a unit quaternion"),
     ):
         changed = [line if i == number else each for i, each in enumerate(lines)]
         table.write_text("\n".join(changed))
         with pytest.raises(InputError, match=words):
             hdplan.Along.read(table)
+
+
+def test_a_scene_names_a_table_of_poses(tmp_path: Path) -> None:
+    """Quaternions of either sign and poses given twice are one curve, which is planned and proven."""
+    rows = ["0,0,0,0,0,0,1", "0,0,0,0,0,0,-1", "0,0.03,0,0,0,0,-1", "0,0.05,0,0,0,0,1", "0,0.05,0,0,0,0,-1"]
+    (tmp_path / "poses.csv").write_text("\n".join(["x,y,z,qx,qy,qz,qw", *rows]))
+    text = """
+        hdplan: 1
+        robot: {name: panda}
+        start: {state: default}
+        limits: {acceleration: 7.5}
+        job: [{along: {file: poses.csv, frame: tool, tool_speed: 0.1}}]
+    """
+    (tmp_path / "scene.yaml").write_text(text)
+    result = hdplan.plan_job(hdplan.load_scene(tmp_path / "scene.yaml"))
+    assert result.certified, result.text
+    times, places, turns = tool_at(result.certificate.stages[0])
+    off = turns[0].inv().apply(places - places[0])
+    assert np.abs(off[:, [0, 2]]).max() <= 1e-3
+    assert off[-1, 1] == pytest.approx(0.05, abs=1e-3)
+    assert (turns[0].inv() * turns).magnitude().max() <= 0.01
+    assert (np.linalg.norm(np.diff(places, axis=0), axis=1) <= 0.1 * np.diff(times) + 1e-9).all()
 
 
 @pytest.mark.parametrize(
@@ -202,6 +227,21 @@ def test_tables_of_poses(tmp_path: Path) -> None:
         (lambda: hdplan.Line(by=[0, 0, 0]), "has no length"),
         (lambda: hdplan.Line(to=[0, 0, 0], turn=[1, 0, 0]), "goes with 'by'"),
         (lambda: hdplan.Line(by=[0, 0, 0.1], rpy=[1, 0, 0]), "goes with 'to'"),
+        (
+            lambda: hdplan.Circle(by=[0, 0.1, 0], interim=[0.05, 0.05, 0], position_tolerance=1e-17),
+            "circle.position_tolerance: 1e-17 m on an arc of radius 0.05 m takes more than 20000 chords",
+        ),
+        (
+            lambda: hdplan.Circle(by=[0, 0.1, 0], interim=[0.05, 0.05, 0], turn=[0, 0, math.pi]),
+            "circle.turn: turns by 3.14 rad from the beginning; at most 3 are allowed",
+        ),
+        (lambda: hdplan.Line(by=[0, 0.1, 0], turn=[0, 0, 4]), r"Line.turn\[2\]: must be .* -3.14159 to 3.14159 .rad.,"),
+        (lambda: hdplan.Along([hdplan.Pose([0, 0, 0])] * 2, frame="tool"), "along: has no length"),
+        (
+            lambda: hdplan.Line(by=[0, 0, 0], turn=[0, 0, 0.5], frame="tool", free_rotation="z"),
+            "line: has no length: the link is to stay",
+        ),
+        (lambda: hdplan.Along(EIGHT, frame="tool", link="panda_link0"), "along.link: no planned joint moves 'panda_l"),
         (lambda: hdplan.Along(EIGHT), r"stage|along.poses: the first is .* away from where the link is"),
     ],
 )
