@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.job.result import JobResult
-from hdplan.scenes.errors import InputError, UnsolvableError
+from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.errors import HdplanError, InputError, UnsolvableError
 
 TOOL, DOWN, PLACE = "panda_hand_tcp", [math.pi, 0.0, 0.0], [0.45, 0.1, 0.35]
 FAR, ANGLE = 1e-4, math.radians(0.1)
@@ -256,3 +257,14 @@ def test_what_nobody_can_follow_names_the_stage() -> None:
         UnsolvableError, match="'far away' cannot follow it: panda_hand_tcp cannot be brought along beyond"
     ):
         hdplan.plan_job(job_of(hdplan.Line(by=[0.6, 0, 0], name="far away", **FINE)))
+
+
+def test_a_curve_without_a_time_law_names_the_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: Any) -> None:
+        raise HdplanError("no time law was found")
+
+    monkeypatch.setattr(Retimer, "_time_optimal", none)
+    line = hdplan.Line(by=[0, 0.05, 0], name="crawl", **FINE)
+    scene = hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=hdplan.Job([line]))
+    with pytest.raises(UnsolvableError, match=r"job\[0\] \(crawl\): no time law was found"):
+        hdplan.plan_job(scene)
