@@ -394,6 +394,7 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
 # --- limited quantities, and objectives, by their words ---------------------------------------------------------------
 
 NAMED = {  # files that name one of them, and why no other one is passed over there
+    "planner/certificate/certifier.py": "a note on masses that torques need",
     "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
     "planner/certificate/path_check.py": "what is said of a tool's speed needs accelerations",
     "planner/certificate/torque_check.py": "is about torques",
