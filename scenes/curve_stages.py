@@ -75,16 +75,16 @@ class Line(_ToEnd):
             turn: Numbers | None = None,
             rpy: Numbers | None = None,
             *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,
             free_rotation: str = "none",
             tool_speed: float | None = None,
             tool_acceleration: float | None = None,
-            name: str | None = None,
-            touch: AnyTouch = (),
-            limits: Limits | None = None,
-            speed: float = 1.0,
         ) -> None: ...
 
     def _check_whole(self) -> None:
@@ -114,16 +114,16 @@ class Circle(_ToEnd):
             interim: Numbers | None = None,
             center: Numbers | None = None,
             *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,
             free_rotation: str = "none",
             tool_speed: float | None = None,
             tool_acceleration: float | None = None,
-            name: str | None = None,
-            touch: AnyTouch = (),
-            limits: Limits | None = None,
-            speed: float = 1.0,
         ) -> None: ...
 
     def _check_whole(self) -> None:
@@ -148,16 +148,16 @@ class Along(Curve):
             poses: Sequence[Pose] = NEEDED,
             frame: str = WORLD,
             *,
+            name: str | None = None,
+            touch: AnyTouch = (),
+            limits: Limits | None = None,
+            speed: float = 1.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,
             free_rotation: str = "none",
             tool_speed: float | None = None,
             tool_acceleration: float | None = None,
-            name: str | None = None,
-            touch: AnyTouch = (),
-            limits: Limits | None = None,
-            speed: float = 1.0,
         ) -> None: ...
 
     @staticmethod

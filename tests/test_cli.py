@@ -830,7 +830,7 @@ def test_ctrl_c_that_python_drops_ends_every_command(
     Path("motion.csv").write_text("elbow,shoulder\n0.4,-0.8\n0.4,1.0\n", encoding="utf-8")
     work = {
         "plan": "plan", "check": "Certifier", "follow": "follow", "simulate": "replay", "plot": "plot",
-        "explain": "build", "view": "load_scene_robot", "robots": "listing",
+        "explain": "problem_of", "view": "load_scene_robot", "robots": "listing",
     }  # fmt: skip
     motion = ["planar_arm", "motion.csv"]
     given = {"plan": motion[:1], "explain": motion[:1], "robots": [], "plot": [*motion, "-o", "motion.png"]}

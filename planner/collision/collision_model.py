@@ -21,7 +21,7 @@ from hdplan.planner.collision.reach import Reach, reach_of
 from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.once import made_once
+from hdplan.scenes.once import made_once, read_only
 
 VERSION = "2"  # to be changed with anything that changes which bodies overlap, so that old cache entries are not used
 TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
@@ -29,7 +29,7 @@ GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alon
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 OFTEN = 0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
 
-NONE = np.empty((0, 3))
+NONE = read_only(np.empty((0, 3)))
 
 BodyPair = tuple[int, int]  # rows of CollisionModel.bodies: the one that gives vertices, the one that gives planes
 LinkPair = tuple[str, str]

@@ -22,6 +22,7 @@ from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Seen
+from hdplan.scenes.once import read_only
 from hdplan.scenes.poses import IDENTITY, Pose
 from hdplan.scenes.shapes import Points, Shape
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
@@ -29,7 +30,7 @@ from hdplan.scenes.voxel_grids import OctoMap, Voxels
 Plain = dict[str, Any]
 
 BOUND = 2e-11
-CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a box
+CORNERS = read_only(np.array(list(itertools.product((-1.0, 1.0), repeat=3))))  # of a box
 
 
 def numbers(values: Any) -> Any:

@@ -19,12 +19,14 @@ from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.once import read_only
 
 SAMPLES = 4  # per interval between two rows
 MARGINS = {1: 5e-3, 2: 2e-2}  # [–] of speed and acceleration that are left unused, as they are sampled, not bounded
 STEP = 1e-4  # of a path's parameter, for differences
 INSCRIBED = float(np.cos(np.pi / 8))  # how far the sides of the octagon are from its centre, in radii
-DIRECTIONS = np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] for k in range(5)])  # along and across, n ≥ 0
+# along and across, n ≥ 0
+DIRECTIONS = read_only(np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] for k in range(5)]))
 STANDS = 1e-9  # [m] of a path's slope, below which it has no direction
 
 
