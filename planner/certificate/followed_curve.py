@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.planner.certificate.path_bounds import Held, Part, no_greater_angle
+from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Array, Chain, cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
@@ -143,13 +143,10 @@ class Followed:
         return segment, 0.5 * (first + last), 0.5 * (last - first)
 
 
-@dataclass(frozen=True, eq=False)
-class OnCurve:
-    """A link's origin, to be kept on the curve."""
+class _Along(WithTolerance):
+    """What is kept along the curve."""
 
     motion: Followed
-    allowed: float  # [m]
-    field: str = "path.follow.position_tolerance"
 
     @property
     def link(self) -> str:
@@ -157,16 +154,20 @@ class OnCurve:
         return self.motion.curve.link
 
     @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
-
-    @property
     def spans(self) -> tuple[Index, Array, Array]:
         """Parts of the motion to begin with."""
         return self.motion.spans
 
-    def on(self, interval: Index, start: Array, width: Array) -> Held:
+
+@dataclass(frozen=True, eq=False)
+class OnCurve(_Along):
+    """A link's origin, to be kept on the curve."""
+
+    motion: Followed
+    allowed: float  # [m]
+    field: str = "path.follow.position_tolerance"
+
+    def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         curve = self.motion.curve
         segment, middle, half = self.motion.on(interval, start, width)
@@ -183,29 +184,14 @@ class OnCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedAlong:
+class TurnedAlong(_Along):
     """A link's rotation, to be kept at that of the curve."""
 
     motion: Followed
     allowed: float  # [rad]
     field: str = "path.follow.orientation_tolerance"
 
-    @property
-    def link(self) -> str:
-        """Whose it is."""
-        return self.motion.curve.link
-
-    @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
-
-    @property
-    def spans(self) -> tuple[Index, Array, Array]:
-        """Parts of the motion to begin with."""
-        return self.motion.spans
-
-    def on(self, interval: Index, start: Array, width: Array) -> Held:
+    def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         curve = self.motion.curve
         segment, middle, half = self.motion.on(interval, start, width)
@@ -222,36 +208,8 @@ class TurnedAlong:
         return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against its curve"
 
 
-class _OnParts:
-    """What of a constraint does not depend on the parts."""
-
-    whole: OnCurve | TurnedAlong
-
-    @property
-    def field(self) -> str:
-        return self.whole.field
-
-    @property
-    def link(self) -> str:
-        return self.whole.link
-
-    @property
-    def allowed(self) -> float:
-        return self.whole.allowed
-
-    @property
-    def scale(self) -> float:
-        return self.whole.scale
-
-    def broken(self, found: float) -> str:
-        return self.whole.broken(found)
-
-    def kept(self, worst: float) -> str:
-        return self.whole.kept(worst)
-
-
 @dataclass(frozen=True, eq=False)
-class _AtPlaces(_OnParts):
+class _AtPlaces:
     whole: OnCurve
     there: Array  # (k, 3) c
     slope: Array  # (k, 3) c'
@@ -268,25 +226,25 @@ class _AtPlaces(_OnParts):
 
 
 @dataclass(frozen=True, eq=False)
-class _AtTurns(_OnParts):
+class _AtTurns:
     whole: TurnedAlong
     there: Array  # (k, 3, 3) C
     turn: Array  # (k, 3) w
 
     def found(self, rotations: Array, origins: Array) -> Array:
         turned, _ = self.whole.motion.curve.poses(rotations, origins)
-        return _angles(self.there, turned)
+        return angles_between(self.there, turned)
 
     def bound(self, part: Part, found: Array) -> Array:
         here, _ = self.whole.motion.curve.poses(part.rotations, part.origins)
         omega, bent, turned = _turning(part, self.whole.motion.curve.joint)
-        slope, most = _spun(omega, here) - _spun(self.turn, self.there), _lengths(self.turn)
+        slope, most = spun(omega, here) - spun(self.turn, self.there), _lengths(self.turn)
         ends = np.maximum(*(np.linalg.norm(here - self.there + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
         return no_greater_angle(ends / np.sqrt(2.0) + bent + 0.5 * most**2, found + turned + most)
 
 
 @dataclass(frozen=True, eq=False)
-class _AtAxes(_OnParts):
+class _AtAxes:
     whole: TurnedAlong
     there: Array  # (k, 3, 3)
     turn: Array  # (k, 3)
@@ -317,20 +275,8 @@ def _turning(part: Part, joint: int) -> tuple[Array, Array, Array]:
     return np.einsum("kn,knc->kc", delta, part.axes), 0.5 * turn**2 + off, turn + off
 
 
-def _spun(omega: Array, rotations: Array) -> Array:
-    """Return [ω]× R (k, 3, 3)."""
-    return cross(omega[:, None], rotations.transpose(0, 2, 1)).transpose(0, 2, 1)
-
-
 def _lengths(vectors: Array) -> Array:
     return np.asarray(np.linalg.norm(vectors, axis=-1))
-
-
-def _angles(one: Array, other: Array) -> Array:
-    """Return the angles (k,) between rotations, exact near 0 and π too."""
-    between = one.transpose(0, 2, 1) @ other
-    sine = 0.5 * np.linalg.norm([between[:, i, j] - between[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=0)
-    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(between, axis1=1, axis2=2) - 1.0)))
 
 
 def turn_vectors(one: Array, other: Array, axis: int | None) -> Array:

@@ -79,8 +79,8 @@ class Part(NamedTuple):
         return place, Motion.of(self.chain, delta, off, self.axes, self.origins[:, 1:], reach)
 
 
-class Held(Protocol):
-    """One constraint on the whole motion."""
+class Stated(Protocol):
+    """A constraint in the scene's words."""
 
     @property
     def field(self) -> str:
@@ -94,73 +94,58 @@ class Held(Protocol):
 
     @property
     def allowed(self) -> float:
-        """How much is allowed [rad] or [m]."""
+        """How much is allowed [rad], [m], [m/s] or [m/s²]."""
         ...
 
     @property
     def scale(self) -> float:
-        """The scale of its values [rad] or [m], of which a share is accepted as slack."""
+        """The scale of its values, in their unit, of which a share is accepted as slack."""
         ...
 
+    def broken(self, found: float) -> str:
+        """Return a message on a value where it is violated."""
+        ...
+
+    def kept(self, worst: float) -> str:
+        """Return a message on the upper bound proven over the whole motion."""
+        ...
+
+
+class Valued(Protocol):
+    """What a constraint is worth on parts of a motion."""
+
     def found(self, rotations: Array, origins: Array) -> Array:
-        """Return its value (k,) [rad] or [m] at k configurations, exact up to rounding."""
+        """Return its value (k,) at k configurations, exact up to rounding."""
         ...
 
     def bound(self, part: Part, found: Array) -> Array:
         """Return an upper bound (k,) of its value on parts of the motion; at their midpoints it is `found` (k,)."""
         ...
 
-    def broken(self, found: float) -> str:
-        """Return a message on a value where it is violated."""
-        ...
 
-    def kept(self, worst: float) -> str:
-        """Return a message on the upper bound proven over the whole motion."""
-        ...
+class Held(Stated, Valued, Protocol):
+    """A constraint that says the same at every instant."""
 
 
-class HeldAlong(Protocol):
+class HeldAlong(Stated, Protocol):
     """A constraint that says something else at every instant of one motion."""
-
-    @property
-    def field(self) -> str:
-        """Of the scene."""
-        ...
-
-    @property
-    def link(self) -> str:
-        """Whose it is."""
-        ...
-
-    @property
-    def allowed(self) -> float:
-        """How much is allowed."""
-        ...
-
-    @property
-    def scale(self) -> float:
-        """The scale of its values, of which a share is accepted as slack."""
-        ...
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
         """Parts of the motion to begin with, which cover it in order: interval, start and width (k,)."""
         ...
 
-    def on(self, interval: Index, start: Array, width: Array) -> Held:
+    def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return what it says on parts of the motion."""
         ...
 
-    def broken(self, found: float) -> str:
-        """Return a message on a value where it is violated."""
-        ...
 
-    def kept(self, worst: float) -> str:
-        """Return a message on the upper bound proven over the whole motion."""
-        ...
+def between_rows(intervals: int) -> tuple[Index, Array, Array]:
+    """Return all intervals between rows as parts of a motion: interval, start and width (k,)."""
+    return np.arange(intervals), np.zeros(intervals), np.ones(intervals)
 
 
-class _WithTolerance:
+class WithTolerance:
     """A constraint whose values are measured against its tolerance."""
 
     allowed: float
@@ -172,7 +157,7 @@ class _WithTolerance:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldUpright(_WithTolerance):
+class HeldUpright(WithTolerance):
     """A link's axis, to be kept upright."""
 
     link: str
@@ -249,7 +234,7 @@ class HeldWithin:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldAt(_WithTolerance):
+class HeldAt(WithTolerance):
     """A link's origin, to be kept at a point of another link."""
 
     link: str
@@ -288,7 +273,7 @@ class HeldAt(_WithTolerance):
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTurn(_WithTolerance):
+class HeldTurn(WithTolerance):
     """A link's rotation, to be kept against another link's."""
 
     link: str
@@ -305,9 +290,7 @@ class HeldTurn(_WithTolerance):
     def found(self, rotations: Array, origins: Array) -> Array:
         """The angle (k,) between the two, exact, near 0 and π too."""
         one, other = self._both(rotations)
-        between = other.transpose(0, 2, 1) @ one
-        sine = 0.5 * np.linalg.norm([between[:, i, j] - between[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=0)
-        return np.asarray(np.arctan2(sine, 0.5 * (np.trace(between, axis1=1, axis2=2) - 1.0)))
+        return angles_between(other, one)
 
     def bound(self, part: Part, found: Array) -> Array:
         """No greater angle (k,) on the parts."""
@@ -316,8 +299,7 @@ class HeldTurn(_WithTolerance):
         for rotation, moves, sign in zip((one, other), _apart(part.chain, self.joints), (1.0, -1.0), strict=True):
             delta, off = (values * (moves & part.chain.revolute) for values in (part.delta, part.off))
             omega, turn = np.einsum("kn,knc->kc", delta, part.axes), np.abs(delta).sum(axis=1)
-            columns = cross(omega[:, None], rotation.transpose(0, 2, 1))
-            slope = slope + sign * columns.transpose(0, 2, 1)
+            slope = slope + sign * spun(omega, rotation)
             bent, turned = bent + 0.5 * turn**2 + off.sum(axis=1), turned + turn + off.sum(axis=1)
         ends = np.maximum(*(np.linalg.norm(one - other + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
         return no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
@@ -329,6 +311,18 @@ class HeldTurn(_WithTolerance):
     def kept(self, worst: float) -> str:
         """Such as "right_hand turned within 0.02 of 0.05 rad against left_hand"."""
         return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against {self.to}"
+
+
+def angles_between(one: Array, other: Array) -> Array:
+    """Return the angles (k,) between rotations (k, 3, 3), exact near 0 and π too."""
+    between = one.transpose(0, 2, 1) @ other
+    sine = 0.5 * np.linalg.norm([between[:, i, j] - between[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=0)
+    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(between, axis1=1, axis2=2) - 1.0)))
+
+
+def spun(omega: Array, rotations: Array) -> Array:
+    """Return [ω]× R (k, 3, 3)."""
+    return cross(omega[:, None], rotations.transpose(0, 2, 1)).transpose(0, 2, 1)
 
 
 def held_by(setup: Setup) -> tuple[Held, ...]:

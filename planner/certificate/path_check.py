@@ -7,14 +7,14 @@ does not suffice is halved; a violation found at a midpoint is a fact. Angles in
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.followed_curve import Followed, OnCurve, PoseCurve, TurnedAlong
-from hdplan.planner.certificate.path_bounds import Held, HeldAlong, Part, held_by
+from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Array, Chain
 from hdplan.planner.robot.setup import Setup
@@ -99,8 +99,9 @@ class PathCheck:
 
     def prove(self, curve: Curve) -> PathProof:
         """Prove every constraint over the whole motion, or find where it cannot be proven."""
-        proofs = [self._prove(_Always(constraint, len(curve) - 1), curve) for constraint in self.constraints]
-        proofs += [self._prove(constraint, curve) for constraint in self._along(curve)]
+        spans = between_rows(len(curve) - 1)
+        proofs = [self._prove(held, spans, lambda *_, held=held: held, curve) for held in self.constraints]
+        proofs += [self._prove(held, held.spans, held.on, curve) for held in self._along(curve)]
         return PathProof(
             tuple(kept for kept, _, _ in proofs),
             tuple(departure for _, departures, _ in proofs for departure in departures),
@@ -118,9 +119,16 @@ class PathCheck:
             if getattr(self.follow, name) is not None:
                 yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order)
 
-    def _prove(self, held: HeldAlong, curve: Curve) -> tuple[Kept, list[Departure], int]:
+    def _prove(
+        self,
+        held: Stated,
+        spans: tuple[Index, Array, Array],
+        on: Callable[[Index, Array, Array], Valued],
+        curve: Curve,
+    ) -> tuple[Kept, list[Departure], int]:
+        """Prove one constraint, beginning with these parts of the motion; `on` is what it says on parts."""
         intervals, configurations = len(curve) - 1, 0
-        interval, start, width = held.spans
+        interval, start, width = spans
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
         worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
@@ -128,7 +136,7 @@ class PathCheck:
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
             frames = self.chain.frames(self.robot.pin_q(middle))
-            asked = held.on(interval, start, width)
+            asked = on(interval, start, width)
             found = asked.found(*frames)
             bound = asked.bound(Part(self.chain, *frames, delta, off, travel), found)
             bound = np.maximum(bound, found) + ROUNDING
@@ -153,46 +161,9 @@ class PathCheck:
         return kept, departures, configurations
 
 
-def _departure(held: Held | HeldAlong, interval: int, fraction: float, parameter: float, found: float) -> Departure:
+def _departure(held: Stated, interval: int, fraction: float, parameter: float, found: float) -> Departure:
     words = f"{held.field}: {held.broken(found)}"
     return Departure(held.field, held.link, words, interval, fraction, parameter, found, held.allowed)
-
-
-@dataclass(frozen=True, eq=False)
-class _Always:
-    """A constraint that says the same at every instant."""
-
-    held: Held
-    intervals: int  # of the motion
-
-    @property
-    def field(self) -> str:
-        return self.held.field
-
-    @property
-    def link(self) -> str:
-        return self.held.link
-
-    @property
-    def allowed(self) -> float:
-        return self.held.allowed
-
-    @property
-    def scale(self) -> float:
-        return self.held.scale
-
-    @property
-    def spans(self) -> tuple[Index, Array, Array]:
-        return np.arange(self.intervals), np.zeros(self.intervals), np.ones(self.intervals)
-
-    def on(self, interval: Index, start: Array, width: Array) -> Held:
-        return self.held
-
-    def broken(self, found: float) -> str:
-        return self.held.broken(found)
-
-    def kept(self, worst: float) -> str:
-        return self.held.kept(worst)
 
 
 def _travel(middle: Array, delta: Array, off: Array) -> Array:

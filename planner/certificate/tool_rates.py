@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.certificate.limit_checks import JUMP
-from hdplan.planner.certificate.path_bounds import Held, Part
+from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, between_rows
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Array, Chain, cross
@@ -34,7 +34,7 @@ WORDS = {1: "moves at", 2: "accelerates by"}
 
 
 @dataclass(frozen=True, eq=False)
-class ToolRate:
+class ToolRate(WithTolerance):
     """The speed of a link's origin on a motion, or its acceleration, and the most that is allowed."""
 
     link: str
@@ -54,11 +54,6 @@ class ToolRate:
         joint, point, allowed = int(frame.parentJoint), frame.placement.translation, getattr(asked, name)
         return cls(asked.link, joint, point, motion, chain, order, allowed, f"path.follow.{name}")
 
-    @property
-    def scale(self) -> float:
-        """What is allowed."""
-        return self.allowed
-
     @cached_property
     def rates(self) -> tuple[Curve, ...]:
         """The motion's derivatives, up to one above its own."""
@@ -76,10 +71,9 @@ class ToolRate:
     @property
     def spans(self) -> tuple[Index, Array, Array]:
         """All intervals between rows."""
-        count = len(self.motion) - 1
-        return np.arange(count), np.zeros(count), np.ones(count)
+        return between_rows(len(self.motion) - 1)
 
-    def on(self, interval: Index, start: Array, width: Array) -> Held:
+    def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the limit on parts of the motion."""
         return _OnParts(self, interval, start, width)
 
@@ -98,28 +92,6 @@ class _OnParts:
     interval: Index
     start: Array
     width: Array
-
-    @property
-    def field(self) -> str:
-        return self.whole.field
-
-    @property
-    def link(self) -> str:
-        return self.whole.link
-
-    @property
-    def allowed(self) -> float:
-        return self.whole.allowed
-
-    @property
-    def scale(self) -> float:
-        return self.whole.scale
-
-    def broken(self, found: float) -> str:
-        return self.whole.broken(found)
-
-    def kept(self, worst: float) -> str:
-        return self.whole.kept(worst)
 
     def found(self, rotations: Array, origins: Array) -> Array:
         """The rate in the middle (k,)."""
