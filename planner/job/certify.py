@@ -146,14 +146,7 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
 def stage_motion(trajectory: Trajectory, number: int) -> Trajectory:
     """Return the part of a job's motion that is one stage, at its own times."""
     rows = [*(mark.row for mark in trajectory.stages), len(trajectory) - 1]
-    kept = slice(rows[number], rows[number + 1] + 1)
-    parts = (
-        None if each is None else each[kept]
-        for each in (trajectory.times, trajectory.velocities, trajectory.accelerations)
-    )
-    times, velocities, accelerations = parts
-    positions = trajectory.positions[kept]
-    return Trajectory(trajectory.joint_names, positions, trajectory.locked, times, velocities, accelerations)
+    return trajectory.between(rows[number], rows[number + 1])
 
 
 def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageCertificate, World]:

@@ -9,6 +9,7 @@ group; the largest is the arm's, with the joints that never move, and all others
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.motion.ros_message import SECOND, UNITS, joint_trajectory
@@ -42,21 +43,19 @@ def stage_messages(trajectory: Trajectory) -> Iterator[tuple[int, str, dict[str,
 
 def _parts(trajectory: Trajectory) -> list[tuple[float, Trajectory, set[str]]]:
     """Return when each stage begins [s], its motion from 0 s on, and the joints that move in it."""
-    from hdplan.planner.motion.trajectory import StageMark, Trajectory
+    from hdplan.planner.motion.trajectory import StageMark
 
     assert trajectory.times is not None
     found, rows = [], [*(mark.row for mark in trajectory.stages), len(trajectory) - 1]
     for mark, first, last in zip(trajectory.stages, rows[:-1], rows[1:], strict=True):
-        kept = slice(first, last + 1)
-        positions, times = trajectory.positions[kept], trajectory.times[kept]
-        given = (trajectory.velocities, trajectory.accelerations)
-        velocities, accelerations = (None if each is None else each[kept] for each in given)
-        own = (StageMark(mark.name, 0),)
-        part = Trajectory(trajectory.joint_names, positions, {}, times - times[0], velocities, accelerations, own)
-        changes = (positions != positions[0]).any(axis=0)
-        for each in (velocities, accelerations):
+        part = trajectory.between(first, last)
+        assert part.times is not None
+        changes = (part.positions != part.positions[0]).any(axis=0)
+        for each in (part.velocities, part.accelerations):
             changes = changes if each is None else changes | each.any(axis=0)
-        found.append((float(times[0]), part, {x for x, y in zip(part.joint_names, changes, strict=True) if y}))
+        moving = {x for x, y in zip(part.joint_names, changes, strict=True) if y}
+        begins, own = float(part.times[0]), (StageMark(mark.name, 0),)
+        found.append((begins, replace(part, locked={}, times=part.times - part.times[0], stages=own), moving))
     return found
 
 

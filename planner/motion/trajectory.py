@@ -129,6 +129,13 @@ class Trajectory:
         velocities, accelerations = rates
         return Trajectory(names, self.positions[:, chosen], locked, self.times, velocities, accelerations, self.stages)
 
+    def between(self, first: int, last: int) -> Trajectory:
+        """Return the motion from one row to another, at its own times, without marks of stages."""
+        rows = slice(first, last + 1)
+        given = (self.times, self.velocities, self.accelerations)
+        times, velocities, accelerations = (None if each is None else each[rows] for each in given)
+        return Trajectory(self.joint_names, self.positions[rows], self.locked, times, velocities, accelerations)
+
     @property
     def duration(self) -> float | None:
         """How long the motion takes [s]; None for a path without times."""
