@@ -70,5 +70,5 @@ __getattr__ = lazy_imports(
 
 
 def __dir__() -> list[str]:
-    """What is for use."""
+    """Public names."""
     return sorted(__all__)

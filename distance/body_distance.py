@@ -1,4 +1,4 @@
-"""What the fast distances of two bodies have in common: value, gradient and Hessian at poses."""
+"""The common part of the fast distances of two bodies: value, gradient and Hessian at poses."""
 
 from __future__ import annotations
 

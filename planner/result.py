@@ -32,7 +32,7 @@ _FIGURES = tuple(field.name for field in fields(Iteration))
 
 @dataclass(frozen=True)
 class Times:
-    """Where the time went [s]."""
+    """Durations of the phases of planning [s]."""
 
     load: float  # reading scene, robot and meshes
     build: float  # laying out the problem, fitting link bodies if they are not in the cache
@@ -106,12 +106,12 @@ class PlanResult:
 
     @property
     def certified(self) -> bool:
-        """Whether the motion is proven free."""
+        """True if the motion is proven free."""
         return self.certificate.certified
 
     @property
     def timed_out(self) -> bool:
-        """Whether the time limit ended the search, or the bettering of its motion: another run may find another one."""
+        """True if the time limit ended the search, or the bettering of its motion: another run may find another one."""
         return bool(self.ended)
 
     def summary(self) -> dict[str, Any]:

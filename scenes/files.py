@@ -52,7 +52,7 @@ def check_file(path: Path) -> None:
 
 
 def leads_nowhere(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a link to what does not exist."""
+    """True if a path is a link to what does not exist."""
     return os.path.islink(path) and not os.path.exists(path)
 
 

@@ -42,7 +42,7 @@ class FixedArray:
 
     @cached_property
     def content(self) -> bytes:
-        """What tells it from others."""
+        """Key of equality."""
         return hashlib.sha256(np.ascontiguousarray(self.array).data).digest()
 
     def __eq__(self, other: object) -> bool:

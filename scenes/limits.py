@@ -83,7 +83,7 @@ QUANTITIES = {
     "jerk": JointQuantity("jerk", "rad/s³ or m/s³", order=3),
     "torque": JointQuantity("torque", "Nm or N", in_urdf=True),
 }
-"""What can be limited beside positions."""
+"""Quantities with limits beside positions."""
 
 
 @dataclass(frozen=True, repr=False)

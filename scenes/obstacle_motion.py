@@ -1,4 +1,4 @@
-"""Where a moving obstacle is at a given time: its motion is a sequence of segments of constant velocity and spin.
+"""The pose of a moving obstacle at a given time: its motion is a sequence of segments of constant velocity and spin.
 
     p(t) = p_0 + v (t − t_0),   R(t) = exp([ω]ₓ (t − t_0)) R_0    for t in a segment from t_0 to t_1
 

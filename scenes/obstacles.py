@@ -1,4 +1,4 @@
-"""What the robot must keep clear of: obstacles, static or moving, and itself."""
+"""Obstacles, static or moving, and the robot itself: the bodies from which it keeps clear."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Obstacle(Checked):
 
 @dataclass(frozen=True, repr=False)
 class SelfCollision(Checked):
-    """What links and held objects must keep from each other."""
+    """The clearance of links and held objects from each other."""
 
     checked: bool = True
     clearance: Clearance = 0.0  # to be proven between them [m]

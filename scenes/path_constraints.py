@@ -171,7 +171,7 @@ class Follow(Checked):
 
     @property
     def rated(self) -> bool:
-        """Whether it asks for more than places."""
+        """True if the constraint concerns more than places."""
         return self.speed is not None or self.acceleration is not None
 
 

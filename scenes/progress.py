@@ -1,4 +1,4 @@
-"""What long work is at, told to whoever listens: in a library nobody, on the command line the progress line.
+"""Progress of long work, sent to a listener: in a library nobody, on the command line the progress line.
 
 As with the time limit (`deadline`), nothing in between needs to hand it on.
 """

@@ -219,12 +219,12 @@ class Scene(Checked):
 
     @property
     def timed(self) -> bool:
-        """Whether the motion gets times: something in the scene depends on them."""
+        """True if the motion gets times: something in the scene depends on them."""
         return self.timing is not None or any(getattr(self.limits, rate) is not None for rate in QUANTITIES)
 
     @property
     def objective(self) -> str:
-        """What the best motion has least of: `planner.objective`, or else time where the motion may be faster or
+        """The quantity that is minimized: `planner.objective`, or else time where the motion may be faster or
         slower, and smoothness cost elsewhere."""
         return self.planner.objective or ("time" if self.timed and not self.end_time else "smoothness")
 

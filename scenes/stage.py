@@ -1,4 +1,4 @@
-"""What every stage of a job has: a name, what may touch in it, limits, and its share of the speed."""
+"""The common part of all stages of a job: a name, what may touch in it, limits, and its share of the speed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _as_it_is(value: object) -> object:
 
 @dataclass(frozen=True, repr=False)
 class AnyStage(Checked):
-    """What every stage has."""
+    """Common part of every stage."""
 
     name: Name | None = field(default=None, kw_only=True)  # in messages and marks; None: its kind and number
     touch: Annotated[Touch, touching] = field(default=(), kw_only=True)

@@ -65,7 +65,7 @@ class JointTarget(Checked):
 
     @property
     def moves(self) -> bool:
-        """Whether the robot is not at rest there."""
+        """True if the robot is not at rest there."""
         return any(any(_values(rates)) for rates in (self.velocity, self.acceleration))
 
     def _check_whole(self) -> None:
@@ -191,7 +191,7 @@ class Configuration:
     allowed: str = "a list of joint values, a mapping from joint names to values [rad or m], or the name of a state"
 
     def __call__(self, value: object) -> JointTarget:
-        """Return it as a target."""
+        """The pose as a target."""
         if isinstance(value, JointTarget):
             return value
         if isinstance(value, State):

@@ -1,4 +1,4 @@
-"""What a value may be, said once: files and scenes made in Python go through the same checks.
+"""Checks of values, written once: files and scenes made in Python go through the same ones.
 
 A check takes a value and returns it in its one form (a float for a whole number, a tuple for a list or an array), or
 raises a `FieldError` that says what is allowed and what was found. A `Checked` dataclass finds the checks of its fields
@@ -29,8 +29,8 @@ NEEDED: Any = None  # default of a required field after optional ones: its check
 
 FilePath = str | os.PathLike[str]
 Numbers = Sequence[float] | NDArray[Any]
-"""What a program may pass for a tuple of numbers. A class that accepts more types than its fields hold declares them in
-an ``__init__`` that only type checkers see; the fields hold the types of their annotations."""
+"""Types that a program may pass for a tuple of numbers. A class that accepts more types than its fields declares them
+in an ``__init__`` that only type checkers see; the fields hold the types of their annotations."""
 
 LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
 SMALLEST = 1e-100  # of a number above 0: its square, and LARGEST divided by it, stay well within the range of floats
@@ -56,7 +56,7 @@ class Number:
     unit: str = ""
 
     def __call__(self, value: object) -> float:
-        """Return it as a float."""
+        """The value as a float."""
         if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
             raise wrong(self._allowed, value, "number")
         try:
@@ -92,7 +92,7 @@ class Whole:
     high: int
 
     def __call__(self, value: object) -> int:
-        """Return it as an int."""
+        """The value as an int."""
         if (
             isinstance(value, bool)
             or not isinstance(value, numbers.Integral)
@@ -144,7 +144,7 @@ class Named:
     item: Check
 
     def __call__(self, value: object) -> dict[str, Any]:
-        """Return it as a new dictionary."""
+        """The mapping as a new dictionary."""
         if not isinstance(value, Mapping):
             raise wrong("a mapping", value)
         if strange := [name for name in value if not isinstance(name, str)]:
@@ -159,7 +159,7 @@ class Choice:
     allowed: Collection[str]
 
     def __call__(self, value: object) -> str:
-        """Return it."""
+        """The value."""
         if not isinstance(value, str):
             raise wrong(f"one of {', '.join(self.allowed)}", value)
         if value not in self.allowed:
@@ -282,7 +282,7 @@ class Maybe:
     item: Check
 
     def __call__(self, value: object) -> Any:
-        """Return it."""
+        """The value."""
         return None if value is None else self.item(value)
 
 
@@ -293,7 +293,7 @@ class Instance:
     kinds: tuple[type, ...]
 
     def __call__(self, value: object) -> object:
-        """Return it."""
+        """The value."""
         if not isinstance(value, self.kinds):
             raise wrong(f"of the class {' or '.join(kind.__name__ for kind in self.kinds)}", value)
         return value

@@ -174,6 +174,16 @@ def test_modules_open_with_a_docstring() -> None:
         assert not source.strip() or ast.get_docstring(ast.parse(source)), path
 
 
+def test_docstrings_begin_with_what_they_describe() -> None:
+    """Docstrings begin with a noun, or with "Return ..." and its object: not with "What", "Whether", "Where", "It"."""
+    opening = re.compile(r"(What|Whether|Where|Return it|It|That)\b")
+    for path in [*FILES, *(ROOT / "src").rglob("*.py"), ROOT / "cli.py"]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                text = ast.get_docstring(node) or ""
+                assert not opening.match(text), f"{path}: {text.splitlines()[0]}"
+
+
 def test_the_picture_of_the_house_is_fresh() -> None:
     spec = importlib.util.spec_from_file_location("house", ROOT / "benchmarks" / "house.py")
     assert spec is not None

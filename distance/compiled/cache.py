@@ -54,7 +54,7 @@ def store(kind: str, key: str, value: Any) -> None:
 
 
 def trusted() -> bool:
-    """Whether nobody else may write in the cache's folder, which need not exist. Warns once where others may."""
+    """True if nobody else may write in the cache's folder, which need not exist. Warns once where others may."""
     home = cache_dir()
     if home in _trusted:
         return True

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: rungs, orders, shaping lengths and precisions against the exact distance and the clock.
+"""The cost of accuracy in time: rungs, orders, shaping lengths and precisions against the exact distance and the clock.
 
 Out: a table of numbers; ``pareto_front`` and ``best_buy`` read it. float64 runs as generated C, float32 in JAX: the
 fastest way of each on a processor.
@@ -45,7 +45,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Entry:
-    """What one setting gives, on one pair of bodies or in the mean over several."""
+    """Figures of one setting, on one pair of bodies or in the mean over several."""
 
     setting: Setting
     bodies: str
@@ -91,7 +91,7 @@ QUICK = Plan(
 
 @dataclass(frozen=True)
 class Study:
-    """What ``study`` found."""
+    """Figures of ``study``."""
 
     plan: Plan
     entries: tuple[Entry, ...]  # one per setting and pair of bodies

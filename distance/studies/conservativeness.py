@@ -37,7 +37,7 @@ class RungAlarms:
 
 @dataclass(frozen=True, eq=False)
 class Conservativeness:
-    """What ``conservativeness`` found."""
+    """Figures of ``conservativeness``."""
 
     planned: int  # configurations asked for
     distances: Array  # (N,) [m] exact distances of the configurations looked at
@@ -48,7 +48,7 @@ class Conservativeness:
 
     @property
     def complete(self) -> bool:
-        """Whether it ran to its end."""
+        """True if the study ran to its end."""
         return len(self.distances) == self.planned
 
     def rates(self, rung: RungAlarms, tolerances: ArrayLike) -> Array:

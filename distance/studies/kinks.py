@@ -54,7 +54,7 @@ class Kink:
 
 @dataclass(frozen=True, eq=False)
 class Kinks:
-    """What ``kinks`` found."""
+    """Figures of ``kinks``."""
 
     times: Array  # (N,) [s]
     euclidean: Curve

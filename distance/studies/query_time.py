@@ -50,14 +50,14 @@ class PairTimes:
 
 @dataclass(frozen=True)
 class QueryTimes:
-    """What ``query_times`` found."""
+    """Figures of ``query_times``."""
 
     planned: int  # pairs asked for
     pairs: tuple[PairTimes, ...]  # in the order of their complexity
 
     @property
     def complete(self) -> bool:
-        """Whether it ran to its end."""
+        """True if the study ran to its end."""
         return len(self.pairs) == self.planned
 
 

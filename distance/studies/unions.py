@@ -1,4 +1,4 @@
-"""What unions cost: how conservative the HD-SDF of a body is, and how long it takes, cut into more and more pieces.
+"""The cost of unions: how conservative the HD-SDF of a body is, and how long it takes, cut into more and more pieces.
 
 Two bodies are cut into 1 to 32 hulls beside each other. A box is the same however it is cut, so what it loses is lost
 by the Hölder minimum; a ring is enclosed the better, the more hulls there are. Both are held against the exact distance
@@ -33,7 +33,7 @@ ORDERS = ("value", "gradient", "hessian")
 
 @dataclass(frozen=True)
 class Cut:
-    """What a body cut into some pieces gives."""
+    """Figures of a body cut into some pieces."""
 
     body: str
     pieces: int

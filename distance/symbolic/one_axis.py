@@ -32,7 +32,7 @@ FEW = 32  # vertex pairs written out as straight-line code; more of them run in 
 
 @dataclass(frozen=True)
 class AxisShape:
-    """What an axis function is built for."""
+    """Key of an axis function."""
 
     levels: int  # L
     along: int  # m

@@ -22,7 +22,7 @@ from hdplan.scenes.fields import Field, read_document
 
 @dataclass(frozen=True)
 class ClusterFile:
-    """What the file says."""
+    """Contents of the file."""
 
     kind: Field  # of the class, as module.Class
     options: Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""What many problems need beside one: dask for the workers, pyarrow for the tables."""
+"""The packages that many problems need beside one: dask for the workers, pyarrow for the tables."""
 
 from __future__ import annotations
 

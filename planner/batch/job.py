@@ -20,7 +20,7 @@ from hdplan.scenes.yaml_format.variants import load_variant
 from hdplan.scenes.yaml_format.writer import scene_text
 
 NAMED = re.compile(rb"""\b(?:file|urdf|srdf)["']?:\s*(?:"([^"\n]+)"|'([^'\n]+)'|([^\s"'{}\[\],][^,}\n#]*))""")
-"""What a scene's file names beside itself."""
+"""Files that a scene's file names."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process tha
 
 @dataclass(frozen=True)
 class Options:
-    """What holds for all problems of a run."""
+    """Facts that hold for all problems of a run."""
 
     solver: str = "gauss_newton"
     time_limit: float = 60.0  # [s] for everything that a problem needs
@@ -50,7 +50,7 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of one problem."""
+    """Outcome of one problem."""
 
     problem: str
     status: str  # of the certificate, or "not_certified" for a job; "refused" for bad input, "failed" for a process
@@ -63,7 +63,7 @@ class Outcome:
 
     @property
     def certified(self) -> bool:
-        """Whether the motion is proven free."""
+        """True if the motion is proven free."""
         return self.status == "certified"
 
 

@@ -1,4 +1,4 @@
-"""What became of a run: success by group, times, clearances, and failures by cause with a problem to look at."""
+"""The report of a run: success by group, times, clearances, and failures by cause with a problem to look at."""
 
 from __future__ import annotations
 

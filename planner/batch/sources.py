@@ -87,7 +87,7 @@ def _folder(folder: Path, begin: str, seed: int) -> list[Job]:
 
 
 def _is_there(file: FilePath) -> bool:
-    """Whether a file is there, or a link to one that is gone: a problem that fails with a word on it."""
+    """True if a file is there, or a link to one that is gone: a problem that fails with a word on it."""
     return os.path.isfile(file) or leads_nowhere(file)
 
 

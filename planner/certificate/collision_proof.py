@@ -49,7 +49,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Proof:
-    """What was found for the whole motion; by default nothing."""
+    """Findings for the whole motion; by default none."""
 
     clearance: tuple[float, float] = (np.inf, np.inf)  # [m] proven lower bound for each group, inf without pairs
     closest: tuple[Spot | None, Spot | None] = (None, None)  # the least distance found, for each group
@@ -292,7 +292,7 @@ class _Run:
         return items if len(items) else None
 
     def _settled(self) -> bool:
-        """Whether a place found too close ends the search."""
+        """True if a place found too close ends the search."""
         return self.suspect is not None and any(spot.touching for spot in self.failures.values())
 
     def _open(self, nodes: Intervals, items: Items) -> Items:

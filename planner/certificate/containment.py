@@ -86,7 +86,7 @@ class Containment:
         return list(found)
 
     def _holds(self, around: Array, outer: int, inside: Array, inner: int) -> bool:
-        """Whether the solid of one body holds a part of another one, at these placements (4, 4)."""
+        """True if the solid of one body holds a part of another one, at these placements (4, 4)."""
         if inner not in self._parts:
             self._parts[inner] = _parts(self.bodies.bodies[inner])
         world = self._parts[inner] @ inside[:3, :3].T + inside[:3, 3]

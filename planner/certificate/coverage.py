@@ -1,4 +1,4 @@
-"""Whether a certificate covers its scene: what the scene asks of a motion, against what the checks looked at.
+"""Coverage of a scene by its certificate: the scene's demands on a motion, against the checks that were made.
 
 What is asked is read off the fields of the scene's own classes, and nothing here knows which checks there are; each
 check names what it looked at. A field that somebody adds is therefore asked at once, whether or not anybody checks it:
@@ -186,7 +186,7 @@ def _of_robot(scene: Scene, robot: Robot, names: Sequence[str]) -> Iterator[str]
 
 
 def _keeps(robot: Robot, joint: str, span: Sequence[float]) -> bool:
-    """Whether the robot's own limits keep a joint within a range."""
+    """True if the robot's own limits keep a joint within a range."""
     if joint not in robot.joint_names:
         return False
     i = robot.joint_names.index(joint)

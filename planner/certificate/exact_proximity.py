@@ -89,7 +89,7 @@ class Piece:
 
     @cached_property
     def parts(self) -> Parts | None:
-        """What the piece is the hull of; None where it is the hull itself. Built on first use."""
+        """The mesh whose hull the piece is; None where the piece is the hull itself. Built on first use."""
         if self.surface is not None:
             corners = self.surface.mesh.vertices[self.surface.mesh.triangles]
             return Parts.of(corners, np.zeros(len(corners)))

@@ -1,4 +1,4 @@
-"""Whether a link follows a curve of poses all along, from the first to the last without going back.
+"""The check that a link follows a curve of poses all along, from the first to the last without going back.
 
 Between two poses of the curve the origin moves straight, and the link turns about a fixed axis by the shortest turn. A
 motion follows it if there is a place u(t) on the curve for every instant, from the first pose at the beginning to the
@@ -144,7 +144,7 @@ class Followed:
 
 
 class _Along(WithTolerance):
-    """What is kept along the curve."""
+    """The proven properties along the curve."""
 
     motion: Followed
 

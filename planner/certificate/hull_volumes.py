@@ -24,5 +24,5 @@ def hull_volume(mesh: TriangleMesh) -> float:
 
 
 def is_convex(mesh: TriangleMesh) -> bool:
-    """Whether a mesh is closed and as large as its convex hull."""
+    """True if a mesh is closed and as large as its convex hull."""
     return mesh.fills(hull_volume(mesh))

@@ -37,13 +37,13 @@ class Use:
 
     @property
     def within(self) -> bool:
-        """Whether the limit holds."""
+        """True if the limit holds."""
         return self.share <= 1.0 + ROUNDING
 
 
 @dataclass(frozen=True)
 class LimitFinding:
-    """What a check found about a motion."""
+    """Findings of a check of one motion."""
 
     uses: tuple[Use, ...]
     complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first

@@ -87,7 +87,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What was found for two pieces."""
+    """Findings for two pieces."""
 
     distance: float  # [m] lower bound of the signed distance at the midpoint
     bound: float  # [m] of the distance over the interval

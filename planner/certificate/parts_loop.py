@@ -23,7 +23,7 @@ class Side:
     offsets: Array  # (k, 3) of the frame's origin along them, with its motion; of the whole body, if it has no parts
 
     def more(self, other: Side) -> Side:
-        """Return it with the directions of another, and the latest of its own."""
+        """The side with the directions of another, and the latest of its own."""
         pairs = (self.ways, other.ways), (self.offsets, other.offsets)
         return Side(self.parts, *(np.concatenate([own[-LATEST:], new]) for own, new in pairs))
 
@@ -45,7 +45,7 @@ class Side:
         return 0 if self.parts is None else self.parts.depth - 1
 
     def single(self, node: int) -> bool:
-        """Whether a node is a part, and not a group."""
+        """True if a node is a part, and not a group."""
         return self.parts is None or bool(self.parts.first[node] == node)
 
     @property

@@ -112,7 +112,7 @@ class Stated(Protocol):
 
 
 class Valued(Protocol):
-    """What a constraint is worth on parts of a motion."""
+    """Values of a constraint on parts of a motion."""
 
     def found(self, rotations: Array, origins: Array) -> Array:
         """Return its value (k,) at k configurations, exact up to rounding."""

@@ -47,7 +47,7 @@ class Departure:
 
     @property
     def violated(self) -> bool:
-        """Whether the constraint is violated there; otherwise it only could not be proven."""
+        """True if the constraint is violated there; otherwise it only could not be proven."""
         return self.found > self.allowed + GRANTED
 
 
@@ -65,7 +65,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class PathProof:
-    """What was found about a motion."""
+    """Findings of a check of one motion."""
 
     kept: tuple[Kept, ...]  # one for each constraint of the scene
     departures: tuple[Departure, ...]  # one for every constraint and interval without proof

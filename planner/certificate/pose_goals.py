@@ -29,14 +29,14 @@ class Miss(NamedTuple):
     angle: float  # [rad], 0 if any orientation is allowed
 
     def within(self, target: PoseTarget) -> bool:
-        """Whether the target counts as reached."""
+        """True if the target counts as reached."""
         return (
             self.position <= target.position_tolerance + ROUNDING
             and self.angle <= target.orientation_tolerance + ROUNDING
         )
 
     def __str__(self) -> str:
-        """Return it as text, such as "3.2 mm and 0.1 rad"."""
+        """The deviation as text, such as "3.2 mm and 0.1 rad"."""
         return f"{self.position * 1e3:.3g} mm" + f" and {self.angle:.3g} rad" * (self.angle > 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Whether an executed curve respects the limits of velocity, acceleration and jerk: everywhere, not only at its rows.
+"""The check of a curve against the limits of velocity, acceleration and jerk: everywhere, not only at its rows.
 
 Curve and limits -> for each quantity the greatest share of a joint's limit that is used, proven: a derivative of a
 polynomial is a polynomial too, and lies within the hull of its control points. A jump of the velocity is an infinite

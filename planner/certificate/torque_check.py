@@ -1,4 +1,4 @@
-"""Whether the joints can drive a motion: torques along the whole executed curve, by Pinocchio's own inverse dynamics.
+"""The check of torques: those along the whole executed curve, by Pinocchio's own inverse dynamics.
 
 Sampled every 2 ms, less often for long motions, and proven between the samples: τ stays within h²/8 max|τ̈| of the
 straight line between two samples h apart (`torque_bounds`); where that is not enough, the interval is halved. A
@@ -44,7 +44,7 @@ class Overload:
 
     @property
     def message(self) -> str:
-        """What is needed, and the limit."""
+        """Needed torque and limit, in words."""
         what = f"joint '{self.joint}' needs a torque of {self.torque:.4g} to hold still against gravity"
         return f"{what}, its limit is {self.limit:g}"
 
@@ -64,12 +64,12 @@ class TorquesFound:
 
     @property
     def within(self) -> bool:
-        """Whether all torques are proven within their limits."""
+        """True if all torques are proven within their limits."""
         return bool((self.proven <= self.limits).all())
 
     @property
     def exceeded(self) -> bool:
-        """Whether a sample exceeds its limit; if neither this nor `within` holds, nothing is proven."""
+        """True if a sample exceeds its limit; if neither this nor `within` holds, nothing is proven."""
         return bool((self.found > self.limits).any())
 
     @property
@@ -90,7 +90,7 @@ class TorquesFound:
 
     @property
     def text(self) -> str:
-        """What was found, in one sentence."""
+        """Findings in one sentence."""
         i, over = self.worst, self.overload
         name, limit, when = self.joint_names[i], self.limits[i], f"at {self.times[i]:.3f} s"
         if self.within:

@@ -1,4 +1,4 @@
-"""What a certificate says about a motion.
+"""The verdict of a certificate on a motion.
 
 From what the checks found, the worst first, to one status and one sentence: what was found, where, and what to do.
 """
@@ -40,7 +40,7 @@ class Status(Enum):
 
     @property
     def remedy(self) -> str:
-        """What the user can do."""
+        """Advice to the user."""
         return {
             Status.CERTIFIED: "none needed",
             Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene it was planned for",
@@ -76,7 +76,7 @@ class ProofFile(Protocol):
 
     @property
     def text(self) -> str:
-        """What is proven, in the checker's words."""
+        """The proven statement, in the checker's words."""
 
     def save(self, path: FilePath) -> None:
         """Write the file."""
@@ -129,7 +129,7 @@ class Certificate:
 
     @property
     def certified(self) -> bool:
-        """Whether the motion is proven free."""
+        """True if the motion is proven free."""
         return self.status is Status.CERTIFIED
 
 
@@ -155,7 +155,7 @@ class Closest:
 
 @dataclass(frozen=True)
 class Findings:
-    """What the checks found about one motion."""
+    """Findings of all checks of one motion."""
 
     curve: Curve
     ends: str | None  # how it misses the scene's start or goal

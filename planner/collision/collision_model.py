@@ -63,7 +63,7 @@ def collision_model_of(robot: Robot, geometry: str, planes: str) -> CollisionMod
 
 
 def _parts(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str) -> tuple[LinkBody, ...]:
-    """What each body encloses of its link. Of its hull the corners alone are known, which are all that is needed."""
+    """Part of its link in each body. Only the corners of its hull are known, which suffice."""
     found: list[LinkBody] = []
     for link, own in itertools.groupby(bodies, lambda body: body.link):
         group = list(own)

@@ -99,7 +99,7 @@ def from_obstacle(
 
 
 def enclosed_loosely(obstacle: Obstacle) -> bool:
-    """Whether `from_obstacle` can enclose it more closely: a cloud, or a mesh that is not split."""
+    """True if `from_obstacle` can enclose it more closely: a cloud, or a mesh that is not split."""
     if isinstance(obstacle.shape, ReadMesh):
         return convex_pieces(obstacle.shape.mesh, 0.0) is None
     return isinstance(obstacle.shape, Cloud)

@@ -36,7 +36,7 @@ class HdsdfPairs(PairDistance):
 
     @property
     def functions(self) -> Mapping[str, Any]:
-        """What the pairs need, by their number of planes."""
+        """Kernels of the pairs, by their number of planes."""
         return {
             f"{count} planes": halfspace_distance(self.pairs.vertex_slots, count, self.gamma, self.shaping_length)
             for count in sorted(self.pairs.plane_tables)

@@ -107,7 +107,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
 
 
 def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bool:
-    """Whether the union of bodies contains all triangles (T, 3, 3): each, or each of its parts, lies in one body.
+    """True if the union of bodies contains all triangles (T, 3, 3): each, or each of its parts, lies in one body.
 
     A triangle lies in a convex body if its corners do; one that lies in none is halved across its longest side, up to
     `depth` times. True is a proof (to rounding); False may also mean that the depth was not enough.

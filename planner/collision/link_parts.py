@@ -1,4 +1,4 @@
-"""What of a link's geometry each of its outer bodies encloses: planes around that are tighter than around the body.
+"""The part of a link's geometry in each of its outer bodies: planes around it that are tighter than around the body.
 
 A robot's link -> for each of its bodies the corners of the hull of its part. Every triangle of the geometry, or each of
 its parts, lies in one of the bodies; it is halved until it does. So the parts' hulls together contain the link, as the

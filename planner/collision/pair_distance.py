@@ -20,7 +20,7 @@ class PairDistance(Protocol):
 
     @property
     def how(self) -> str:
-        """What computes it, for the user."""
+        """The backend's name, for the user."""
         ...
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:

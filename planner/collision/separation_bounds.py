@@ -158,7 +158,7 @@ def _shifts(vertices: Array, normal: Array, half: Array, columns: Array) -> Arra
 
 
 def _turns(columns: Array) -> Mask:
-    """Whether joints of unit velocities (..., 6) are revolute; the others are prismatic."""
+    """True if joints of unit velocities (..., 6) are revolute; the others are prismatic."""
     return np.asarray(np.linalg.norm(columns[..., 3:], axis=-1) > 0.5)
 
 

@@ -58,7 +58,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What a body is to contain, and what it should not stand out of."""
+    """Points that a body contains, and the surface beyond which it should not reach."""
 
     points: Array  # (N, 3), all of them inside
     few: Array  # (FEW, 3) of them, the first ones as far from each other as possible

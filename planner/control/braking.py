@@ -31,7 +31,7 @@ JERK_TIME = 0.1  # share of the time in which the greatest velocity is reached, 
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What the joints were last told: (n,) velocity [rad/s or m/s] and acceleration [rad/s² or m/s²]."""
+    """The joints' last command: (n,) velocity [rad/s or m/s] and acceleration [rad/s² or m/s²]."""
 
     velocity: Array
     acceleration: Array

@@ -29,7 +29,7 @@ LOST = 1e-2  # [rad] or [m] tracking error beyond which tracking is lost and the
 
 @dataclass(frozen=True, eq=False)
 class Execution:
-    """What the robot did, at the beginnings of k steps and at the end of the last."""
+    """The executed motion, at the beginnings of k steps and at the end of the last."""
 
     times: Array  # (k + 1,) [s]
     positions: Array  # (k + 1, n)

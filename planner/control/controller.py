@@ -101,12 +101,12 @@ class Step:
 
     @property
     def stopped(self) -> bool:
-        """Whether the robot brakes for lack of a safe command."""
+        """True if the robot brakes for lack of a safe command."""
         return self.mode is Mode.STOPPED
 
     @property
     def command(self) -> Command:
-        """What the next step needs to know."""
+        """The state that the next step needs."""
         return Command(self.velocity, self.acceleration)
 
 

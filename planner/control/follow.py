@@ -62,7 +62,7 @@ class Followed:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the robot arrived and its motion is certified."""
+        """True if the robot arrived and its motion is certified."""
         return self.arrived is not None and self.certificate.certified
 
     @property
@@ -171,7 +171,7 @@ class FollowTask:
         return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + gain * error)
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the robot has settled at the curve's end."""
+        """True if the robot has settled at the curve's end."""
         off = float(np.abs(self.curve.rows[-1] - q).max())
         if self.phase < self.duration or off > ARRIVED:
             self.since = None

@@ -43,7 +43,7 @@ class Mode(Enum):
 
 
 class LookAhead(NamedTuple):
-    """What a command of this period is checked against."""
+    """The data against which a command of this period is checked."""
 
     sight: Sight
     window: Window

@@ -27,7 +27,7 @@ SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
 
 
 class Asked(NamedTuple):
-    """What pairs ask, m of them."""
+    """Rows of m pairs."""
 
     pairs: Rows  # (m,)
     rows: BarrierRows  # their distances and derivatives

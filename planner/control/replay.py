@@ -55,7 +55,7 @@ class Peak:
 
 @dataclass(frozen=True)
 class JointUse:
-    """What one joint did."""
+    """Record of one joint."""
 
     name: str
     travel: float  # from its least to its greatest value in the file [rad] or [m]
@@ -91,7 +91,7 @@ class Simulation:
 
     @property
     def succeeded(self) -> bool:
-        """Whether nothing touched, no limit was exceeded, and tracking was not lost."""
+        """True if nothing touched, no limit was exceeded, and tracking was not lost."""
         return not self.failures
 
     @property

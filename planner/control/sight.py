@@ -1,5 +1,5 @@
-"""What a controller sees in one period: the distances of the pairs that are near, where the robot is and where it would
-come to rest, with the margin and the rate of each pair.
+"""The sight of a controller in one period: the distances of the pairs that are near, where the robot is and where it
+would come to rest, with the margin and the rate of each pair.
 
 Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
 spot, and the exact distances of the links' hulls are seen, too.

@@ -36,7 +36,7 @@ class Task(Protocol):
         ...
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the task is done."""
+        """True if the task is done."""
         ...
 
 
@@ -66,7 +66,7 @@ class PoseTask:
         return least_squares(jacobian[0], self.gain * error[0], self.regularization)
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the link is within the target's tolerances."""
+        """True if the link is within the target's tolerances."""
         error = self._pose.linearized(q[None])[0][0]
         position, angle = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
         return position <= self.target.position_tolerance and angle <= self.target.orientation_tolerance
@@ -98,7 +98,7 @@ class TrackTask:
         return np.eye(len(q)), -(speed + self.gain * (wanted - q))
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the reference is at rest and reached."""
+        """True if the reference is at rest and reached."""
         return time >= self.end and bool(np.abs(self.reference(time)[0] - q).max() <= self.tolerance)
 
 
@@ -113,7 +113,7 @@ class Damping:
         return np.eye(self.n), np.zeros(self.n)
 
     def met(self, q: Array, time: float) -> bool:
-        """It is never in the way of an end."""
+        """Always True: a posture is never in the way of an end."""
         return True
 
 
@@ -158,7 +158,7 @@ class Together:
         return hessian, linear
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether all of the first rank are done; the others have no say in that."""
+        """True if all of the first rank are done; the others have no say in that."""
         first = min(each.rank for each in self.tasks)
         return all(each.task.met(q, time) for each in self.tasks if each.rank == first)
 
@@ -191,7 +191,7 @@ class _Still:
     goal: Array
 
     def __call__(self, time: float) -> tuple[Array, Array]:
-        """Return it with zero velocity."""
+        """The position with zero velocity."""
         return self.goal, np.zeros_like(self.goal)
 
 

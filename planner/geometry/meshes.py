@@ -55,14 +55,14 @@ class TriangleMesh:
 
     @cached_property
     def content(self) -> bytes:
-        """What tells it from others."""
+        """Key of equality."""
         digest = hashlib.sha256(np.ascontiguousarray(self.vertices).data)
         digest.update(np.ascontiguousarray(self.triangles).data)
         return digest.digest()
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is used once in each direction, so that inside and outside are well defined."""
+        """True if every edge is used once in each direction, so that inside and outside are well defined."""
         a, b = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
         there, back = (np.sort(edges) for edges in (a * len(self.vertices) + b, b * len(self.vertices) + a))
         return len(there) > 0 and bool(np.array_equal(there, back) and (there[1:] != there[:-1]).all())
@@ -80,11 +80,11 @@ class TriangleMesh:
 
     @property
     def convex(self) -> bool:
-        """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
+        """True if the mesh is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
         return self.fills(self.hull_volume)
 
     def fills(self, volume: float) -> bool:
-        """Whether it is closed and as large as a hull of this `volume` [m³], up to the part `CONVEX` of it."""
+        """True if the mesh is closed and as large as a hull of this `volume` [m³], up to the part `CONVEX` of it."""
         return self.closed and abs(self.volume) >= (1.0 - CONVEX) * volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:

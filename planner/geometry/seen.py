@@ -1,4 +1,4 @@
-"""What was seen, whatever it came from, for pictures and in words: clouds of points, octomaps and voxel grids."""
+"""Data of sensors, whatever their source, for pictures and in words: clouds of points, octomaps and voxel grids."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lies inside a mesh, whatever the orientation of its triangles: solid, hollow, inside out, open, in several
+"""The inside of a mesh, whatever the orientation of its triangles: solid, hollow, inside out, open, in several
 parts.
 
 The winding number w(x) of a closed mesh, the sum of its triangles' signed solid angles over 4π, is an integer that
@@ -115,7 +115,7 @@ class Solid:
 
     @cached_property
     def open(self) -> bool:
-        """Whether it has a hole, through which a body could enter without touching a triangle."""
+        """True if the mesh has a hole, through which a body could enter without touching a triangle."""
         return bool(self.shells.open.any())
 
     @cached_property
@@ -156,7 +156,7 @@ class Solid:
         return triangle_tree(TriangleMesh(self._whole.vertices, self.shells.triangles[self.shells.shell == shell]))
 
     def holds(self, point: Array) -> bool:
-        """Whether a point (3,) that is not on a triangle is inside."""
+        """True if a point (3,) that is not on a triangle is inside."""
         low, high = self.box
         if (point < low).any() or (point > high).any():
             return False
@@ -170,7 +170,7 @@ class Solid:
         return TriangleMesh(self._whole.vertices, self.shells.triangles)
 
     def _boxed(self, point: Array) -> bool:
-        """Whether a point is in the bounding box of a one-sided shell."""
+        """True if a point is in the bounding box of a one-sided shell."""
         shells = self.shells
         for shell in np.flatnonzero(shells.one_sided).tolist():
             corners = self._whole.vertices[shells.triangles[shells.shell == shell]].reshape(-1, 3)
@@ -180,7 +180,7 @@ class Solid:
 
 
 def _odd(triangles: Rows) -> Mask:
-    """Whether a triangle's corners (F, 3) are an odd permutation of their order."""
+    """True if a triangle's corners (F, 3) are an odd permutation of their order."""
     a, b, c = triangles.T
     return np.asarray((a > b) ^ (b > c) ^ (a > c))
 

@@ -37,7 +37,7 @@ SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that a
 
 @dataclass(frozen=True)
 class StageCertificate:
-    """What is proven of one stage."""
+    """The certificate of one stage."""
 
     name: str
     kind: str  # "move", "line", "circle", "along", "grip", "release", "set" or "wait"
@@ -63,7 +63,7 @@ class JobCertificate:
 
     @property
     def certified(self) -> bool:
-        """Whether all stages are there and proven."""
+        """True if all stages are there and proven."""
         return not self.missing and all(stage.certificate.certified for stage in self.stages)
 
     @property

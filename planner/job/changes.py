@@ -1,4 +1,4 @@
-"""What a stage of a job leaves behind: the arm and the fingers elsewhere, an object taken or let go."""
+"""The changes that a stage of a job leaves behind: the arm and the fingers elsewhere, an object taken or let go."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def along_curve(stage: Curve, world: World) -> dict[str, Any]:
 
 
 def _is_plain(stage: Line) -> bool:
-    """Whether a line is one along which nothing turns, and nothing is said of the tool's speed."""
+    """True if a line is one along which nothing turns, and nothing is said of the tool's speed."""
     turned = stage.turn is not None or stage.rpy is not None or stage.free_rotation != "none"
     return not turned and stage.tool_speed is None and stage.tool_acceleration is None
 

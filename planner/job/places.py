@@ -1,4 +1,4 @@
-"""Where links are, as matrices and as poses."""
+"""Placements of links, as matrices and as poses."""
 
 from __future__ import annotations
 

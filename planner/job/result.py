@@ -13,7 +13,7 @@ from hdplan.scenes.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """What was planned of a job, and what is proven about it."""
+    """The planned stages of a job and their certificate."""
 
     scene: Scene  # with the job
     trajectory: Trajectory  # of all joints that the job moves, with marks; of the first stages where one failed
@@ -29,7 +29,7 @@ class JobResult:
 
     @property
     def certified(self) -> bool:
-        """Whether all stages are proven."""
+        """True if all stages are proven."""
         return self.certificate.certified
 
     @property

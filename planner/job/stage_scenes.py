@@ -166,7 +166,7 @@ def _check_object(world: World, stage: Grip | Release) -> None:
 
 
 def moves_fingers(stage: Stage) -> bool:
-    """Whether the fingers move in a stage, while the arm stands still."""
+    """True if the fingers move in a stage, while the arm stands still."""
     return isinstance(stage, Grip | Release) and bool(stage.joints)
 
 

@@ -1,4 +1,4 @@
-"""What there is when a stage of a job begins: the robot, what it holds, and what stands around it."""
+"""The world in which a stage of a job begins: the robot, what it holds, and what stands around it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class World:
 
     @property
     def start(self) -> JointTarget:
-        """Where the arm is."""
+        """Configuration of the arm."""
         return JointTarget("start", positions=tuple(value for _, value in self.arm))
 
     @cached_property

@@ -99,7 +99,7 @@ class Aim(NamedTuple):
         return np.asarray(np.linalg.norm(self._parts(error), axis=3))
 
     def within(self, error: Array, share: float) -> Mask:
-        """Whether all errors are within a share of the tolerances (B,)."""
+        """True if all errors are within a share of the tolerances (B,)."""
         return np.asarray((self.sizes(error) <= share * self.tolerances).all(axis=(1, 2)))
 
     def beyond(self, error: Array, share: float) -> Array:

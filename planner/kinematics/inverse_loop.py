@@ -25,7 +25,7 @@ class Loops:
         return found
 
     def approach(self, q: Array, steps: int, many: int, left: float, aim: float, enough: float) -> Array:
-        """Where q (B, n) lead, in `steps` or fewer."""
+        """Configurations to which q (B, n) lead, in `steps` or fewer."""
         q = np.array(q, order="C")
         self.functions.approach(self.goal.struct, q, steps, many, left, aim, enough)
         return q

@@ -33,7 +33,7 @@ MOST_SAMPLES = 1e7
 
 @dataclass(frozen=True)
 class StageMark:
-    """Where a stage of a job begins."""
+    """The row at which a stage of a job begins."""
 
     name: str
     row: int  # of the trajectory

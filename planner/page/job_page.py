@@ -56,7 +56,7 @@ class ShownStage:
 
     @property
     def said(self) -> dict[str, Any]:
-        """What the page has of it."""
+        """The page's data of a stage."""
         stage = self.stage
         may = f"; may touch: {', '.join('-'.join(pair) for pair in stage.touch)}" if stage.touch else ""
         holds = f"holds {', '.join(stage.held) or 'nothing'}"
@@ -97,7 +97,7 @@ class ShownJob:
 
     @cached_property
     def setup(self) -> Setup:
-        """What is drawn: the robot with all joints that move, and objects that are carried."""
+        """The drawn bodies: the robot with all joints that move, and objects that are carried."""
         spec, motion = self.scene.robot, self.trajectory
         first = World.at_first(self.scene)
         leaders = leaders_of(spec)

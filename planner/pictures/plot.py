@@ -30,7 +30,7 @@ PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in vector fo
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What a sheet shows."""
+    """Contents of a sheet."""
 
     certifier: Certifier  # of the scene and its robot
     trajectory: Trajectory  # with the robot's planned joints, in its order

@@ -1,4 +1,4 @@
-"""What the joints do over time along a motion: velocities, accelerations, jerks and torques, beside their limits.
+"""The joints' quantities over time along a motion: velocities, accelerations, jerks and torques, beside their limits.
 
 The executed curve itself is evaluated, with both sides where it jumps. For a file with times only, finite differences:
 a constant velocity between two waypoints, and its change at each.

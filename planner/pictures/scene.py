@@ -61,7 +61,7 @@ class Skin:
         return sides[first], np.stack([first // 3, second // 3], axis=1)
 
     def placed(self, pose: Array) -> Skin:
-        """Return it moved by `pose` (4, 4)."""
+        """The surface moved by `pose` (4, 4)."""
         return Skin(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.triangles)
 
 

@@ -43,7 +43,7 @@ class GravityTorques:
 
     @cached_property
     def before(self) -> Mask:
-        """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 of the model has coordinate
+        """True if coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 of the model has coordinate
         j."""
         return self.supports[1:]
 
@@ -92,14 +92,14 @@ class GravityTorques:
 
     @cached_property
     def _pull(self) -> Array:
-        """What makes γ·l and γ × a of a column (l, a): (6, 4)."""
+        """Matrix (6, 4) that makes γ·l and γ × a of a column (l, a)."""
         result = np.zeros((6, 4))
         result[:3, 0], result[3:, 1:] = self.gravity, np.cross(self.gravity, np.eye(3))
         return result
 
     @cached_property
     def _moments(self) -> Array:
-        """What makes Σ_{b after j} m_b c_b (3 n) of the entries of all placements (12 nj): one product for all."""
+        """Matrix for Σ_{b after j} m_b c_b (3 n) of the entries of all placements (12 nj): one product for all."""
         entries = np.concatenate([self.centres, np.ones((len(self.masses), 1))], axis=1) * self.masses[:, None]
         weights = np.einsum("bc,bj->bcj", entries, self.supports)
         result = np.zeros((len(self.masses), 12, self.supports.shape[1], 3))

@@ -60,7 +60,7 @@ class MovingClearance(Clearance):
         return super().bend(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
     def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
-        """That of standing obstacles, as the frames that carry these are where they are at the sample's time."""
+        """Penalty of standing obstacles, as the frames that carry these are where they are at the sample's time."""
         return super().written_at_sample(place)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:

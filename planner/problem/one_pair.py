@@ -30,7 +30,7 @@ UNBRANCHED = {"never_inline": True}  # a Function that stays one, so that it can
 
 
 class PairKind(NamedTuple):
-    """What the Functions of a pair are built for."""
+    """Key of the Functions of a pair."""
 
     vertices: int
     planes: int

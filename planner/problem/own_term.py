@@ -97,7 +97,7 @@ class OwnTerm:
         return term
 
     def _residual(self, value: ca.MX, low: Array, high: Array) -> tuple[ca.MX, Array]:
-        """What is to be kept small, in metres, and of a constraint the band in which it sets in (m,)."""
+        """Residuals to be kept small, in metres, and of a constraint the band in which it sets in (m,)."""
         if self.kind == "cost":
             return value, np.zeros(1)
         if self.kind == "penalty":
@@ -186,7 +186,7 @@ class WrittenTerm(Term):
         )
 
     def planned_bend(self, positions: Array) -> tuple[Array, Array]:
-        """What its Hessian has beyond the curvature."""
+        """Second-order part of the Hessian beyond the curvature."""
         count, n = positions.shape
         _, _, curvature, hessian, *_ = (part.reshape(len(part), -1) for part in self.rows(positions))
         first, second = (part.reshape(-1, 2 * n, 2 * n) for part in (curvature, hessian))

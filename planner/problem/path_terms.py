@@ -150,7 +150,7 @@ class WithinMeasure:
         return place
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
-        """That of the point along each axis."""
+        """Velocity of the point along each axis."""
         place = self._place(kinematics)
         signs = np.sign((place - self.centre) @ self.axes.T)
         along = [sign[:, None] * axis for sign, axis in zip(signs.T, self.axes, strict=True)]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def places(n: int, waypoints: int) -> Rows:
-    """Where the waypoints between the ends stand in x (M, n); the steps that follow them stand n further on."""
+    """Indices in x (M, n) of the waypoints between the ends; the steps that follow them stand n further on."""
     return 3 * n * np.arange(1, waypoints - 1)[:, None] + np.arange(n)
 
 

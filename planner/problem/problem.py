@@ -111,7 +111,7 @@ class Problem:
 
     @property
     def scene(self) -> Scene:
-        """What is asked."""
+        """The task."""
         return self.setup.scene
 
     @property
@@ -164,7 +164,7 @@ class Problem:
         return [term.planned(positions) for term in self.terms.costs]
 
     def own_cost(self, positions: Array) -> float:
-        """What the user's own costs are of waypoints (N, n), in the unit of the smoothness."""
+        """Values of the user's own costs of waypoints (N, n), in the unit of the smoothness."""
         return sum(found.cost for found in self._costs(positions))
 
     def left(self, positions: Array) -> tuple[str, ...]:
@@ -205,7 +205,7 @@ class Problem:
         return MotionPenalty(penalty, slope, diagonal, coupling, depth)
 
     def bend(self, positions: Array) -> tuple[Array, Array]:
-        """What the Hessian of the penalty at waypoints (N, n) has beyond the curvature: blocks (N, n, n) of each
+        """Second-order part of the penalty's Hessian at waypoints (N, n): blocks (N, n, n) of each
         waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
         known."""
         positions, linkage = self.robot.expand(positions), self.robot.linkage

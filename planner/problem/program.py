@@ -68,7 +68,7 @@ class Program:
 
     @property
     def nlp(self) -> dict[str, ca.MX]:
-        """What to minimize and what to keep, for `casadi.nlpsol`."""
+        """Objective and constraints, for `casadi.nlpsol`."""
         return {"x": self.x, "p": self.p, "f": self.f, "g": ca.vertcat(*self.rows)}
 
     @property
@@ -268,7 +268,7 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
 
 
 def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX, p: ca.MX) -> ca.MX:
-    """What is minimized."""
+    """The objective."""
     settings, h = problem.smoothness, 1 / (problem.waypoints - 1)
     weight, places = ca.vertsplit(p, [0, 1, p.numel()])
     q, step, change = _columns(problem, x)
@@ -282,7 +282,7 @@ def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX
 
 
 def _dynamics(problem: Problem, x: ca.MX) -> ca.MX:
-    """What is 0 of each stage, and at the last the waypoint after it; linear in x, and written as a product."""
+    """Residuals of each stage, and at the last the waypoint after it; linear in x, and written as a product."""
     q, step, change = _columns(problem, x)
     defects = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
     return linear(ca.vertcat(ca.vec(defects), q[:, -1] + step[:, -1]), x)

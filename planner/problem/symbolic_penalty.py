@@ -41,7 +41,7 @@ WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motio
 
 @dataclass(frozen=True, eq=False)
 class ObstaclePlaces:
-    """Where an obstacle is, and how large: parameters of the graph."""
+    """Pose and size of an obstacle: parameters of the graph."""
 
     name: str
     poses: Array  # (C, 4, 4) of the scene: one, or of a moving obstacle one for each sample
@@ -107,12 +107,12 @@ class SymbolicPenalty:
 
     @property
     def _ends(self) -> list[int]:
-        """Where the parameters of the obstacles begin and end: their poses, then their sizes."""
+        """Offsets of the obstacles' parameters: their poses, then their sizes."""
         each = [*(each.size for each in self.obstacles), *(len(each.sizes) for each in self.obstacles)]
         return [int(end) for end in np.cumsum([0, *each])]
 
     def place_of(self, obstacle: str, what: str) -> tuple[int, int]:
-        """Where the "pose" or the "size" of an obstacle is among the parameters. Raises InputError where it is none."""
+        """Slice of the "pose" or the "size" of an obstacle among the parameters. Raises InputError where it is none."""
         known = [each.name for each in self.obstacles]
         if obstacle not in known:
             raise InputError(f"{what}: no obstacle is named {obstacle!r}{nearest(str(obstacle), known)}")

@@ -19,7 +19,7 @@ from hdplan.planner.kinematics.forward import Kinematics
 
 
 class JointPlaces(Protocol):
-    """Where joints are."""
+    """Placements of joints."""
 
     def rotation(self, joint: int) -> ca.MX:
         """World from joint (3, 3)."""

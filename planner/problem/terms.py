@@ -78,8 +78,8 @@ class Term:
         return None
 
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array | None:
-        """What the Hessian at the samples (B, n, n) has beyond the curvature; None for nothing. Raises InputError where
-        that is not known, as by default."""
+        """Second-order part of the Hessian (B, n, n) at the samples; None for 0. Raises InputError where it
+        is not known, as by default."""
         raise InputError(f"hessian: no second derivatives are known of the term '{self.name}'; allowed: gauss_newton")
 
     def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:

@@ -30,7 +30,7 @@ def groups_of(shape: dict[str, Any]) -> Rows | None:
 
 
 def fills_its_hull(triangles: Array) -> bool:
-    """Whether triangles (F, 3, 3) bound a convex solid, so that groups of them would be no tighter than their hull."""
+    """True if triangles (F, 3, 3) bound a convex solid, so that groups of them would be no tighter than their hull."""
     if triangles.shape[1] != 3:
         return False
     return TriangleMesh.merged(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)).convex

@@ -87,7 +87,7 @@ def prove(
 
 
 class Planned(Protocol):
-    """What a plan leaves behind (`PlanResult`)."""
+    """The part of a plan that a proof uses (`PlanResult`)."""
 
     @property
     def asked(self) -> Scene | None:
@@ -99,7 +99,7 @@ class Planned(Protocol):
 
     @property
     def certificate(self) -> Certificate:
-        """What is proven of it."""
+        """The proven statement."""
 
 
 def prove_planned(
@@ -121,7 +121,7 @@ def prove_planned(
 
 @dataclass(frozen=True)
 class _Files:
-    """What a proof is about."""
+    """The subject of a proof."""
 
     scene: Path
     motion: Path
@@ -308,5 +308,5 @@ def _less(clearance: float | None, asked: float) -> float:
 
 
 def _identity(piece: Piece) -> tuple[int, bytes]:
-    """What tells a piece from others, also in another division of its mesh."""
+    """Key of a piece, equal in another division of its mesh."""
     return piece.body, piece.corners.tobytes()

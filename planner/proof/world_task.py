@@ -1,4 +1,4 @@
-"""What a scene wants of a motion, as a world writes it: path constraints, start and goal."""
+"""The task of a scene as a world writes it: path constraints, start and goal."""
 
 from __future__ import annotations
 

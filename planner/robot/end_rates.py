@@ -35,7 +35,7 @@ class EndRates:
 
     @property
     def moving(self) -> bool:
-        """Whether the robot is not at rest."""
+        """True if the robot is not at rest."""
         return bool(self.velocity.any() or self.acceleration.any())
 
 

@@ -54,7 +54,7 @@ def end_effector(robot: Robot, field: str) -> str:
 
 
 def _moved_by_all(robot: Robot, joint: int) -> bool:
-    """Whether all planned joints, or what follows them, move what a joint of the model carries."""
+    """True if all planned joints, or what follows them, move what a joint of the model carries."""
     own = [index - 1 for index in robot.model.supports[joint] if index > 0]
     return len(set(robot.linkage.leader[own].tolist() if robot.linkage else own)) == robot.n
 

@@ -1,4 +1,4 @@
-"""What a camera sees of the robot itself: points of clouds that are near it at the start are left out, and counted.
+"""The robot's own image in a camera: points of clouds that are near it at the start are left out, and counted.
 
 So are points in links whose meshes have holes, as the certificate takes them for contact: those that a mesh surrounds
 by more than half. Points in an obstacle with holes, such as an open box, stay: something may lie in it.
@@ -36,7 +36,7 @@ Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4
 
 
 class Around(NamedTuple):
-    """What points are ignored around."""
+    """Bodies around which points are ignored."""
 
     about: str  # in words
     margin: float  # [m]

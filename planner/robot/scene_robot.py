@@ -67,7 +67,7 @@ def check_robot(scene: Scene, robot: Robot) -> None:
 
 
 def are_alike(robot: Robot, other: Robot) -> bool:
-    """Whether two robots stand, move and are checked alike, so that one may take the other's place."""
+    """True if two robots stand, move and are checked alike, so that one may take the other's place."""
     return robot is other or not (any(_differences(robot, other)) or any(_differences(other, robot)))
 
 
@@ -97,7 +97,7 @@ def _differences(robot: Robot, own: Robot) -> Iterator[str]:
 
 
 def _alike_links(robot: Robot, own: Robot) -> bool:
-    """Whether the same joints carry the same geometry."""
+    """True if the same joints carry the same geometry."""
     return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 

@@ -1,4 +1,4 @@
-"""What a robot looks like: the visuals of its description, for pictures alone.
+"""The look of a robot: the visuals of its description, for pictures alone.
 
 Nothing is proven about them, so what cannot be drawn of them is said, and never keeps a robot from being planned.
 """

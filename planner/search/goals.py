@@ -124,7 +124,7 @@ def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
 
 
 def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
-    """Whether a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
+    """True if a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
     with torques that the joints can bear."""
     close = certifier.too_close(q, required, certifier.scene.end_time)
     return not (close or certifier.off_path(q) or certifier.overload(q))

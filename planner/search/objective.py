@@ -1,4 +1,4 @@
-"""What the best motion has least of: one number for each, by which certified motions are compared.
+"""The objectives: one number for each, by which certified motions are compared.
 
 `Scene.objective` chooses among
 
@@ -33,7 +33,7 @@ HOPELESS = 1.1  # a motion whose fastest law takes longer than another motion by
 
 
 class Achieved(NamedTuple):
-    """What a motion achieves, to be reported."""
+    """The value that a motion achieves, to be reported."""
 
     name: str  # of the objective
     value: float
@@ -59,7 +59,7 @@ class Objective(ABC):
         return 0.0
 
     def hopeless(self, path: Array, value: float) -> bool:
-        """Whether a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
+        """True if a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
         return False
 
     def longest(self, value: float) -> float:
@@ -106,7 +106,7 @@ class Time(Objective):
         return motion.duration
 
     def hopeless(self, path: Array, value: float) -> bool:
-        """Whether even the fastest law takes HOPELESS times as long, whatever its jerk."""
+        """True if even the fastest law takes HOPELESS times as long, whatever its jerk."""
         return self.retimer.quickest_along(path) > HOPELESS * value
 
     def longest(self, value: float) -> float:

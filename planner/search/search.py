@@ -66,7 +66,7 @@ Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better 
 
 
 class Guess(NamedTuple):
-    """Where an attempt begins."""
+    """The beginning of an attempt."""
 
     positions: Array  # (N, n)
     weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
@@ -168,12 +168,12 @@ class Search:
         return True
 
     def _promises(self, path: Array, value: float) -> bool:
-        """Whether a motion along waypoints (N, n) would cost less than `value`."""
+        """True if a motion along waypoints (N, n) would cost less than `value`."""
         return self.objective.least_along(path) < value and bool(self.timed(path, value))
 
     @property
     def over(self) -> bool:
-        """Whether to stop: asked to, or past the deadline."""
+        """True if the search is to stop: on request, or past the deadline."""
         return self.stop() or time.perf_counter() > self.deadline
 
     def _solve(
@@ -198,7 +198,7 @@ class Search:
         self.steps += tuple(self._numbered(step) for step in solution.steps)
 
     def _free_already(self, solution: Solution, guess: Array) -> bool:
-        """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end although the links are
+        """True if a guess (N, n) is certified as it is: where outer bodies overlap at an end although the links are
         free, a solver would only make it worse. Not for timed motions: there may be no time law for it."""
         if self.retimer is not None:
             return False
@@ -212,7 +212,7 @@ class Search:
 
     @property
     def value(self) -> float:
-        """What the best motion costs, by the scene's objective."""
+        """Cost of the best motion, by the scene's objective."""
         assert self.best is not None
         return self.objective.value(self.best.path, self.best.trajectory)
 
@@ -267,7 +267,7 @@ class Search:
 
     @property
     def certified(self) -> bool:
-        """Whether a certified motion was found that keeps the user's own constraints."""
+        """True if a certified motion was found that keeps the user's own constraints."""
         return self.best is not None and self.best.certificate.certified and not self.best.left
 
     def rank(self) -> tuple[float, ...]:
@@ -277,7 +277,7 @@ class Search:
 
     @property
     def is_tight(self) -> bool:
-        """Whether the best motion fails by what it comes too close to: the bodies and their distance may be too loose
+        """True if the best motion fails by what it comes too close to: the bodies and their distance may be too loose
         for the place."""
         return self.best is not None and self.best.certificate.status in CONTACTS
 
@@ -338,7 +338,7 @@ class Search:
             yield timed.trajectory, timed.parameter, place
 
     def _deepest(self, positions: Array) -> tuple[int, float]:
-        """Where a motion (N, n) is deepest inside a margin: a waypoint interval, and a fraction of it."""
+        """Place where a motion (N, n) is deepest inside a margin: a waypoint interval, and a fraction of it."""
         samples = self.problem.resampled(positions).samples
         deepest = int(self.problem.depth(samples.configurations(positions), samples.parameter).argmax())
         return int(samples.interval[deepest]), float(samples.fraction[deepest])

@@ -158,7 +158,7 @@ class TimedRoadmap(Roadmap):
         return lengths
 
     def _prices(self, edges: Rows) -> Array:
-        """What moves along edges (E,) cost (E, 2, S, T); what would take longer than the motion, infinitely much."""
+        """Costs (E, 2, S, T) of edges (E,) by what moves; infinite for what would take longer than the motion."""
         ends, shares = self.edges[edges], TAKES / STEPS
         travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
         fast = travel.max(axis=1)[:, None, None] * self.paces / shares  # (E, S, T) share of the greatest velocity
@@ -216,7 +216,7 @@ def _between(count: int) -> tuple[Rows, Rows, Array]:
 
 
 def _between_corners(passed: Array, corners: Array, wanted: Array) -> Array:
-    """Where a way is at `wanted` path parameters, that passes corners (C, n) at ascending ones (C,)."""
+    """Places at `wanted` path parameters of a way that passes corners (C, n) at ascending ones (C,)."""
     return np.stack([np.interp(wanted, passed, column) for column in corners.T], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What every solver gets besides the problem, what it returns, and the schedule of penalty weights that all share.
+"""The input of every solver besides the problem, its result, and the schedule of penalty weights that all share.
 
 The penalty weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with bodies
 still too close: a quadratic penalty method with continuation (Nocedal & Wright, Numerical Optimization, section 17.1).
@@ -60,7 +60,7 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Budget:
-    """What a solver may spend."""
+    """The budget of a solver."""
 
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
@@ -72,7 +72,7 @@ class Budget:
     """Asked once per iteration whether to stop with the best motion so far."""
 
     def spent(self) -> bool:
-        """Whether the deadline has passed."""
+        """True if the deadline has passed."""
         return time.perf_counter() > self.deadline
 
 
@@ -113,7 +113,7 @@ class Progress:
         self.refused = 0  # steps in a row
 
     def goes_on(self) -> bool:
-        """Whether another step may be taken."""
+        """True if another step may be taken."""
         if self.status is None and self.budget.stop():
             self.status = SolverStatus.INTERRUPTED
         if self.status is None and self.budget.spent():
@@ -150,7 +150,7 @@ class Progress:
             self.status = SolverStatus.CLEAR
 
     def is_clear(self, state: Evaluation) -> bool:
-        """Whether every sample keeps its distance."""
+        """True if every sample keeps its distance."""
         return bool(np.all(state.depth <= self.allowed))
 
     @contextlib.contextmanager
@@ -183,18 +183,18 @@ def _end_depths(problem: Problem) -> Array:
 
 
 def is_narrow(problem: Problem) -> bool:
-    """Whether an end is so deep inside a margin that a clear motion is excused there."""
+    """True if an end is so deep inside a margin that a clear motion is excused there."""
     return bool(np.any(_end_depths(problem) > ENOUGH * problem.scene.planner.activation))
 
 
 def ends_overlap(problem: Problem) -> bool:
-    """Whether the bodies themselves overlap at an end, which is free if its links are: there they are too loose."""
+    """True if the bodies themselves overlap at an end, which is free if its links are: there they are too loose."""
     settings = problem.scene.planner
     return bool(np.any(_end_depths(problem) > settings.clearance + settings.activation))
 
 
 def is_clear(problem: Problem, positions: Array) -> bool:
-    """Whether every sample of a motion (N, n) keeps its distance."""
+    """True if every sample of a motion (N, n) keeps its distance."""
     samples = problem.samples
     depth = problem.depth(samples.configurations(positions), samples.parameter)
     return bool(np.all(depth <= _allowed_depth(problem)))

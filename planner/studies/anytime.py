@@ -1,4 +1,4 @@
-"""What quality costs in time: how good the best certified motion is while a plan goes on.
+"""The cost of quality in time: how good the best certified motion is while a plan goes on.
 
 In: scenes. Out: one `AnytimeCurve` for each, from the first certified motion through ROUNDS rounds of `polish`. What
 counts is the time of the motion, so every scene is planned within limits of rates, LIMITS where it has none of its own.

@@ -200,7 +200,7 @@ class AxesTask:
         return np.asarray(pose @ self.placement)
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the tool is within REACHED of its target."""
+        """True if the tool is within REACHED of its target."""
         tool = self.at(q)
         cosine = (np.trace(tool[:3, :3].T @ self.wanted[:3, :3]) - 1.0) / 2.0
         angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -76,7 +76,7 @@ class Summary:
 
     @property
     def solves_all(self) -> bool:
-        """Whether every scene is certified."""
+        """True if every scene is certified."""
         return self.certified == self.scenes
 
 

@@ -114,13 +114,13 @@ class Run:
 
     @property
     def first(self) -> bool:
-        """Whether the straight line, the first guess, led to a certified motion."""
+        """True if the straight line, the first guess, led to a certified motion."""
         return self.certified and self.attempts == 1
 
 
 @dataclass(frozen=True)
 class Runs:
-    """What was measured."""
+    """Measured figures."""
 
     scenes: tuple[str, ...]
     runs: tuple[Run, ...]  # by variant, the defaults first; each variant has all scenes

@@ -1,4 +1,4 @@
-"""What `hdplan codegen` writes beside the C: how to build it, and a program that tests it."""
+"""The files that `hdplan codegen` writes beside the C: how to build it, and a program that tests it."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class ScenePairs:
 
     @property
     def poses(self) -> Array:
-        """Where the movable obstacles stand in the scene, at its beginning (m, 4, 4)."""
+        """Placements of the movable obstacles in the scene, at its beginning (m, 4, 4)."""
         return np.array([obstacle.pose.matrix for obstacle in self.movable]).reshape(-1, 4, 4)
 
 

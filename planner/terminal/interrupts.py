@@ -93,7 +93,7 @@ def _alarm(seconds: float) -> None:
 
 
 def _propagating() -> bool:
-    """Whether the exception is propagating already: what runs now is cleaning up."""
+    """True if the exception is propagating already: what runs now is cleaning up."""
     error = sys.exception()
     while error is not None and not isinstance(error, KeyboardInterrupt | SystemExit):
         error = error.__context__

@@ -1,4 +1,4 @@
-"""What each limit of a scene means for the timing: a constraint for TOPP-RA, and a factor by which to stretch time.
+"""The limits of a scene in the timing: for each a constraint for TOPP-RA, and a factor by which to stretch time.
 
 When a motion is stretched in time by k, velocities fall by k, accelerations by k², and jerks by k³.
 """
@@ -60,7 +60,7 @@ class RateLimit:
 
     @cached_property
     def _toppras(self) -> Any | None:
-        """It is the same on every path, and its making takes longer than its use."""
+        """The constraint for TOPP-RA, which is the same on every path; to make it takes longer than to use it."""
         from toppra import constraint
 
         both = np.stack([-self.limit, self.limit], axis=1)

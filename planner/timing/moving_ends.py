@@ -83,7 +83,7 @@ class MovingEnds:
         return joined(rows, self.head, self.tail, lead, trail)
 
     def keeps(self, rows: Rows) -> bool:
-        """Whether a motion (rows, n) keeps all limits along its whole curve."""
+        """True if a motion (rows, n) keeps all limits along its whole curve."""
         curve = self._curve(rows)
         return self._beyond(curve) is None and all(limit.stretch(curve) <= 1.0 for limit in self.limits)
 

@@ -303,7 +303,7 @@ class Retimer:
 
 
 def _stands(path: Trajectory) -> bool:
-    """Whether a path leads nowhere."""
+    """True if a path leads nowhere."""
     return bool(np.ptp(path.positions, axis=0).max() < STANDS)
 
 

@@ -31,7 +31,7 @@ STANDS = 1e-9  # [m] of a path's slope, below which it has no direction
 
 
 class ToolLimit:
-    """What a curve that is followed says of the speed of its link's origin."""
+    """Speed of the link's origin along a curve that is followed."""
 
     def __init__(self, setup: Setup) -> None:
         """Look up the link. Raises InputError as `link_frame`."""
@@ -44,7 +44,7 @@ class ToolLimit:
         self.most = {order: (1.0 - MARGINS[order]) * value for order, value in given.items() if value is not None}
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return it on a path at the points of a grid."""
+        """The limit on a path at the points of a grid."""
         return _ToolConstraint(*self._slopes(spline, grid), self.most, spline.c.shape[1])
 
     def stretch_of_law(self, samples: PathSamples) -> Array:

@@ -61,7 +61,7 @@ class TorqueLimit:
         return stretch
 
     def _too_heavy(self, gravity: Array) -> bool:
-        """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
+        """True if the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
         return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
 
 

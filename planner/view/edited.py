@@ -62,12 +62,12 @@ class Edited:
 
     @cached_property
     def certifier(self) -> Certifier:
-        """What certifies motions in this scene."""
+        """The certifier of motions in this scene."""
         return Certifier(self.setup)
 
     @cached_property
     def contacts(self) -> tuple[tuple[Contact, ...], tuple[Contact, ...]]:
-        """What touches at the start and at the goal, the deepest first."""
+        """Contacts at the start and at the goal, the deepest first."""
         return self.certifier.contacts(self.start), self.certifier.contacts(self.goal, self.scene.end_time)
 
     @cached_property
@@ -84,17 +84,17 @@ class Edited:
         return replace(self.scene, goal=JointTarget(goal.field, tuple(self.goal.tolist())))
 
     def changed(self, **fields: Any) -> Edited:
-        """Return it with other obstacles or settings: fields of `Scene`. Raises InputError as `Scene`."""
+        """The scene with other obstacles or settings: fields of `Scene`. Raises InputError as `Scene`."""
         return replace(self, setup=self.setup.changed(**fields))
 
     def starting_at(self, q: Array) -> Edited:
-        """Return it with another start (n,). Raises InputError for values beyond the joint limits."""
+        """The scene with another start (n,). Raises InputError for values beyond the joint limits."""
         start = JointTarget("start", tuple(q.tolist()))
         self.robot.configuration(start)
         return replace(self.changed(start=start), start=q)
 
     def ending_at(self, q: Array, goal: Goals | None = None) -> Edited:
-        """Return it with another goal: the configuration `q` (n,), or, shown there, a goal with a choice. Raises
+        """The scene with another goal: the configuration `q` (n,), or, shown there, a goal with a choice. Raises
         InputError for values beyond the joint limits."""
         target = JointTarget("goal", tuple(q.tolist()))
         self.robot.configuration(target)

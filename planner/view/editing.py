@@ -48,7 +48,7 @@ class Editing:
 
     @property
     def said(self) -> str:
-        """What was refused, as HTML."""
+        """The refused values, as HTML."""
         return str(self._said.content)
 
     def ask(self, way: str) -> None:
@@ -72,7 +72,7 @@ class Editing:
         self._viewer.worker.ask(f"edit {field}", job)
 
     def is_edited(self, field: str) -> bool:
-        """Whether a field holds what somebody has just typed, which nothing else may replace."""
+        """True if a field holds what somebody has just typed, which nothing else may replace."""
         return field == self._doing or field in self._typed
 
     def end(self) -> None:

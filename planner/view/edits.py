@@ -43,7 +43,7 @@ NO_TIMES = "obstacles.{name}.motion: only a motion through timed poses has a tim
 
 
 def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> tuple[Edited, Thing]:
-    """Return it with a new obstacle, named after `stem`, within reach and away from start, goal and other obstacles;
+    """The scene with a new obstacle, named after `stem`, within reach and away from start, goal and other obstacles;
     seen from an `eye` (3,) before the robot, where there is room."""
     name = free_name(edited, stem)
     obstacle = Obstacle(name, shape, Pose(_spot(edited, eye)))
@@ -51,7 +51,7 @@ def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> 
 
 
 def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
-    """Return it with a second obstacle of the same shape, clearance and motion, beside the first."""
+    """The scene with a second obstacle of the same shape, clearance and motion, beside the first."""
     first = obstacle_of(edited, Thing("obstacle", name))
     width = float(obstacle_mesh(with_content(first, "obstacles")).extents[1])
     place = first.pose.matrix[:3, 3] + BESIDE * width * first.pose.matrix[:3, 1]
@@ -60,24 +60,24 @@ def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
 
 
 def deleted(edited: Edited, name: str) -> Edited:
-    """Return it without an obstacle."""
+    """The scene without an obstacle."""
     return edited.changed(obstacles=tuple(each for each in edited.scene.obstacles if each.name != name))
 
 
 def renamed(edited: Edited, name: str, new: str) -> Edited:
-    """Return it with an obstacle of another name."""
+    """The scene with an obstacle under another name."""
     return _with(edited, name, name=new)
 
 
 def resized(edited: Edited, name: str, **sizes: object) -> Edited:
-    """Return it with an obstacle of the same kind of shape but other `sizes`, the fields of its class [m]."""
+    """The scene with an obstacle of the same kind of shape but other `sizes`, the fields of its class [m]."""
     with naming(f"obstacle {name}"):
         shape: Any = replace(obstacle_of(edited, Thing("obstacle", name)).shape, **sizes)  # type: ignore[arg-type]
     return _with(edited, name, shape=shape)
 
 
 def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> Edited:
-    """Return it with an obstacle that is at `position` (world frame) [m] at 0 s, turned as before."""
+    """The scene with an obstacle that is at `position` (world frame) [m] at 0 s, turned as before."""
     obstacle = obstacle_of(edited, Thing("obstacle", name))
     with naming(f"obstacle {name}"):
         other = moved(obstacle, replace(obstacle.pose, position=position))
@@ -85,12 +85,12 @@ def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> E
 
 
 def kept_clear(edited: Edited, name: str, clearance: float | None) -> Edited:
-    """Return it with another clearance to be proven around an obstacle [m]; None: the scene's."""
+    """The scene with another clearance to be proven around an obstacle [m]; None: the scene's."""
     return _with(edited, name, clearance=clearance)
 
 
 def moving(edited: Edited, name: str, velocity: tuple[float, float, float], spin: tuple[float, float, float]) -> Edited:
-    """Return it with an obstacle that moves at a velocity [m/s] and spin [rad/s] in the world; at rest if both are
+    """The scene with an obstacle that moves at a velocity [m/s] and spin [rad/s] in the world; at rest if both are
     0."""
     with naming(f"obstacle {name}"):
         motion = SteadyMotion(velocity, spin)
@@ -98,7 +98,7 @@ def moving(edited: Edited, name: str, velocity: tuple[float, float, float], spin
 
 
 def passing(edited: Edited, name: str, seconds: float) -> Edited:
-    """Return it with an obstacle that takes so long [s] from the first of its timed poses to the last."""
+    """The scene with an obstacle that takes so long [s] from the first of its timed poses to the last."""
     motion = obstacle_of(edited, Thing("obstacle", name)).motion
     if not isinstance(motion, TimedPoses):
         raise InputError(NO_TIMES.format(name=name))
@@ -111,14 +111,14 @@ def passing(edited: Edited, name: str, seconds: float) -> Edited:
 
 
 def planned_by(edited: Edited, **settings: object) -> Edited:
-    """Return it with other settings of the planner: fields of `PlannerSettings`."""
+    """The scene with other settings of the planner: fields of `PlannerSettings`."""
     with naming("planner"):
         planner = replace(edited.scene.planner, **settings)  # type: ignore[arg-type]
     return _whole(edited.changed(planner=planner))
 
 
 def lasting(edited: Edited, duration: float | None) -> Edited:
-    """Return it with a motion of another duration [s]; None: as long as it takes."""
+    """The scene with a motion of another duration [s]; None: as long as it takes."""
     timing = edited.scene.timing
     with naming("timing"):
         other = Timing(duration) if timing is None else replace(timing, duration=duration)
@@ -145,13 +145,13 @@ def _exchanged(edited: Edited, name: str, other: Obstacle) -> Edited:
 
 
 def _whole(edited: Edited) -> Edited:
-    """Return it if its sections fit together. Raises InputError."""
+    """The scene, if its sections fit together. Raises InputError."""
     edited.scene.check_effects()
     return edited
 
 
 def _spot(edited: Edited, eye: Array | None) -> tuple[float, float, float]:
-    """Where there is most room on a circle about the base, as far out and as high as start and goal are; seen from an
+    """The place with most room on a circle about the base, as far out and as high as start and goal are; seen from an
     eye (3,), of the places with about as much room the nearest."""
     tip = Tip.of(edited.robot)
     ends = np.array([tip.placement(q).translation for q in (edited.start, edited.goal)])

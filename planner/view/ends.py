@@ -29,7 +29,7 @@ SAME = 1e-6  # [rad] or [m] between configurations that are one
 
 
 def jogged(edited: Edited, end: str, q: Array) -> Edited:
-    """Return it with its "start" or "goal" at a configuration (n,), a goal with its poses there. Raises InputError for
+    """The scene with its "start" or "goal" at a configuration (n,), a goal with its poses there. Raises InputError for
     values beyond the joint limits."""
     if end == "start":
         return edited.starting_at(q)
@@ -44,7 +44,7 @@ def jogged(edited: Edited, end: str, q: Array) -> Edited:
 
 
 def fixed(edited: Edited, end: str, q: Array) -> Edited:
-    """Return it with its "start" or "goal" at a configuration (n,) and nothing else. Raises InputError for values
+    """The scene with its "start" or "goal" at a configuration (n,) and nothing else. Raises InputError for values
     beyond the joint limits."""
     return edited.starting_at(q) if end == "start" else edited.ending_at(q)
 
@@ -84,7 +84,7 @@ def postures(edited: Edited, end: str) -> tuple[Array, ...]:
 
 
 def is_free(edited: Edited, end: str, q: Array) -> bool:
-    """Whether a motion may start, or end, in a configuration (n,): without contact or undercutting the clearance
+    """True if a motion may start, or end, in a configuration (n,): without contact or undercutting the clearance
     required, and on the path constraints."""
     when = edited.scene.end_time if end == "goal" else 0.0
     certifier = edited.certifier

@@ -21,7 +21,7 @@ def check_installed() -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address is seen by this machine alone."""
+    """True if an address is seen by this machine alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

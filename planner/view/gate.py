@@ -98,14 +98,14 @@ class Gate:
         return admit
 
     def _is_of_this_site(self, request: Request) -> bool:
-        """Whether a request is made for this machine, and by a page of this server if by any page."""
+        """True if a request is made for this machine, and by a page of this server if by any page."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or not self._is_this_machine(hosts[0]):
             return False
         return not origins or origins in ([f"http://{hosts[0]}"], [f"https://{hosts[0]}"])
 
     def _is_this_machine(self, host: str) -> bool:
-        """Whether no other site can have given this name, with or without a port, to this machine: numbers name it, and
+        """True if no other site can have given this name, with or without a port, to this machine: numbers name it, and
         what it calls itself."""
         name = host.lower()
         if ":" in name.rpartition("]")[2]:
@@ -165,7 +165,7 @@ class Guarded(ServerConnection):
             return False
 
     def _begin(self, begin: _Begin, gate: Gate) -> bool:
-        """Whether there is room for a file: those that are under way are held in memory."""
+        """True if there is room for a file: those that are under way are held in memory."""
         size, parts, transfer = begin.size_bytes, begin.part_count, begin.transfer_uuid
         room = 0 <= size <= MOST_BYTES - gate.uploading and 0 <= parts <= 1 + size // SMALLEST_PART
         if transfer in self._files or not room:
@@ -176,7 +176,7 @@ class Guarded(ServerConnection):
         return True
 
     def _goes_on(self, part: _Part) -> bool:
-        """Whether a part is of a file that was let in, a new one, and no longer than what is left of it."""
+        """True if a part is of a file that was let in, a new one, and no longer than what is left of it."""
         file = self._files.get(part.transfer_uuid)
         if file is None or part.part_index in file.came or len(part.content) > file.left:
             return False
@@ -192,7 +192,7 @@ class Guarded(ServerConnection):
 
 
 def _tells_the_scheme(sent: _Field, gate: Gate) -> bool:
-    """Whether a page tells whether it is dark, and nothing else."""
+    """True if a page tells whether it is dark, and nothing else."""
     if not gate.page_field or sent.uuid != gate.page_field or list(sent.updates) != ["value"]:
         return False
     try:
@@ -203,7 +203,7 @@ def _tells_the_scheme(sent: _Field, gate: Gate) -> bool:
 
 
 class _Kind(msgspec.Struct):
-    """What a message is."""
+    """Kind of a message."""
 
     type: str
 

@@ -24,7 +24,7 @@ SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
-    """What is selected, and its handle."""
+    """The selected thing and its handle."""
 
     def __init__(self, viewer: Viewer) -> None:
         """Build the list in the container at hand."""
@@ -45,7 +45,7 @@ class Handles:
 
     @property
     def dragging(self) -> bool:
-        """Whether something is being dragged."""
+        """True if something is being dragged."""
         return self._begin is not None
 
     def release(self) -> None:

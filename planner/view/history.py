@@ -20,12 +20,12 @@ class History(Generic[Value]):
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to undo."""
+        """True if there is a step to undo."""
         return bool(self._before)
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step to redo."""
+        """True if there is a step to redo."""
         return bool(self._after)
 
     def step(self, now: Value) -> None:

@@ -52,7 +52,7 @@ class Layers:
         self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
 
     def on(self, name: str) -> bool:
-        """Whether a layer is on."""
+        """True if a layer is on."""
         return bool(self._boxes[name].value)
 
     def toggle(self, name: str) -> None:

@@ -59,12 +59,12 @@ class Live:
 
     @property
     def on(self) -> bool:
-        """Whether motions follow."""
+        """True if motions follow."""
         return bool(self.switch.value)
 
     @property
     def said(self) -> str:
-        """What is written beside the switch, as HTML."""
+        """The text beside the switch, as HTML."""
         return str(self._said.content)
 
     def set(self, on: bool) -> None:

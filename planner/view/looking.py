@@ -1,4 +1,4 @@
-"""Where browsers look from: what is of interest is in the picture when they come and at the press of a button, and
+"""The browsers' cameras: the subject is in the picture when they connect and at the press of a button, and
 obstacles between the eye and it fade.
 
 Every browser has a camera of its own; obstacles fade for the one that moved last.
@@ -94,7 +94,7 @@ class Looking:
         return np.concatenate(found)
 
     def _interest(self) -> Array:
-        """What obstacles should not hide: the links at both ends and along the motions, and the paths."""
+        """Points that obstacles should not hide: the links at both ends and along the motions, and the paths."""
         links = [self._outline.middles(q) for q in self._postures()]
         path = self._path()
         return np.concatenate([*links, path[:: max(1, len(path) // SPARSE)]])

@@ -61,7 +61,7 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """What an undo brings back of a motion."""
+    """The part of a motion that an undo brings back."""
 
     motion: ShownMotion
     number: int
@@ -91,7 +91,7 @@ class Motions:
         return next(free for free in names if self.named(free) is None)
 
     def holds(self, shown: Shown) -> bool:
-        """Whether what is known of a motion is of the scene as it is now."""
+        """True if what is known of a motion is of the scene as it is now."""
         return shown.motion.scene is self._viewer.scene and not shown.doubted
 
     def doubt(self) -> None:

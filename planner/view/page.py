@@ -1,4 +1,4 @@
-"""What the page itself does beyond viser's client: a style that keeps the controls in sight, and a script that tells
+"""The page's own part beyond viser's client: a style that keeps the controls in sight, and a script that tells
 the server which colour scheme the browser has, and what somebody clicked in a plot or in the panel's own HTML.
 
 The script writes JSON into a text field that nobody sees, as viser's fields are what a page can send. A browser may

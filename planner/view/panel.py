@@ -84,17 +84,17 @@ class Panel:
 
     @property
     def verdict(self) -> str:
-        """What is written of the scene and its motions, as HTML."""
+        """The text on the scene and its motions, as HTML."""
         return str(self._next.content) + str(self._badge.content) + self.rows.content
 
     @property
     def legend(self) -> str:
-        """What is written of the path's colours, as HTML."""
+        """The text on the path's colours, as HTML."""
         return str(self._legend.content)
 
     @property
     def clearance(self) -> str:
-        """What is written of the closest pairs, as HTML."""
+        """The text on the closest pairs, as HTML."""
         return str(self._clearance.content)
 
     def end(self) -> None:

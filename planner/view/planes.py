@@ -57,7 +57,7 @@ class PlaneLayer:
 
     @property
     def said(self) -> str:
-        """What is written below the layers, as HTML."""
+        """The text below the layers, as HTML."""
         return str(self._said.content)
 
     def end(self) -> None:

@@ -61,12 +61,12 @@ class Planning:
 
     @property
     def running(self) -> bool:
-        """Whether a motion is being planned."""
+        """True if a motion is being planned."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
     def said(self) -> str:
-        """What is written below the button, as HTML."""
+        """The text below the button, as HTML."""
         return str(self._said.content)
 
     def toggle(self) -> None:

@@ -62,7 +62,7 @@ class Player:
 
     @property
     def playing(self) -> bool:
-        """Whether it plays."""
+        """True if the motion plays."""
         return self._playing.is_set()
 
     def enable(self, on: bool) -> None:

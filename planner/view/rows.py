@@ -41,7 +41,7 @@ class Rows:
 
     @property
     def content(self) -> str:
-        """What is written, as HTML."""
+        """The text, as HTML."""
         return str(self._html.content)
 
     def say(self) -> None:

@@ -1,4 +1,4 @@
-"""What stands in the scene besides the motions: obstacles, start and goal as ghosts, the robot, the closest pairs."""
+"""Everything in the scene besides the motions: obstacles, start and goal as ghosts, the robot, the closest pairs."""
 
 from __future__ import annotations
 
@@ -134,5 +134,5 @@ class Stage:
 
 
 def _same(a: Array | None, b: Array) -> bool:
-    """Whether two robots stand in each other's place, where their surfaces would flicker."""
+    """True if two robots stand in each other's place, where their surfaces would flicker."""
     return a is not None and bool(np.abs(a - b).max() < 1e-3)

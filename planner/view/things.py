@@ -1,4 +1,4 @@
-"""What can be selected and dragged: obstacles, the start and the goal; and what dragging does to the scene.
+"""Things that can be selected and dragged: obstacles, the start and the goal; and what dragging does to the scene.
 
 Pure functions of values: nothing here knows a browser. An end given by joint values follows the tip of the robot, a
 goal pose its own link, and keeps its tolerance and free axis.
@@ -70,7 +70,7 @@ def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
 
 
 def turns(edited: Edited, thing: Thing) -> bool:
-    """Whether turning a thing changes anything."""
+    """True if turning a thing changes anything."""
     if thing.kind == "obstacle":
         return not isinstance(obstacle_of(edited, thing).shape, Sphere)
     pose = _pose(edited, thing) if thing.kind == "goal" else None

@@ -26,7 +26,7 @@ class Uploads:
 
     @property
     def folder(self) -> Path:
-        """Where they are."""
+        """Folder of the uploaded files."""
         return Path(self._folder.name)
 
     def take(self, name: str, content: bytes, endings: Collection[str]) -> Path:

@@ -40,7 +40,7 @@ from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.scene import Scene
 
 State = tuple[Edited, tuple[Kept, ...], int | None]
-"""What an undo brings back: the scene, the motions, and the number of the active one."""
+"""The state that an undo brings back: the scene, the motions, and the number of the active one."""
 FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
 
@@ -102,7 +102,7 @@ class Viewer:
 
     @property
     def certifier(self) -> Certifier:
-        """What certifies motions in the scene as it is now."""
+        """The certifier in the scene as it is now."""
         return self.edited.certifier
 
     @property

@@ -1,4 +1,4 @@
-"""What the panel says, as HTML: verdicts, contacts and clearances in words."""
+"""The panel's words as HTML: verdicts, contacts and clearances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done with every field of MoveIt's messages: understood, noted because it is not used, or refused by name.
+"""The treatment of every field of MoveIt's messages: understood, noted because it is not used, or refused by name.
 
 The table follows moveit_msgs/PlanningScene and MotionPlanRequest with all their parts, in ROS 1 and ROS 2. A field that
 is not in it is misspelt, and refused too.

@@ -110,7 +110,7 @@ class EndEffector:
 
 @dataclass(frozen=True)
 class Semantics:
-    """What an SRDF adds to a URDF."""
+    """The part of a description that an SRDF adds to a URDF."""
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
     states: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""What couples the joints of an MJCF: joints that follow others, as mimic joints of a URDF."""
+"""Couplings of the joints of an MJCF: joints that follow others, as mimic joints of a URDF."""
 
 from __future__ import annotations
 

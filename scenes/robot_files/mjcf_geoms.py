@@ -23,7 +23,7 @@ HINTS = {
 
 @dataclass(frozen=True)
 class Geoms:
-    """What geoms of one file refer to."""
+    """Elements of one file that geoms name."""
 
     folder: Path  # of the file
     settings: Settings

@@ -26,7 +26,7 @@ SMALLEST = 1e-9  # length of a direction
 
 @dataclass(frozen=True)
 class Settings:
-    """What the `compiler` elements say; of an attribute that stands there several times, the last."""
+    """Attributes of the `compiler` elements; of one that stands there several times, the last."""
 
     own: Attributes
 

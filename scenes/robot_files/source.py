@@ -1,4 +1,4 @@
-"""Where a robot's description lies and how it is read: with which packages, arguments and joints of a mobile base."""
+"""The source of a robot's description and how it is read: its packages, arguments and joints of a mobile base."""
 
 from __future__ import annotations
 

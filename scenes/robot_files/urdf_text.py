@@ -26,7 +26,7 @@ XACRO = ".xacro"
 
 @dataclass(frozen=True)
 class Description:
-    """What a robot's file says, as URDF."""
+    """A robot's file as URDF."""
 
     root: ElementTree.Element
     files: tuple[Path, ...]  # that it was read from: the file itself, and those that it includes

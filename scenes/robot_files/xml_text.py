@@ -49,7 +49,7 @@ def split(name: str) -> tuple[str, str]:
 
 
 def is_xacro(namespace: str) -> bool:
-    """Whether a namespace is that of xacro, which has had several."""
+    """True if a namespace is that of xacro, which has had several."""
     return bool(_XACRO.search(namespace))
 
 

@@ -60,7 +60,7 @@ SECTIONS = (
 SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
     {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
 )
-"""What an obstacle may be, by its key."""
+"""Kinds of an obstacle, by their keys."""
 ROBOT_KEYS = (
     *("name", "urdf", "srdf", "package_dirs", "xacro_args", "group", "base", "base_joints", "locked"),
     *("ignore_pairs", "check_pairs"),

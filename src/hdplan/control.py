@@ -39,5 +39,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """What is for use."""
+    """Public names."""
     return sorted(__all__)

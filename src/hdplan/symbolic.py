@@ -49,5 +49,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """What is for use."""
+    """Public names."""
     return sorted(__all__)

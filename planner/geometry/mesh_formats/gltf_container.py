@@ -1,4 +1,4 @@
-"""What glTF files are made of: chunks, JSON, and the bytes of buffers in the file or beside it."""
+"""The parts of glTF files: chunks, JSON, and the bytes of buffers in the file or beside it."""
 
 from __future__ import annotations
 

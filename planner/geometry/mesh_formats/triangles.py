@@ -1,4 +1,4 @@
-"""What every reader of a mesh format returns, and polygons, strips and fans cut into it."""
+"""The result of every reader of a mesh format, and polygons, strips and fans cut into it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where to look from: what is of interest framed, from where obstacles hide least of it, and which obstacles stand in
+"""A camera's place: the subject framed, from where obstacles hide least of it, and which obstacles stand in
 the way of an eye. Pure geometry in the world frame, [m]; z is up.
 
 Obstacles are taken as the boxes that bound them in their own frames, clouds as several: what is said to be hidden may

@@ -1,4 +1,4 @@
-"""Where a motion fails in its scene: the worst pair of bodies, named beside the place."""
+"""The place where a motion fails in its scene: the worst pair of bodies, named beside it."""
 
 from __future__ import annotations
 

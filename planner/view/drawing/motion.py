@@ -36,7 +36,7 @@ class Share:
     values: Array  # (k,) of 1
 
     def over(self, times: Array) -> Array:
-        """Return it (m,) at other times (m,) [s]; NaN where it is not known."""
+        """Clearances (m,) at other times (m,) [s]; NaN where none is known."""
         return np.asarray(np.interp(times, self.times, self.values, left=np.nan, right=np.nan))
 
 
@@ -58,7 +58,7 @@ class ShownMotion:
 
     @property
     def measured(self) -> bool:
-        """Whether its clearances are known."""
+        """True if its clearances are known."""
         return not np.isnan(self.clearance[0])
 
     @classmethod

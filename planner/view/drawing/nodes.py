@@ -110,7 +110,7 @@ class RobotNodes:
 
     @property
     def visible(self) -> bool:
-        """Whether it is shown."""
+        """True if the object is shown."""
         return bool(self.root.visible)
 
     @visible.setter
@@ -228,7 +228,7 @@ class PathNode:
 
     @property
     def visible(self) -> bool:
-        """Whether it is shown."""
+        """True if the object is shown."""
         return bool(self._node.visible)
 
     @visible.setter

@@ -85,7 +85,7 @@ class Plot:
 
     @property
     def visible(self) -> bool:
-        """Whether it is shown."""
+        """True if the object is shown."""
         return bool(self.handle.visible)
 
     @visible.setter

@@ -226,7 +226,7 @@ def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
 
 
 def _same(parts: Sequence[_Part], corners: Array) -> bool:
-    """Whether parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
+    """True if parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
     found = np.concatenate([np.empty((0, 3, 3)), *(part.vertices[part.triangles] for part in parts)])
     if len(found) != len(corners):
         return False

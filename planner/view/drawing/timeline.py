@@ -44,7 +44,7 @@ class Timeline:
 
     @property
     def name(self) -> str:
-        """What runs along it, with its unit."""
+        """The axis and its unit."""
         return "time [s]" if self.timed else "path parameter"
 
     def words(self, now: float) -> str:

@@ -34,7 +34,7 @@ Python's XML and JSON, and PyYAML, read what is written"""
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is proven."""
+    """The proven statement."""
 
     text: str  # in words, line by line
     whole: bool  # all that the scene wants; False: accepted in part
@@ -43,7 +43,7 @@ class Verdict:
 def check(
     scene: Path, motion: Path, proof: bytes, request: Path | None = None, robot: str | None = None
 ) -> tuple[Verdict, dict[str, Any]]:
-    """What a proof's content proves of a motion in a scene, and the world that was read; of MoveIt's scenes with their
+    """The statement that a proof proves of a motion in a scene, and the world that was read; MoveIt's scenes have their
     `request` and `robot`. In this process: what files say may take any time. Raises RejectedError, which names leaf,
     pair and reason, or the first difference."""
     with rejecting():
@@ -66,7 +66,7 @@ def check_files(hashes: dict[str, str], head: dict[str, Any]) -> None:
 
 
 def check_job(scene: Path, motion: Path, proof: bytes, robot: str | None = None) -> tuple[Verdict, list[Any]]:
-    """What a job's proof proves of a motion: that every stage is free in the world that the stages before it leave; and
+    """The statement that a job's proof proves: every stage is free in the world that the stages before it leave; and
     these worlds. In this process. Raises RejectedError, which names the stage."""
     with rejecting():
         proofs = [unpack(each) for each in parts_of(proof)]
@@ -81,7 +81,7 @@ def check_job(scene: Path, motion: Path, proof: bytes, robot: str | None = None)
 
 
 def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> Verdict:
-    """What is proven in one world of a job."""
+    """The statement proven in one world of a job."""
     check_files(part.reading.hashes, head)
     check_part(part, told)
     if part.holding is not None:
@@ -101,7 +101,7 @@ def check_part(part: Part, told: dict[str, Any]) -> None:
 
 
 def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
-    """What is proven of all parts of a job: what is said of each, and once what is said of all."""
+    """The statement proven of all parts of a job: the words on each, and once those on all."""
     lines = [verdict.text.split("\n") for verdict in verdicts]
     common = [x for x in lines[0][1:] if all(x in own for own in lines)]
     stages, whole = sum(not part.arm for part in parts), all(x.whole for x in verdicts)
@@ -115,7 +115,7 @@ def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
-    """What a proof proves by its head, whose claims were checked: in words, with the files and what they rest on."""
+    """The statement of a proof by its checked head: in words, with the files and what they rest on."""
     text, whole = in_words(world, head)
     files = "".join(
         f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in reading.hashes.items() if key != "motion"
@@ -132,8 +132,8 @@ def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
 
 
 def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, robot: str | None = None) -> Verdict:
-    """What a proof's file proves of a motion in a scene, checked in a process of its own that ends in time; of MoveIt's
-    scenes with their `request` and `robot`. Raises RejectedError."""
+    """The statement of a proof's file on a motion in a scene, checked in a process of its own that ends in time.
+    MoveIt's scenes have their `request` and `robot`. Raises RejectedError."""
     beside = [f"--{key}={x}" for key, x in (("request", request), ("robot", robot)) if x is not None]
     run = [sys.executable, "-m", __package__, "--json", *beside, "--", *map(str, (scene, motion, proof))]
     try:

@@ -25,7 +25,7 @@ def check_equal(read: Any, told: Any, slack: float = 0.0) -> None:
 
 
 def digest(mesh: dict[str, Any]) -> dict[str, str]:
-    """What stands for a mesh in a proof: the SHA-256 of the number of its points, in decimal digits with a space after
+    """The name of a mesh in a proof: the SHA-256 of the number of its points, in decimal digits with a space after
     them, of the points and of the triangles, as numbers of eight bytes, little-endian; -0 is 0."""
     points, triangles = np.array(mesh["points"], "<f8") + 0.0, np.array(mesh["parts"], "<i8")
     content = f"{len(points)} ".encode() + points.tobytes() + triangles.tobytes()
@@ -33,13 +33,13 @@ def digest(mesh: dict[str, Any]) -> dict[str, str]:
 
 
 def triangles(shape: dict[str, Any]) -> bool:
-    """Whether a shape is a mesh: its parts have three points each, and nothing sweeps them."""
+    """True if a shape is a mesh: its parts have three points each, and nothing sweeps them."""
     parts = shape.get("parts")
     return parts is not None and len(parts) > 0 and len(parts[0]) == 3 and not np.any(shape["sweep"])
 
 
 def plain(value: Any) -> Any:
-    """What JSON has for a table of numbers that a world has as an array."""
+    """The form in JSON of a table of numbers that a world has as an array."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(f"a world holds no {type(value).__name__}")

@@ -79,7 +79,7 @@ def _region(value: Any, frames: Frames) -> tuple[str, list[float], dict[str, Any
 
 
 def _turn(value: Any, frames: Frames) -> tuple[Any, float, str]:
-    """Where a link is turned, by how much it may be off, and about which of its axes it is free."""
+    """Orientation of a link, by how much it may be off, and about which of its axes it is free."""
     what = "orientation_constraints"
     said = fields(value, "OrientationConstraint", what)
     most = {x: number(said.get(f"absolute_{x}_axis_tolerance"), what) for x in "xyz"}

@@ -1,5 +1,5 @@
 # ruff: noqa: D105
-"""What a proof may claim beside clearances: limits, torques, path constraints, start and goal.
+"""The claims of a proof beside clearances: limits, torques, path constraints, start and goal.
 
 Values and rates of the joints are polynomials; on a part of the motion each is m + b s + r with |s| <= 1 (`Line`).
 Parts are halved until a limit is kept for sure. Bonds are lengths of vectors that move as bodies do.
@@ -47,7 +47,7 @@ class Line:
 
 
 def still(x: Ball) -> Line:
-    """What does not depend on s."""
+    """The part that does not depend on s."""
     return Line(x.mid, np.zeros_like(x.mid), x.rad)
 
 
@@ -143,7 +143,7 @@ def rate_at(world: World, end: str, order: int) -> Ball:
 
 
 def at_rates(world: World, said: dict[str, Any], end: str) -> bool:
-    """Whether the motion's end has the rates of a target; a motion without times has none, and is to need none."""
+    """True if the motion's end has the rates of a target; a motion without times has none, and is to need none."""
     control, place = world.curve, (0, 0) if end == "start" else (-1, -1)
     for order, name in enumerate(("velocity", "acceleration"), 1):
         if name not in said:
@@ -294,7 +294,7 @@ def link_of(world: World, name: Any) -> tuple[int, Pose]:
 
 
 def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[Bond]:
-    """What keeps the path constraints; `begins` says whether the motion begins at the start."""
+    """Bonds that keep the path constraints; `begins` is True if the motion begins at the start."""
     found = list[Bond]()
     for each in said:
         kind = each.get("kind")
@@ -332,7 +332,7 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
 
 
 def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said: Any) -> list[Bond]:
-    """What keeps a link's frame at another one, within tolerances; about one of its axes it may be free."""
+    """Bonds that keep a link's frame at another one, within tolerances; about one of its axes it may be free."""
     (joint, pose), (other, target), (off, angle, free) = link, to, said
     bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
     need(free in ("none", "x", "y", "z", "all"), f"{what}: free '{free}'")
@@ -356,7 +356,7 @@ def check_path(world: World, said: Any, begins: Callable[[], bool]) -> None:
 
 
 def reached(world: World, limits: dict[str, Any], targets: Any, end: str) -> bool:
-    """Whether the motion begins at one of the targets, or ends there."""
+    """True if the motion begins at one of the targets, or ends there."""
     need(type(targets) is list and targets, f"{end}: targets are expected")
     found = False
     for each in targets:
@@ -369,7 +369,7 @@ def reached(world: World, limits: dict[str, Any], targets: Any, end: str) -> boo
 
 
 def at_pose(world: World, said: Any) -> bool:
-    """Whether the motion ends at a pose of a link."""
+    """True if the motion ends at a pose of a link."""
     link, *within, rotation, position, off = keys_of(
         said, "goal", f"link position_tolerance orientation_tolerance free {FRAME}"
     )
@@ -380,7 +380,7 @@ def at_pose(world: World, said: Any) -> bool:
 
 
 def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool:
-    """Whether the motion's end is at joint values, and all other joints that a target names at theirs; at a goal,
+    """True if the motion's end is at joint values, and all other joints that a target names at theirs; at a goal,
     joints that turn without limits, and that nothing follows, may be whole turns away."""
     rates = [x for x in ("velocity", "acceleration") if x in said]
     need(rates[:1] != ["acceleration"], f"{end}: an acceleration without a velocity")
@@ -403,7 +403,7 @@ def at_values(world: World, limits: dict[str, Any], said: Any, end: str) -> bool
 
 
 def wanted(world: World) -> list[str]:
-    """What a world wants beside clearances, by what a proof may claim."""
+    """Demands of a world beside clearances, by the claims that meet them."""
     limits = world.limits
     need(type(limits) is dict and {*limits} <= {"position", "torque", *RATE_NAMES}, "limits: of what is not known")
     found = ["limits", "start", "goal", *(x for x in limits if x != "position")]

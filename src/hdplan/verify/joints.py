@@ -18,7 +18,7 @@ ROOM = 0.1  # [rad or m] by which held joints, a named state or a request may be
 
 @functools.lru_cache(maxsize=16)
 def links_at(tree: Tree, base: str, moving: tuple[str, ...], held: tuple[tuple[str, float], ...]) -> tuple[Any, Any]:
-    """What is `placed` with a base's pose in JSON; for a motion through the same robot it is known."""
+    """Joints as `placed`, with a base's pose in JSON; known for a motion through the same robot."""
     pose = scenes.pose_of(json.loads(base), "robot.base")
     return placed(tree, pose, {x: i for i, x in enumerate(moving)}, dict(held))
 

@@ -81,7 +81,7 @@ CLAIMS = (  # of a proof: clearances, and what `effects` checks, in this order
 
 
 def half(a: Any, b: Any) -> Any:
-    """Where intervals of the motion are cut: between two rows if they have any within, or else in their middle."""
+    """Cuts of intervals of the motion: between two rows if they have any within, or else in their middle."""
     return np.where(b - a > 1, np.floor((a + b) / 2), (a + b) / 2)
 
 
@@ -199,7 +199,7 @@ class Motion:
         return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
 
     def outside(self, mesh: tuple[Ball, Any], joint: int, pieces: list[Piece], way: Any) -> bool:
-        """Whether it is shown that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
+        """True if a ray shows that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
         joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
         (body, *_), corners = pieces, np.concatenate([x.corners for x in pieces])
         turn, at = self.turn.mid[0], self.at.mid[0]
@@ -269,7 +269,7 @@ of the rays that miss meshes."""
 
 
 def is_job(data: bytes) -> bool:
-    """Whether a proof's file is that of a job."""
+    """True if a proof's file is that of a job."""
     return data.startswith(JOB_MAGIC)
 
 
@@ -377,7 +377,7 @@ def proven_world(said: Any, head: dict[str, Any], cuts: dict[str, Any], trees: T
 
 
 def accept(said: Any, proof: bytes) -> tuple[str, bool]:
-    """What a proof's content proves in a world, and whether that is all that the world asks for. Raises RejectedError,
+    """The statement that a proof proves in a world, and whether that is all that the world wants. Raises RejectedError,
     which names leaf, pair and reason."""
     from .verdict import statement
 

@@ -1,4 +1,4 @@
-"""What the joints carry: masses of links, payloads and held objects."""
+"""The loads of the joints: masses of links, payloads and held objects."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHARE, LEAST = 2e-2, 2e-9  # of the largest moment, and [kg m^2], that written d
 
 
 def loads(top: dict[str, Any], joints: Joints) -> list[Any]:
-    """What each moving joint carries up to the next: mass, mass times centre, inertia about the joint's origin."""
+    """Load of each moving joint up to the next: mass, mass times centre, inertia about the joint's origin."""
     found = [[Ball(0.0), Ball(np.zeros(3)), Ball(np.zeros((3, 3)))] for _ in joints.moving]
 
     def carry(link: str, mass: float, at: Pose, about: Any) -> None:

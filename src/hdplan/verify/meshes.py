@@ -88,7 +88,7 @@ def obj(data: bytes) -> Any:
 
 
 def wholes(words: Sequence[str]) -> bool:
-    """Whether words are whole numbers in the digits that everybody reads."""
+    """True if words are whole numbers in the digits that everybody reads."""
     return all(x.isascii() and x.isdigit() for x in words)
 
 

@@ -70,12 +70,12 @@ def fields(value: Any, message: str, what: str) -> dict[str, Any]:
 
 
 def filled(value: Any) -> bool:
-    """Whether there is anything in a value: a list with entries, a text, a number that is not 0."""
+    """True if there is anything in a value: a list with entries, a text, a number that is not 0."""
     return any(map(filled, value.values())) if isinstance(value, dict) else bool(value)
 
 
 def zero(value: Any) -> bool:
-    """Whether there are only zeros in a value."""
+    """True if there are only zeros in a value."""
     inner = value.values() if isinstance(value, dict) else value
     return all(map(zero, inner)) if isinstance(value, (dict, list)) else not value
 
@@ -137,12 +137,12 @@ def solids(said: dict[str, Any], what: str) -> list[tuple[dict[str, Any], Pose]]
 
 
 def same(one_: Pose, two: Pose) -> bool:
-    """Whether two poses are equal, but for rounding."""
+    """True if two poses are equal, but for rounding."""
     return all(np.abs(a.mid - b.mid).max() <= SAME for a, b in zip(one_, two, strict=True))
 
 
 class Frames:
-    """Where poses may be given: in the world, in the robot's root link, in links fixed to it, and in frames that the
+    """Frames in which poses may be given: the world, the robot's root link, links fixed to it, and frames that the
     scene fixes to them. Where an object, one of the `things`, has the name of such a frame, or a frame of its own has,
     MoveIt takes the object's."""
 

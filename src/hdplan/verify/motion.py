@@ -20,7 +20,7 @@ KINDS = (".json", ".csv")
 
 
 class Rows:
-    """What a motion's file says."""
+    """Contents of a motion's file."""
 
     def __init__(self, path: Path, data: bytes) -> None:
         need(path.suffix.lower() in KINDS, f"{path}: motions of this kind cannot be checked (json and csv can)")
@@ -55,7 +55,7 @@ class Rows:
         return part
 
     def moves(self) -> bool:
-        """Whether anything moves."""
+        """True if anything moves."""
         at, *rates = self.given
         return bool((at != at[0]).any() or any(x.any() for x in rates))
 

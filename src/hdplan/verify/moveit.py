@@ -165,7 +165,7 @@ def _margin(around: dict[str, Any], links: set[str], solid: set[str]) -> float:
 
 
 def _held(state: Any, where: str) -> dict[str, list[dict[str, Any]]]:
-    """What links hold, by object."""
+    """Held objects, by name."""
     said = fields({} if state is None else state, "RobotState", where)
     found = dict[str, Any]()
     for i, entry in enumerate(listing(said.get("attached_collision_objects"), where)):

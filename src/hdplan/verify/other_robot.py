@@ -13,7 +13,7 @@ from .world import FRAME, frame, keys_of
 
 
 class UntoldError(Exception):
-    """What only the robot's description says."""
+    """Contents of the robot's description alone."""
 
 
 class Untold:

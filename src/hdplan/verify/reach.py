@@ -1,4 +1,4 @@
-"""Whether what is to hold an object is within reach of it where it is taken.
+"""Reach: the links that are to hold an object are near it where it is taken.
 
 The distance of two convex pieces is bounded from above by the length of a difference of their points, which is made
 smaller as Gilbert, Johnson and Keerthi (1988) do. A mesh counts with what its hull adds, unless it is divided.

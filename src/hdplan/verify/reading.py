@@ -37,7 +37,7 @@ ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ig
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read."""
+    """Contents of the files."""
 
     world: dict[str, Any]
     hashes: dict[str, str]  # of the files
@@ -66,7 +66,7 @@ def tree_of(path: Path, data: bytes, base: str | None) -> Tree:
 
 @functools.lru_cache(maxsize=8)
 def semantics_of(data: bytes, tree: Tree) -> Semantics:
-    """What an SRDF's content says of a tree of links."""
+    """Contents of an SRDF for a tree of links."""
     return Semantics(data, tree.above, tree.links)
 
 
@@ -170,7 +170,7 @@ class Reader:
         }
 
     def others(self, count: int) -> tuple[list[Any], set[frozenset[str]], list[Any], list[Any], dict[str, Any]]:
-        """What links hold and the pairs of it that may touch; obstacles, the joints that carry them, beside `count`
+        """Held objects and the pairs of them that may touch; obstacles, the joints that carry them, beside `count`
         of the robot, and their own clearances."""
         held, touching = self.held_bodies()
         around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
@@ -187,7 +187,7 @@ class Reader:
         return held, touching, around, tracks, own
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
-        """What links hold, and the pairs that may touch."""
+        """Held objects, and the pairs that may touch."""
         held, touching, at = list[Any](), set[frozenset[str]](), self.joints.at
         entries = listing(self.top.get("attached"), "attached")
         every = [mapping(x, f"attached[{i}]", "name link shape pose touch_links mass") for i, x in enumerate(entries)]
@@ -206,7 +206,7 @@ class Reader:
         return held, touching
 
     def wanted(self, own: dict[str, Any]) -> dict[str, Any]:
-        """What the scene wants that needs no robot."""
+        """Demands of the scene that need no robot."""
         timing, planner = self.top.get("timing", {}), self.top.get("planner", {})
         usual = scenes.one(planner.get("clearance", 0.0), "planner.clearance")
         self_collision = self.top.get("self_collision", True)
@@ -243,7 +243,7 @@ class Reader:
         }
 
     def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
-        """What is to be said of an allowed collision matrix of MoveIt's that has more pairs of links compared, of rows
+        """Remarks on an allowed collision matrix of MoveIt's that has more pairs of links compared, of rows
         that are farther apart than a scene says, and of held objects without a mass where torques are limited."""
         whose, *pairs = self.top.get("matrix", ("", [], []))
         left_out, told = world["not_compared"], [*pairs[0], *pairs[1]]

@@ -230,7 +230,7 @@ class Tree:
 
 
 def placed(tree: Tree, base: Pose, numbers: dict[str, int], held: dict[str, float]) -> tuple[Any, Any]:
-    """Where every link is, by the number of the moving joint that carries it, and for each moving joint its parent and
+    """Pose of every link, by the number of the moving joint that carries it, and for each moving joint its parent and
     frame at 0."""
     at: dict[str, tuple[int, Pose]] = {tree.root: (-1, base)}
     frames = dict[str, tuple[int, Pose]]()

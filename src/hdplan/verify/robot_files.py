@@ -40,7 +40,7 @@ class RobotFiles:
 
 
 def is_name(robot: str) -> bool:
-    """Whether a robot is given by its name, and not by a file."""
+    """True if a robot is given by its name, and not by a file."""
     path = Path(robot)
     return len(path.parts) == 1 and not path.suffix and not path.is_file()
 

@@ -150,7 +150,7 @@ def _hands(tree: Tree, movable: list[str], leader: dict[str, str]) -> set[str]:
 
 
 def held_at(joint: str, spec: dict[str, Any], tree: Tree, words: Semantics) -> float:
-    """Where a joint stands that does not move: where the scene says, or where it follows another one, or at the first
+    """Value of a joint that does not move: where the scene says, or where it follows another one, or at the first
     named state's value, or as near to 0 as its limits allow."""
     if joint in spec["locked"]:
         return float(spec["locked"][joint])

@@ -41,7 +41,7 @@ class Targets:
         return [given.get(x, 0.0) for x in joints.lead]
 
     def place(self, said: dict[str, Any], end: str) -> dict[str, Any]:
-        """Where the joints of a configuration are."""
+        """Values of the joints of a configuration."""
         joints = self.joints
         need(len(said) == 1, f"{end}: joints or a state")
         if "state" in said:

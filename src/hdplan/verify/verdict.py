@@ -1,4 +1,4 @@
-"""What is said of an accepted proof: what is proven, what is not, and what that rests on."""
+"""The verdict on an accepted proof: what is proven, what is not, and what that rests on."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def statement(world: World, head: dict[str, Any]) -> tuple[str, bool]:
 
 
 def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
-    """What is proven and what is not, once it was checked, and whether that is all."""
+    """The proven statement and what is not proven, after the check, and whether that is all."""
     claims = [str(x) for x in head["claims"]]
     missing = [x for x in wanted(world) if x not in claims] + [str(x) for x in world.also]
     for key, clearance, where in (("clearance", world.usual, "obstacles"), ("self_clearance", world.among, "links")):

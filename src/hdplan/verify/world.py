@@ -169,7 +169,7 @@ class Bond:
 
 
 def track(times: Any, values: Ball, now: Any) -> Ball:
-    """What is linear between times and constant outside of them."""
+    """A function of time, linear between `times` and constant outside of them."""
     i = np.clip(np.searchsorted(times, now, side="right") - 1, 0, len(times) - 2)
     share = (Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i])
     return values[i] + (values[i + 1] - values[i]) * Ball(np.clip(share.mid, 0.0, 1.0), share.rad)
@@ -204,7 +204,7 @@ def blossom(control: Ball, start: Any, end: Any) -> Ball:
 
 
 class World:
-    """What is to be kept apart: pieces of the robot, of what it holds and of obstacles, their pairs, and the motion."""
+    """A world: pieces of the robot, of held objects and of obstacles, their pairs, and the motion."""
 
     def __init__(self, said: Any, cuts: dict[str, Any]) -> None:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
