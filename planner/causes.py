@@ -7,7 +7,7 @@ from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError, Unsolv
 
 CAUSES = {
     "end_in_contact": "start or goal is in contact",
-    "end_too_close": "start or goal is closer to something than is asked",
+    "end_too_close": "start or goal has less clearance than required",
     "end_beyond_limits": "start or goal is beyond a joint limit",
     "end_off_path": "start or goal is off a path constraint",
     "end_overloaded": "start or goal overloads a joint",
@@ -17,7 +17,7 @@ CAUSES = {
     "time": "the time limit passed",
     "bad_input": "a file or a value is not as it should be",
     "local_minimum": "no free motion was found from the guesses tried",
-    "clearance": "a motion was found, closer than is asked",
+    "clearance": "a motion was found, with less clearance than required",
     "grazing": "a motion grazes a body: neither proven nor refuted",
     "joint_limit": "the range left to a joint allows no free motion",
     "path_constraint": "a path constraint is not kept",

@@ -122,7 +122,7 @@ class Scene(Checked):
                     problem = f"unknown obstacle {each.obstacle!r}{nearest(each.obstacle, others)}"
                     raise FieldError(problem, f"obstacles[{i}].cloud.ignore")
         if self.robot.check_pairs and not self.self_collision.checked:
-            raise FieldError("asks to check pairs, but self_collision: false checks none", "robot.check_pairs")
+            raise FieldError("names pairs to check, but self_collision: false checks none", "robot.check_pairs")
 
     def _check_job(self) -> None:
         """Refuse what a job says stage by stage, and what nobody could prove of one."""

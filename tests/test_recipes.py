@@ -59,7 +59,7 @@ def test_a_limit_is_certified_once_it_is_checked_and_never_before(found: Found) 
     assert len({files for _, files, _ in tried}) == 6  # five steps, and all but the one that names the check
     for (_, files, probe), said in tried.items():
         if probe.startswith("certify") and check not in files:
-            assert said.startswith("UncheckedError: no certificate: the scene asks for limits.torque_rate"), files
+            assert said.startswith("UncheckedError: no certificate: the scene requires limits.torque_rate"), files
         elif probe == "certify":
             assert said.startswith("certified"), files
         elif probe == "certify tightly":

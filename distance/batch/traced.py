@@ -72,7 +72,7 @@ def _change(
 ) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     """Return the results and their changes: each order's derivative is the next order."""
     if settings.order == ORDERS:
-        raise InputError("hdsdf_batch: asked for a third derivative, allowed are two: there are no more closed forms")
+        raise InputError("hdsdf_batch: a third derivative is not available; allowed: first and second ones")
     pairs, length, a, b, witnesses = primals
     twists = jnp.concatenate([_twist(a, tangents[2]), _twist(b, tangents[3])], axis=-1)
     found = _distance(settings._replace(order=settings.order + 1), *primals)

@@ -32,7 +32,7 @@ MOST_TRIES = 1000  # draws of one end, or of obstacles, before a problem is give
 
 @dataclass
 class Sampled:
-    """Problems drawn, and what was drawn in vain."""
+    """Accepted problems, and the numbers of rejected ones by reason."""
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     rejected: Counter[str] = field(default_factory=Counter)
@@ -41,7 +41,7 @@ class Sampled:
     def text(self) -> str:
         """Say both in one line."""
         vain = ", ".join(f"{count} {why}" for why, count in sorted(self.rejected.items())) or "none"
-        return f"{len(self.rows)} problems; drawn in vain: {vain}"
+        return f"{len(self.rows)} problems; rejected: {vain}"
 
 
 def sample(

@@ -88,8 +88,10 @@ def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
     if asked == checked:
         return
     if missing := sorted(asked - checked):
-        raise UncheckedError(f"no certificate: the scene asks for {', '.join(missing)}, which no check covers")
-    raise UncheckedError(f"no certificate: checks cover {', '.join(sorted(checked - asked))}, which nobody asks for")
+        raise UncheckedError(f"no certificate: the scene requires {', '.join(missing)}, which no check covers")
+    raise UncheckedError(
+        f"no certificate: checks cover {', '.join(sorted(checked - asked))}, which the scene does not require"
+    )
 
 
 def ends_of(scene: Scene) -> frozenset[str]:

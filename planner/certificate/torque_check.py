@@ -159,7 +159,7 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
         InputError: for a curve without times or velocities.
     """
     if curve.times is None or curve.degree == 1:
-        raise InputError("trajectory: has no velocities, so it has no torques; the scene asks for them (limits.torque)")
+        raise InputError("trajectory: has no velocities, so it has no torques; the scene limits them (limits.torque)")
     chain, orders = Chain.of(model), [curve.over_time(order) for order in range(5)]
     step = max(STEP, float(curve.widths.sum()) / MOST_AT_FIRST)
     count = np.maximum(np.ceil(curve.widths / step - 1e-9).astype(np.int64), 1)

@@ -168,7 +168,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     if isinstance(stage, Set | Wait | Grip | Release) and not fingers and np.ptp(curve.control, axis=(0, 1)).any():
         wrong = "the robot moves where it is to stand still"
     elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
-        wrong = f"the robot waits {times[-1] - times[0]:g} s, the job asks for {stage.seconds:g} s"
+        wrong = f"the robot waits {times[-1] - times[0]:g} s, the job has {stage.seconds:g} s"
     if wrong:
         text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: {wrong}"
         certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)

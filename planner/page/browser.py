@@ -97,7 +97,7 @@ class Browser:
 
     def _start(self, stack: contextlib.ExitStack, folder: Path) -> None:
         if sys.platform == "win32":
-            raise BrowserError(f"{self._program}: cannot be told what to do on Windows")
+            raise BrowserError(f"{self._program}: cannot be driven on Windows")
         import fcntl
 
         ours, theirs = [], []

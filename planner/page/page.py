@@ -224,7 +224,7 @@ def _levels(scene: Scene, motions: Sequence[ShownMotion]) -> list[dict[str, Any]
     """Return the lines of the plot: contact, what is required, and, of a single motion, what is proven."""
     levels: list[dict[str, Any]] = [{"at": 0.0, "name": "", "color": CONTACT, "dash": []}]
     if scene.obstacles and scene.planner.clearance > 0.0:
-        levels.append({"at": 1e3 * scene.planner.clearance, "name": "asked", "color": CONTACT, "dash": [2, 3]})
+        levels.append({"at": 1e3 * scene.planner.clearance, "name": "required", "color": CONTACT, "dash": [2, 3]})
     proven = motions[0].certificate.clearance
     if len(motions) == 1 and proven is not None:
         levels.append({"at": 1e3 * proven, "name": f"proven ≥ {1e3 * proven:.3g} mm", "color": OUTER, "dash": [2, 3]})

@@ -146,7 +146,7 @@ class Linkage:
         for joint, value in zip(self.names, self.expand(q).tolist(), strict=True):
             if abs(named.get(joint, value) - value) > within:
                 raise InputError(
-                    f"{where}: joint '{joint}' is asked to be at {named[joint]:g}, but would be at {value:g}: "
+                    f"{where}: joint '{joint}' is given the value {named[joint]:g}, but would be at {value:g}: "
                     f"{self.rule(joint)}"
                 )
 

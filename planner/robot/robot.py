@@ -210,7 +210,7 @@ class Robot:
                     self.index_of(joint, where)
                 if abs(value - self.locked.get(joint, value)) > SAME_PLACE:
                     raise InputError(
-                        f"{where}: joint '{joint}' is asked to be at {value:g}, but is not planned and held at "
+                        f"{where}: joint '{joint}' is given the value {value:g}, but is not planned and held at "
                         f"{self.locked[joint]:g}; the planned joints are {listed(self.joint_names)}"
                     )
         missing = [joint for joint in self.joint_names if joint not in named]

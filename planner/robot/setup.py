@@ -56,7 +56,7 @@ class Setup:
         """Read the files that the scene names. Raises InputError for one that cannot be used."""
         if self.scene.job is not None:
             raise InputError(
-                f"{self.scene.source}: job: holds several motions, and here one is asked for; `hdplan plan` and "
+                f"{self.scene.source}: job: holds several motions, and here one is needed; `hdplan plan` and "
                 "hdplan.plan_job plan it, hdplan.certify_job checks it, and each stage of what they return has a scene "
                 "of its own"
             )

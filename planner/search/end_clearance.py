@@ -38,7 +38,7 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
             if place.other not in lenient:
                 raise UnsolvableError(
                     f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
-                    f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)",
+                    f"{asked * 1e3:g} mm are required (obstacles[].clearance, self_collision.clearance)",
                     "end_too_close",
                 )
         required, word = certifier.allowed(field, close, required)

@@ -190,7 +190,7 @@ def _fault(certifier: Certifier, q: Array) -> tuple[str, str]:
         return "end_overloaded", f"overloads a joint: {overload}"
     place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
-        found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"
+        found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are required"
         return "end_too_close", f"too close: from {place.link} to {place.other} {found}"
     depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
     doubt = certifier.robot.doubt([(place.link, place.other)])

@@ -51,7 +51,7 @@ SHORT = {  # of a verdict, on a motion's line
     Status.OUTSIDE_LIMITS: "beyond joint limits",
     Status.IN_CONTACT: "in contact",
     Status.TOO_CLOSE: "too close",
-    Status.OFF_PATH: "off the path asked for",
+    Status.OFF_PATH: "off the required path",
     Status.TOO_FAST: "too fast",
     Status.OVERLOADED: "overloaded",
     Status.NOT_PROVEN: "not proven",

@@ -64,7 +64,9 @@ def read_allowed(
         section.note(f"allows contact, which hdplan still avoids, of {words}")
     ignored = {link_pair(a, b) for a, b in robot.ignore_pairs}
     if unheard := [f"{a}-{b}" for a, b in sorted(ignored) if _says(a, b, allowed, defaults) is False]:
-        section.note(f"asks to check what robot.ignore_pairs leaves out, and is not checked: {', '.join(unheard)}")
+        section.note(
+            f"names pairs to check that robot.ignore_pairs leaves out; these are not checked: {', '.join(unheard)}"
+        )
     asked = sorted(pair for pair in left_out - ignored if _says(*pair, allowed, defaults) is False)
     if asked and another:
         pairs = ", ".join(f"{a}-{b}" for a, b in asked)

@@ -26,7 +26,7 @@ def inertial_of(inertial: Element, frame: Pose, settings: Settings, where: str) 
     result = Element("inertial")
     if "fullinertia" in own:
         if said := [key for key in ("diaginertia", *TURNS) if key in own]:
-            raise InputError(f"{where}: fullinertia and {said[0]} say the same: leave one out")
+            raise InputError(f"{where}: fullinertia and {said[0]} are both given: leave one out")
         xx, yy, zz, xy, xz, yz = numbers(own, "fullinertia", where, "", 6)
     else:
         (xx, yy, zz), (xy, xz, yz) = numbers(own, "diaginertia", where, "", 3), (0.0, 0.0, 0.0)

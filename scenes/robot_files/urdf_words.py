@@ -185,7 +185,7 @@ def _foreign(word: str, where: str, known: Iterable[str], harmless: Mapping[str,
         return
     namespace, local = split(word)
     if is_xacro(namespace):
-        raise InputError(f"{where} 'xacro:{local}': the file is xacro, which is told by its name: .xacro")
+        raise InputError(f"{where} 'xacro:{local}': the file is xacro, and its name must end in .xacro")
     if namespace:
         raise InputError(f"{where} '{local}' is of the namespace '{namespace}', in which URDF has none")
     near = nearest(word, (*known, *harmless), "not part of URDF")

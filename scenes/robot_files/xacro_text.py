@@ -44,9 +44,9 @@ def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -
         files = tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))
     for name in arguments:
         if name not in given.asked:
-            asked = f"asked for: {listed(sorted(given.asked))}" if given.asked else "none is asked for"
+            asked = f"used: {listed(sorted(given.asked))}" if given.asked else "the file uses none"
             near = nearest(name, given.asked, asked)
-            raise InputError(f"robot.xacro_args: nothing asks for the argument '{name}'{near}")
+            raise InputError(f"robot.xacro_args: the file does not use the argument '{name}'{near}")
     return text.encode(), files
 
 

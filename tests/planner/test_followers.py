@@ -250,7 +250,7 @@ WRONG: list[tuple[Callable[[Path], object], str]] = [
     (lambda f: spec(f, locked={"rod": 0.0}), "robot.locked: joint 'rod' follows 'elbow', which is planned"),
     (lambda f: spec(f, {"slide": ("elbow", 0.05, 9.0)}, group=("elbow",)), "leave no range"),
     (lambda f: spec(f, {"rod": ("elbow", 2e3, 0.0)}), "'rod' follows 'elbow' by a multiplier of 2000"),
-    (lambda f: start(f, {"rod": 0.1}), "joint 'rod' is asked to be at 0.1, but would be at 0.5: 'rod' follows"),
+    (lambda f: start(f, {"rod": 0.1}), "joint 'rod' is given the value 0.1, but would be at 0.5: 'rod' follows"),
     (lambda f: start(f, {"slide": -0.005, "rad": 0.5}), "unknown joint 'rad'"),
 ]
 

@@ -482,7 +482,7 @@ def test_what_would_have_no_meaning_is_refused() -> None:
         PoseTarget("hand", Pose(quaternion_xyzw=(0, 0, 1, 0)), free_rotation="all")
     with pytest.raises(InputError, match=r"clearance: has no meaning if nothing is checked"):
         SelfCollision(False, 0.01)
-    with pytest.raises(InputError, match=r"robot.check_pairs: asks to check pairs, but self_collision: false"):
+    with pytest.raises(InputError, match=r"robot.check_pairs: names pairs to check, but self_collision: false"):
         Scene(
             robot=RobotSpec("panda", check_pairs=[("panda_link0", "panda_link1")]),
             start="default",

@@ -255,7 +255,7 @@ class Reader:
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
             said.append(
-                f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are asked for"
+                f"not kept, timing.rate: rows are up to {float(gap)!r} s apart, {rate!r} in a second are required"
             )
         light = [
             named(x.get("name", f"attached{i}"))

@@ -78,7 +78,7 @@ class Tree:
     def __init__(self, path: Path, data: bytes, base: dict[str, Any] | None) -> None:
         root = strict_xml(data)
         need(root.tag == "robot", f"{path}: is no URDF, and cannot be checked")
-        need("xacro" not in "".join(x.tag for x in root.iter()), f"{path}: is xacro, which is told by its name")
+        need("xacro" not in "".join(x.tag for x in root.iter()), f"{path}: is xacro, and its name must end in .xacro")
         self.name, self.stem = root.get("name", ""), path.stem.removesuffix(".urdf")
         self.elements = {x.get("name", ""): x for x in root.findall("link")}
         need(len(self.elements) == len(root.findall("link")), f"{path}: two links of one name")

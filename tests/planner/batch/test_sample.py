@@ -38,7 +38,7 @@ def test_both_ends_are_free(scene: str) -> None:
         for end in (changed.start, changed.goal):
             assert check_configuration(changed, robot, robot.configuration(end)) == ()
     assert sum(drawn.rejected.values()) > 0
-    assert drawn.text.startswith("12 problems; drawn in vain: ")
+    assert drawn.text.startswith("12 problems; rejected: ")
 
 
 def test_the_same_again_and_a_longer_table_begins_with_a_shorter() -> None:
@@ -109,7 +109,7 @@ def test_the_table_is_what_batch_reads(
 
     code, out, err = command("sample", "planar_arm", "-n", "3", "--seed", "5", "--jitter", "0.01", "-o", "t" + ending)
     assert (code, err) == (0, "")
-    assert out.startswith("3 problems; drawn in vain: ")
+    assert out.startswith("3 problems; rejected: ")
     rows = sample(ARM, 3, seed=5, jitter=0.01).rows
     jobs = jobs_of(["t" + ending], "planar_arm")
     assert [job.name for job in jobs] == [row["name"] for row in rows]

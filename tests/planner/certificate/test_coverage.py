@@ -258,9 +258,9 @@ def test_what_a_check_leaves_out_is_named(
 ) -> None:
     full, moved = whole
     forget(monkeypatch)
-    with pytest.raises(UncheckedError, match="no certificate: the scene asks for") as error:
+    with pytest.raises(UncheckedError, match="no certificate: the scene requires") as error:
         Certifier(Setup.of(full)).certify(moved)
-    assert name in str(error.value).removeprefix("no certificate: the scene asks for ").partition(", which")[0].split(
+    assert name in str(error.value).removeprefix("no certificate: the scene requires ").partition(", which")[0].split(
         ", "
     )
 
@@ -268,7 +268,7 @@ def test_what_a_check_leaves_out_is_named(
 def test_what_nobody_asks_for_is_named_too(whole: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch) -> None:
     _, moved = whole
     dropping(EndCheck, "misses", lambda found: {**found, "middle": None})(monkeypatch)
-    with pytest.raises(UncheckedError, match="checks cover middle, which nobody asks for"):
+    with pytest.raises(UncheckedError, match="checks cover middle, which the scene does not require"):
         certify(scene(), moved)
 
 

@@ -98,7 +98,7 @@ def test_a_wait_lasts_as_long_as_it_is_asked_to() -> None:
     asked = scene(hdplan.Wait(5.0))
     motion = hdplan.plan_job(asked).trajectory
     found = hdplan.certify_job(asked, replace(motion, times=[0.0, 4.99]))
-    assert found.text == "stage 'wait 0': wrong ends: the robot waits 4.99 s, the job asks for 5 s"
+    assert found.text == "stage 'wait 0': wrong ends: the robot waits 4.99 s, the job has 5 s"
     assert hdplan.certify_job(asked, replace(motion, times=[-2.0, 3.0])).certified
 
 

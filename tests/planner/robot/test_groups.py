@@ -177,7 +177,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
             asked = moveit({**goal, joint: START[joint] + off}, group)
-            said = rf"goal \(.*request\.yaml\): joint '{joint}' is asked to be at .*, but is not planned and held at "
+            said = rf"goal \(.*request\.yaml\): joint '{joint}' is given the value .*, but is not planned and held at "
             with pytest.raises(InputError, match=said):
                 plan(asked, time_limit=1.0)
             with pytest.raises(InputError, match=said):
@@ -186,7 +186,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
 
 def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
     scene = moveit({"left_a": 0.2, "left_b": 0.2}, "left", locked={"lift": 0.4})
-    with pytest.raises(InputError, match=r"start .*: joint 'lift' is asked to be at 0.05, but is not .* held at 0.4"):
+    with pytest.raises(InputError, match=r"start .*: joint 'lift' is given the value 0.05, but is not .* held at 0.4"):
         plan(scene)
     goal = {"right_a": 0.2, "right_b": 0.2}
     with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
@@ -461,12 +461,12 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
         (
             {"left_a": 0.2, "left_b": 0.3, "lift": 0.5},
             {},
-            "goal: joint 'lift' is asked to be at 0.5, but is not",
+            "goal: joint 'lift' is given the value 0.5, but is not",
         ),
         (
             {"left_a": 0.2, "left_b": 0.3},
             {"lift": 0.5},
-            "start: joint 'lift' is asked to be at 0.05, but is",
+            "start: joint 'lift' is given the value 0.05, but is",
         ),
         ({"left_a": 0.2, "left_b": 0.3, "lft": 0.5}, {}, r"goal: unknown joint 'lft' \(did you mean 'lift'"),
     ):

@@ -96,7 +96,7 @@ def test_arguments_are_kept_and_unknown_ones_refused(tmp_path: Path) -> None:
     assert radius(load_robot(RobotSpec(urdf=file, xacro_args={"r": 0.25}))) == 0.25
     assert radius(load_robot(RobotSpec(urdf=file, xacro_args={"r": "0.5"}))) == 0.5
     assert radius(load_robot(RobotSpec(urdf=file))) == 0.1  # no argument outlives its load
-    with pytest.raises(InputError, match=r"nothing asks for the argument 'R' \(did you mean 'r'\?\)"):
+    with pytest.raises(InputError, match=r"the file does not use the argument 'R' \(did you mean 'r'\?\)"):
         load_robot(RobotSpec(urdf=file, xacro_args={"R": 0.2}))
     (tmp_path / "arm.urdf").write_text(BALL.format(before="", radius="1"))
     with pytest.raises(InputError, match=r"robot\.xacro_args: the file is no xacro"):
