@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sys
@@ -145,6 +146,18 @@ def test_the_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert f'--8<-- "examples/{example.name}"' in PAGES["docs/examples.md"]
     for picture in tmp_path.glob("*.png"):
         assert (example.parent / picture.name).is_file()
+
+
+@pytest.mark.parametrize("notebook", sorted((ROOT / "docs" / "tutorial").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_the_tutorial_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    assert not any(cell.get("outputs") for cell in cells), "notebooks are kept without their output"
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), str(notebook), "exec"), names)
+    assert f"(tutorial/{notebook.name})" in PAGES["docs/tutorial.md"]
 
 
 @pytest.mark.parametrize("page", PAGES)

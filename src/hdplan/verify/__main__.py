@@ -14,6 +14,14 @@ from .kernel import IN_PART, is_job
 from .robot_files import is_name
 
 
+def there(path: Path) -> bool:
+    """True if a file is there; none has a name that no system allows."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def main(words: list[str]) -> int:
     """Check a proof, of a motion or of a job: 0 if it is accepted, 4 if it is accepted in part, 1 if it is rejected, 2
     for files that are lacking or cannot be written."""
@@ -27,7 +35,7 @@ def main(words: list[str]) -> int:
     given = parser.parse_args(words)
     robot = None if given.robot is None or is_name(given.robot) else Path(given.robot)
     needed = [x for x in (given.scene, given.motion, given.proof, given.request, robot) if x is not None]
-    if lacking := [name for name in needed if not name.is_file()]:
+    if lacking := [name for name in needed if not there(name)]:
         print(f"{shown(str(lacking[0]))}: no such file", file=sys.stderr)
         return 2
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names hold any character

@@ -138,6 +138,8 @@ def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, 
     run = [sys.executable, "-m", __package__, "--json", *beside, "--", *map(str, (scene, motion, proof))]
     try:
         done = subprocess.run(run, capture_output=True, timeout=2 * MOST_PARTS * MOST_WAIT, check=False)
+        if done.returncode == 2:  # a file that is not there
+            raise RejectedError(done.stderr.decode(errors="replace").strip())
         text, whole = json.loads(done.stdout)
     except (subprocess.TimeoutExpired, ValueError):
         raise RejectedError("needs more time, or more memory, than it may take") from None

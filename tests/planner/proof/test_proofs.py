@@ -30,7 +30,7 @@ from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
-from hdplan.verify import RejectedError, kernel
+from hdplan.verify import RejectedError, kernel, verify
 from hdplan.verify.checking import check
 from hdplan.verify.kernel import MAGIC, MOST_BYTES, half
 from hdplan.verify.reading import read_world
@@ -100,6 +100,13 @@ def test_the_checker_runs_on_its_own(proven: Callable[[str], Proven], tmp_path: 
     (tmp_path / "m.proof").write_bytes(each.proof.data[:-10])
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert (done.returncode, done.stdout.split(":")[0], done.stderr) == (1, "rejected", "")
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "lost.yaml", "n" * 5_000], ids=["shipped name", "lost", "no name"])
+def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
+    """In its own words, which are not those of a proof that needs too much."""
+    with pytest.raises(RejectedError, match=r"^\S+: no such file$"):
+        verify(tmp_path / name, tmp_path / "m.json", tmp_path / "m.proof")
 
 
 def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Proven], tmp_path: Path) -> None:
