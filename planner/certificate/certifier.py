@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
-NEAR = 0.15  # [m] within which the closest pair is searched for first
+NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first
 
 
 def certify(
@@ -219,7 +219,7 @@ class Certifier:
             uses=tuple(use for found in limits for use in found.uses),
             path=kept,
             departures=departures,
-            overloaded=tuple(sorted({interval for found in limits for interval in found.hopeless})),
+            overloaded=tuple(sorted({interval for found in limits for interval in found.unfixable})),
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
@@ -308,7 +308,7 @@ class Certifier:
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
         """Return what is `nearest` at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
-        spots = self.sweep.nearest(configuration, NEAR, time)  # mostly finds something, with few pairs to compare
+        spots = self.sweep.nearest(configuration, NEAR_PAIR, time)  # mostly finds something, with few pairs to compare
         if None in spots:
             spots = self.sweep.nearest(configuration, time=time)
         to_obstacle, between_links = (

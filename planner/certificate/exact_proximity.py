@@ -37,8 +37,10 @@ Array = NDArray[np.float64]
 
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
-FEW = 250  # vertices of the hull that replaces one too large for coal
-DOUBTFUL = 1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
+DOUBTFUL_DIFFERENCE = (
+    1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+)
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
 NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel contact
 
@@ -310,8 +312,8 @@ def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
 
 
 def _outermost(points: Array) -> Array:
-    """Return the points that lie farthest in FEW directions."""
-    directions = np.random.default_rng(0).normal(size=(FEW, 3))
+    """Return the points that lie farthest in HULL_VERTICES directions."""
+    directions = np.random.default_rng(0).normal(size=(HULL_VERTICES, 3))
     return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
 
 

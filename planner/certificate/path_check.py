@@ -24,7 +24,7 @@ from hdplan.scenes.errors import InputError, naming
 GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
 ROUNDING = 1e-9  # [rad] or [m] added to every bound
 SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
-SHORTEST = 2.0**-17  # of an interval: below it, the answer is "not proven"
+SHORTEST_INTERVAL = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class PathCheck:
             broken |= worst > held.allowed + GRANTED
             settled = (bound <= held.allowed + GRANTED) | broken[interval]
             closed = settled & (bound <= worst.max() + slack)
-            closed |= (width <= SHORTEST) | (seconds_left() == 0.0)
+            closed |= (width <= SHORTEST_INTERVAL) | (seconds_left() == 0.0)
             failed[interval[closed & ~settled]] = True
             proven = max(proven, float(bound[closed].max(initial=-np.inf)))
             width = np.repeat(0.5 * width[~closed], 2)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 GAIN = Number(0.0, 1e3, unit="1/s")
 WEIGHT = Number(high=1e6, above=0.0)
-ALIKE = 1e-6  # of a rank's curvatures, a share of the greatest: where it is least, only regularization acts
+CURVATURE_SHARE = 1e-6  # of a rank's curvatures, a share of the greatest: where it is least, only regularization acts
 
 
 class Task(Protocol):
@@ -151,7 +151,7 @@ class Together:
             hessian = hessian + free @ inside @ free.T
             linear = linear + free @ (free.T @ (pull + own @ best))
             size, ways = np.linalg.eigh(inside)
-            level = size - size[0] <= ALIKE * size[-1]
+            level = size - size[0] <= CURVATURE_SHARE * size[-1]
             free = free @ ways[:, level & ~level.all()]
             if not free.shape[1]:
                 break

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 SAMPLES = 2  # per interval between two rows
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
-ROOM = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
+LEAST_MARGIN = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
 
 
 class TorqueLimit:
@@ -62,7 +62,7 @@ class TorqueLimit:
 
     def _too_heavy(self, gravity: Array) -> bool:
         """True if the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
-        return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
+        return bool((np.abs(gravity) > (1 - LEAST_MARGIN) * self.limit).any())
 
 
 class _TorqueConstraint(LinearConstraint):  # type: ignore[misc]

@@ -34,7 +34,7 @@ from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.compiled.c_library import compiler
 from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.distance.studies.random_poses import paper_poses
-from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.scenes.once import made_once

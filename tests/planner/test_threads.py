@@ -16,7 +16,7 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.collision import convex_pieces, link_bodies
 from hdplan.planner.control.barriers import BarrierSettings
 from hdplan.planner.control.controller import Controller, ControlSettings, Step
-from hdplan.planner.control.replay import replay
+from hdplan.planner.control.simulation import replay
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of

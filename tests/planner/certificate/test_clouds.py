@@ -255,7 +255,7 @@ def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: p
         nodes_bounds = certifier.sweep.bounds
         assert nodes_bounds._grouped is not None
         found = certifier.certify(motion, check_ends=False, required=0.0)
-        monkeypatch.setattr("hdplan.planner.certificate.interval_bounds.MANY", 10**9)
+        monkeypatch.setattr("hdplan.planner.certificate.interval_bounds.GROUPED_FROM", 10**9)
         alone = Certifier(Setup.of(scene)).certify(motion, check_ends=False, required=0.0)
         monkeypatch.undo()
         statuses.add(found.status)

@@ -17,7 +17,7 @@ from hdplan.planner.collision import cell_bodies, convex_pieces
 from hdplan.planner.collision.cell_bodies import from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import opened
-from hdplan.planner.problem.lay_out import more_closely
+from hdplan.planner.problem.assemble import more_closely
 from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.scenes.clouds import Cloud

@@ -23,8 +23,8 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.problem import clearance
+from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.problem.lay_out import exactly
 from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene

@@ -43,7 +43,7 @@ def test_derivatives(term: hdplan.OwnTerm, seed: int) -> None:
     problem = small().with_term(term)
     (alone,) = (*problem.terms.costs, *problem.terms.own)
     q, n = drawn(problem, seed), len(problem.start)
-    found, (diagonal, coupling) = alone.planned(q), alone.planned_bend(q)
+    found, (diagonal, coupling) = alone.planned(q), alone.planned_second_order(q)
     whole = np.zeros((len(q), n, len(q), n))
     curved = whole.copy()
     exact = found.diagonal + diagonal, found.coupling + coupling

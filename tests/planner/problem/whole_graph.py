@@ -66,8 +66,8 @@ def loops_at(problem: Problem, positions: Array, exact: bool = True) -> tuple[fl
     found, (count, n) = problem.penalty(positions), positions.shape
     diagonal, coupling = found.diagonal, found.coupling
     if exact:
-        bend = problem.bend(positions)
-        diagonal, coupling = diagonal + bend[0], coupling + bend[1]
+        second_order = problem.second_order(positions)
+        diagonal, coupling = diagonal + second_order[0], coupling + second_order[1]
     hessian = np.zeros((count, n, count, n))
     for k in range(count):
         hessian[k, :, k] = diagonal[k]
