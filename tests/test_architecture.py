@@ -114,6 +114,21 @@ def test_the_pages_say_what_the_certificate_rests_on(page: str) -> None:
     assert set(re.findall(r"`([^`]*)`", sentence)) == CERTIFICATE
 
 
+def test_where_things_are_is_true() -> None:
+    """Every file of the list is there, with the functions named beside it; a name alone lies beside the file before."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (.+) \| (.+) \|$", text.partition("## Where is …?")[2], re.MULTILINE)
+    assert len(rows) > 25
+    for what, where in rows:
+        path = ROOT
+        for name in re.findall(r"`([^`]+)`", where):
+            if "/" in name or "." in name:
+                path = ROOT / name if "/" in name else path.parent / name
+                assert path.is_file(), f"{what}: {name}"
+            else:
+                assert re.search(rf"\b{name}\(", path.read_text(encoding="utf-8")), f"{what}: {name}"
+
+
 @pytest.mark.parametrize("library", HOMES)
 def test_heavy_libraries_stay_at_home(library: str) -> None:
     users = {room_of(name) for name, used in MODULES.items() if any(each.split(".")[0] == library for each in used)}

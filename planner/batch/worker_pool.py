@@ -39,7 +39,7 @@ def cores() -> int:
 
 
 @contextlib.contextmanager
-def pool(workers: Workers) -> Iterator[Client]:
+def worker_pool(workers: Workers) -> Iterator[Client]:
     """Yield a client of workers. Raises InputError if their scheduler does not answer."""
     import dask
     from distributed import Client

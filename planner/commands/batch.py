@@ -68,18 +68,18 @@ def run_batch(
         checked(Choice(("lerobot",)), export, "export")
     if [workers, scheduler, cluster].count(None) < 2:
         raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
-    pool: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
+    given: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
     jobs = jobs_of(sources, scene, seed)
     if export is not None:
         _check_times(jobs[0])
-    with counting("certified", A_FEW * (pool if isinstance(pool, int) else cores())) as (count, stop):
+    with counting("certified", A_FEW * (given if isinstance(given, int) else cores())) as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
         files = proofs or motions == "files"
         options = Options(solver, time_limit, files=files, proofs=proofs, diagnose=diagnosed)
-        complete = run_into(output, jobs, options, workers=pool, report=report, stop=stop)
+        complete = run_into(output, jobs, options, workers=given, report=report, stop=stop)
     try:
         if export is not None and complete:
             export_lerobot(output, jobs, options, fps)
