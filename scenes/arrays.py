@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Array = NDArray[np.float64]
 
 LARGEST_STATE = 1e6  # [rad], [m] or [s], and per second: beyond it, the step of one period is lost in rounding
 

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
@@ -44,6 +44,7 @@ from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.link_frame import links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
@@ -55,7 +56,6 @@ from hdplan.scenes.values import Number, checked, instance
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
 
-Array = NDArray[np.float64]
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
 NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first

@@ -19,7 +19,7 @@ from hdplan.planner.certificate.part_bounds import PartBounds
 from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import TimeLimitError
 

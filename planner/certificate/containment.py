@@ -22,7 +22,7 @@ from hdplan.planner.certificate.intervals import Bodies, Body, Index, Intervals,
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.meshes import connected
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 
 CHECKED_OVERLAPS = 1000  # balls of which it is worthwhile to find those that overlap
 TOUCHING_CUBE = 1.15  # of the radius: balls in a cube of this edge have centres less than two radii apart

@@ -21,19 +21,17 @@ from typing import Any
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, below
 from hdplan.planner.geometry.solids import Solid
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere, own_fields
-
-Array = NDArray[np.float64]
 
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut

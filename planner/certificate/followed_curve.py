@@ -24,9 +24,10 @@ import numpy as np
 
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.motion.curve import Curve, Index
-from hdplan.planner.motion.motion_bounds import Array, Chain, cross
+from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 

@@ -23,7 +23,8 @@ from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, best
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.geometry.cells import grouped
-from hdplan.planner.motion.motion_bounds import Array, Mask, Motion, cross
+from hdplan.planner.motion.motion_bounds import Motion, cross
+from hdplan.scenes.array_types import Array, Mask
 
 GROUPED_FROM = 500  # bodies that stand, from which on it is worth while to bound groups of them
 GROUP = 0.25  # [m] edge of the cubes whose bodies make a group

@@ -17,8 +17,8 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 JUMP = 1e-6  # [rad/s], [rad/s²] and so on: differences of equal values due to rounding

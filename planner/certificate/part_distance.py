@@ -18,7 +18,7 @@ import numpy as np
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, TURNS, Piece, directions, transform
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.once import read_only
 

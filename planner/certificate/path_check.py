@@ -16,8 +16,9 @@ from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.followed_curve import Followed, OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
 from hdplan.planner.motion.curve import Curve, Index
-from hdplan.planner.motion.motion_bounds import Array, Chain
+from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import InputError, naming
 

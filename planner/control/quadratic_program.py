@@ -18,9 +18,8 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 VANISHED = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, execute
@@ -22,9 +21,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Array = NDArray[np.float64]
 
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept

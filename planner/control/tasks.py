@@ -13,15 +13,14 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.values import Number, Whole, checked, instance, is_row, wrong
-
-Array = NDArray[np.float64]
 
 GAIN = Number(0.0, 1e3, unit="1/s")
 WEIGHT = Number(high=1e6, above=0.0)

@@ -13,8 +13,9 @@ import numpy as np
 
 from hdplan.planner.job.line import as_constraints
 from hdplan.planner.job.places import link_pose, pose_of
-from hdplan.planner.job.world import Array, World
+from hdplan.planner.job.world import World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy

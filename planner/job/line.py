@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.job.places import along, fixed_link, pose_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Line
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Within
 from hdplan.scenes.targets import Goals, PoseTarget
-
-Array = NDArray[np.float64]
 
 SHORTEST_LINE = 1e-6  # [m]
 LONGEST_LINE = 1.9  # [m] which `path.relative` must span to one side and the other

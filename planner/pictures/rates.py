@@ -6,15 +6,12 @@ import itertools
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.pictures.panels import lay_along, short_names, units_of
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.pictures.quantities import Rate
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
 from hdplan.scenes.limits import QUANTITIES
-
-Array = NDArray[np.float64]
 
 MOST_NAMES = 8  # joint names in one column
 DRAWN_LIMIT_SHARE = 0.6  # share of a limit above which the limit itself is drawn

@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hdplan.planner.control.simulation import Simulation
 from hdplan.planner.pictures.style import CONTACT, CURVES, FIXED, GOOD, RC, plain
 from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES
-
-Array = NDArray[np.float64]
 
 PANEL, HEAD = 1.35, 0.9  # [in] height of a panel, and of the head above them
 LINE_LENGTH = 110  # characters of the verdict in a line

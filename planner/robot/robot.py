@@ -30,6 +30,7 @@ from hdplan.planner.robot.self_pairs import (
     excluded,
     never_in_contact,
 )
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import LISTED_NAMES, InputError, UnsolvableError, listed, nearest
 from hdplan.scenes.files import Stamps, stamps_of
@@ -42,8 +43,6 @@ from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
-
-Array = NDArray[np.float64]
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
 SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same

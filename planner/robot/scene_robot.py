@@ -11,7 +11,6 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.as_loaded import check_as_loaded
@@ -26,8 +25,6 @@ from hdplan.scenes.robot_files.urdf_text import XACRO
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 KEPT_ROBOTS = 8  # robots kept
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.pin_model import motion_axes
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.robot_files.description import Semantics, Tree
@@ -26,7 +26,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
-Array = NDArray[np.float64]
 
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is looked into
 EXCESS = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of a robot differ

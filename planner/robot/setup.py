@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.robot.end_rates import EndRates, end_rates
@@ -18,13 +17,12 @@ from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.units import unlikely_units
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

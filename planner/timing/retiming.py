@@ -25,7 +25,6 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
@@ -34,13 +33,13 @@ from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
 if TYPE_CHECKING:
     from hdplan.planner.timing.moving_ends import MovingEnds
 
-Array = NDArray[np.float64]
 
 WINDOWS = 20  # lengths of the averaging window that are tried
 FIRST_TRIED = 3  # the first of so many are tried at first

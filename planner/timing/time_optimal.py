@@ -11,15 +11,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from toppra.algorithm import TOPPRA
 
 from hdplan.planner.timing.time_laws import Stepwise
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.once import read_only
-
-Array = NDArray[np.float64]
 
 GRID = 200  # intervals of the path
 UPWARDS = read_only(np.array([1e-9, -1.0]))  # the objective of toppra that asks for the greatest squared path speed

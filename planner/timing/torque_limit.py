@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from toppra.constraint import LinearConstraint
 
@@ -17,8 +16,7 @@ from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SAMPLES = 2  # per interval between two rows
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify
@@ -32,8 +31,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
-
-Array = NDArray[np.float64]
 
 AMPLE = 300.0  # [s] that no plan here needs
 CHECKED = ("panda_cage", "panda_carry", "ur5_payload", "panda_conveyor", "panda_cup")

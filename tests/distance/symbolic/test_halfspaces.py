@@ -10,15 +10,13 @@ import functools
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance import holder
 from hdplan.distance.baselines.coal import signed_distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions, halfspace_distance
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SLOTS, PLANES = 12, 48  # one function serves all bodies here: the rest are slots without effect
 LENGTH = 1e-3  # [m] shaping length, the default

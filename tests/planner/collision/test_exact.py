@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
@@ -26,12 +25,11 @@ from hdplan.planner.problem import clearance
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.samples import Samples
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, placed, poses
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-7  # [m]
 WIDE = 10.0  # [m] a margin that nothing is beyond, so that every distance is exact

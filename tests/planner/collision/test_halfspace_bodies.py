@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
@@ -23,11 +22,10 @@ from hdplan.planner.collision.halfspace_bodies import (
 )
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
 from hdplan.planner.geometry.opened import with_content
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of the sizes here, about 1 m
 TOUCH = 3e-3  # relative to the size: how far from a plane the densest sampled surface may stay

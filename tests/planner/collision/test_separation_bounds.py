@@ -13,7 +13,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from hdplan.distance.baselines.coal import coal_hull, signed_distance
@@ -28,14 +27,13 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import SelfCollision
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 ROBOTS = ("ur5", "kinova", "two arms", "gantry")
 MORE = ("panda", "ur3_gripper", "ur5_gripper", "ur10", "xarm7", "z1", "panda_carry")

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
 from hdplan.distance.baselines.gdf import gdf
@@ -44,6 +43,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
@@ -52,8 +52,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget, PoseTarget
-
-Array = NDArray[np.float64]
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 DISTANCES = (

@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.build import build
@@ -19,11 +18,10 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import whole_graph
-
-Array = NDArray[np.float64]
 
 SCENES: dict[str, dict[str, Any]] = {  # each with a term, a body or a joint of another kind
     "planar_arm": {},

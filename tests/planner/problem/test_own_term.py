@@ -8,15 +8,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 
-Array = NDArray[np.float64]
 WEIGHT, STEP = 1e4, 1e-6
 
 TERMS = (

@@ -12,7 +12,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic import row_function
 from hdplan.planner.build import build
@@ -21,6 +20,7 @@ from hdplan.planner.problem.problem import SPACING, Problem
 from hdplan.planner.problem.samples import MOST_SAMPLES, Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import MotionPenalty, Penalty, Term
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
@@ -30,8 +30,6 @@ from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import WholeGraph, whole_graph
-
-Array = NDArray[np.float64]
 
 # Relative to the largest number compared, unless said.
 WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike

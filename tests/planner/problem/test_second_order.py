@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.gravity_torque import GravityTorques
@@ -19,9 +18,8 @@ from hdplan.planner.problem.hinge import Measure
 from hdplan.planner.problem.path_terms import LEVER, RelativeMeasure, UprightMeasure, WithinMeasure
 from hdplan.planner.problem.second_order import by_joints, point_along
 from hdplan.planner.robot.robot import load_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 ROBOTS = ("panda", "pr2", "tree 1", "tree 2", "tree 3")
 COUNT, ROUNDING = 12, 1e-10

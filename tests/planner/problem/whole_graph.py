@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 ROUNDING = 1e-9  # relative to the largest number: the same sums in another order
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
@@ -17,6 +16,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -24,8 +24,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-12  # [rad]
 COUNT = 9  # guesses looked at: every kind of draw comes up

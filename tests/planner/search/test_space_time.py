@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
@@ -23,6 +22,7 @@ from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DEPTH, seeds
 from hdplan.planner.search.space_time import PENALTY_WEIGHT, STEPS, TAKES, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
@@ -34,8 +34,6 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 import traffic
-
-Array = NDArray[np.float64]
 
 ACROSS = (0.5**0.5, 0.0, 0.0, 0.5**0.5)  # the quaternion of a quarter turn about x
 

@@ -11,12 +11,12 @@ import time
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import EQUAL_COST, Budget, Iteration, Solution, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -24,8 +24,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 MINIMUM = 1e-8  # [rad] from the closed-form minimum
 # Iterations that show what a law asks for; those of the last two are runs.

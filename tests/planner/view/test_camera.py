@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.planner.view.drawing.camera import FOV, FRAME_SIZE, SIDES, Boxes, View, best_view, view_from
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 NONE = Boxes.around([], [])
 
 
