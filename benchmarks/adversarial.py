@@ -18,7 +18,6 @@ from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
 from hdplan.distance.batch.distance import hdsdf_batch
@@ -27,8 +26,8 @@ from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives, separation
 from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Evaluate = Callable[[Array, Array], tuple[Array, ...]]  # poses -> D, D-tilde, gradient, Hessian
 
 GAMMAS = (2, 1, 4, 32, 3, 8, 16)

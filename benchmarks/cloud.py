@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from problems import RealProblem, problem_parser, real_problems
 from recheck_cloud import touching
 
@@ -34,8 +33,7 @@ from hdplan import control
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.studies.report import markdown_text
 from hdplan.planner.view.drawing.skins import obstacle_mesh
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SPACING, RADIUS = 0.005, 0.005  # [m]
 NOISE, OUTLIERS, OFF = 0.002, 0.01, 0.05  # [m] along the ray, share of the points, [m] by at most which these are off

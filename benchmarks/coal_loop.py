@@ -13,12 +13,10 @@ from pathlib import Path
 import casadi
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SOURCE = Path(__file__).with_name("coal_loop.cpp")
 

@@ -19,7 +19,6 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.control import BarrierSettings, Controller, ControlSettings, PoseTask, simulate, standing
 from hdplan.planner.certificate.certifier import Certifier
@@ -28,6 +27,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -35,7 +35,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from hdplan.scenes.targets import JointTarget, PoseTarget
 
-Array = NDArray[np.float64]
 Solver = Callable[[Array, Array, Array, Array, Array, Array], Array]
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)

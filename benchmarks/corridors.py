@@ -18,7 +18,6 @@ from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.control import Barriers, BarrierSettings, Controller, ControlSettings, Step, scene_barriers, simulate
@@ -41,12 +40,12 @@ from hdplan.planner.studies.corridor_experiment import (
     tool_task,
 )
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 
-Array = NDArray[np.float64]
 Made = Callable[[Robot, Scene, ControlSettings], Controller]
 
 TURN = 0.15  # [rad] at most, about each axis

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from coal_loop import CoalLoop, build
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import CoalPair, signed_distances
 from hdplan.distance.baselines.fcl import FclPair
@@ -35,8 +34,8 @@ from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_functio
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.studies.distance import union_row
 from hdplan.planner.studies.report import markdown_text, short
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Way = Callable[[], float]  # -> processor time of a query [s]
 
 ROUNDS = 9

@@ -16,7 +16,6 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
@@ -26,14 +25,13 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import onto_path
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 LEGS, STEPS, STEP, APART = 20, 60, 0.08, 3.0  # of a walk: legs, steps of each, their length; the ends' distance [rad]
 OBSTACLES = (

@@ -9,7 +9,6 @@ from itertools import product
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from problems import LIMITS, with_pose_goal
 
 import hdplan
@@ -20,9 +19,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.005  # [m] that the peers keep, since they look at samples alone
 ENDS_KEEP = 0.5  # share of the ends' distance that they keep where that is less

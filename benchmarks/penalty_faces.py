@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from penalty_variants import VARIANTS, varied
 
 import hdplan
@@ -24,10 +23,9 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.shapes import Box
-
-Array = NDArray[np.float64]
 
 EDGE, GAP, MARGIN = 0.1, 0.01, 0.02  # [m] of the box, from it to the wall, and of the penalty
 TILTS = np.deg2rad(np.linspace(-3.0, 3.0, 601))

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from penalty_faces import EDGE, GAP, Tilted
 
 from hdplan.planner.pictures.style import GOAL, INK, RC, START
 from hdplan.planner.solvers.solution import Iteration
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 STYLES = {
     "hdsdf": ("HD-SDF", START, "-"),

@@ -13,7 +13,6 @@ import argparse
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.baselines.coal import signed_distances
@@ -25,9 +24,8 @@ from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 NEAR = 0.05  # [m]
 

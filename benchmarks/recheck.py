@@ -26,9 +26,8 @@ import fcl
 import numpy as np
 import trimesh
 import yaml
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 STEP = 0.005  # [rad] or [m], largest joint step between two samples
 NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not asked for their distance

@@ -14,10 +14,9 @@ from typing import Any
 import fcl
 import numpy as np
 import recheck as own
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 def touching(trajectory: Path, request: Path, robot: Path, points: Array, radius: float) -> dict[str, Any] | None:

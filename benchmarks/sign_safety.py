@@ -22,7 +22,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
 from hdplan.distance.baselines.coal import signed_distances
@@ -33,9 +32,8 @@ from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compi
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 ULP = float(np.finfo(float).eps)
 TOLERANCE = 4 * ULP  # of the size

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.replay import replay
+from hdplan.planner.control.simulation import replay
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot

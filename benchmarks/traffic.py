@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -36,14 +35,13 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Mesh, Shape, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import shipped_scenes
-
-Array = NDArray[np.float64]
 
 HOOK = shipped_scenes()["empty"].with_name("hook.obj")
 WAYPOINTS = 40

@@ -30,7 +30,7 @@ SAME_PLANE = 1e-6  # of the body's size: triangles this close to one plane are o
 
 UNIT = 1e-6  # by which the length of a direction may differ from 1
 MOST_SIDES = 1000
-LARGEST = 1e100  # [m] beyond, squares and cubes of lengths overflow
+LARGEST_LENGTH = 1e100  # [m] beyond, squares and cubes of lengths overflow
 
 GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
@@ -194,7 +194,7 @@ def _rows(name: str, values: ArrayLike) -> Array:
 
 
 def _numbers(name: str, values: ArrayLike) -> Array:
-    """Return a copy as an array of finite numbers, at most LARGEST in size."""
+    """Return a copy as an array of finite numbers, at most LARGEST_LENGTH in size."""
     try:
         found = np.array(values)
         if found.dtype.kind not in "iuf" and found.size:
@@ -202,8 +202,8 @@ def _numbers(name: str, values: ArrayLike) -> Array:
         numbers = found.astype(float)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name}: not an array of numbers ({error})") from None
-    if not np.all(np.abs(numbers) <= LARGEST):  # nor is NaN
-        raise InputError(f"{name}: found a number that is not finite (NaN or infinite), or beyond {LARGEST:g}")
+    if not np.all(np.abs(numbers) <= LARGEST_LENGTH):  # nor is NaN
+        raise InputError(f"{name}: found a number that is not finite (NaN or infinite), or beyond {LARGEST_LENGTH:g}")
     return numbers
 
 

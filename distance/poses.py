@@ -15,8 +15,8 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 RIGID = 1e-5  # error allowed in a rotation, which may be rounded to six decimals or a product in float32
-FAR = 1e100  # [m] beyond, squares overflow
-FEW = 12  # poses up to which plain numbers are faster than arrays
+FARTHEST_POSE = 1e100  # [m] beyond, squares overflow
+FEW_POSES = 12  # poses up to which plain numbers are faster than arrays
 BLOCK = 4096  # poses at once, few enough for the processor's cache
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # rows of a cross product's factors
 
@@ -54,7 +54,7 @@ def _check(name: str, poses: ArrayLike, axes: int | None, allowed: str) -> Array
     rows = array.reshape(-1, 16)
     for start in range(0, len(rows), BLOCK):
         block = rows[start : start + BLOCK]
-        if not (_all_are_rigid(block) if len(block) > FEW else all(map(_one_is_rigid, block.tolist()))):
+        if not (_all_are_rigid(block) if len(block) > FEW_POSES else all(map(_one_is_rigid, block.tolist()))):
             number = start + next(k for k, row in enumerate(block.tolist()) if not _one_is_rigid(row))
             raise InputError(_what_is_wrong(name, array, number))
     return array
@@ -78,7 +78,7 @@ def _all_are_rigid(rows: Array) -> bool:
             and np.abs(lengths).max() <= RIGID
             and np.abs(slants).max() <= RIGID
             and np.abs(table[3]).max() <= RIGID
-            and np.abs(table[:3, 3]).max() <= FAR
+            and np.abs(table[:3, 3]).max() <= FARTHEST_POSE
         )
 
 
@@ -93,9 +93,9 @@ def _one_is_rigid(row: list[float]) -> bool:
         and abs(c * d - a * f - h) <= RIGID
         and abs(a * e - b * d - i) <= RIGID
         and abs(j) + abs(k) + abs(m) + abs(one - 1.0) <= RIGID
-        and abs(x) <= FAR
-        and abs(y) <= FAR
-        and abs(z) <= FAR
+        and abs(x) <= FARTHEST_POSE
+        and abs(y) <= FARTHEST_POSE
+        and abs(z) <= FARTHEST_POSE
     )
 
 
@@ -107,8 +107,8 @@ def _what_is_wrong(name: str, poses: Array, number: int) -> str:
     if not np.isfinite(pose).all():
         row, column = np.argwhere(~np.isfinite(pose))[0].tolist()
         return f"{where}: found {pose[row, column]} in row {row}, column {column}, allowed are finite numbers"
-    if np.abs(pose[:3, 3]).max() > FAR:
-        return f"{where}: found a position of {pose[:3, 3].tolist()} m, allowed is up to {FAR:g} m"
+    if np.abs(pose[:3, 3]).max() > FARTHEST_POSE:
+        return f"{where}: found a position of {pose[:3, 3].tolist()} m, allowed is up to {FARTHEST_POSE:g} m"
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > RIGID:
         return f"{where}: found the last row {pose[3].tolist()}, allowed is [0, 0, 0, 1]"
     rotation = pose[:3, :3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -34,7 +34,7 @@ def problem_of(setup: Setup, deadline: float = math.inf) -> Problem:
     """Return the problem of a path between the configurations of start and goal, whatever their velocities; otherwise
     as `build`."""
     if isinstance(setup.scene.goal, JointTarget):
-        return lay_out(setup, setup.query, deadline)
+        return assemble(setup, setup.query, deadline)
     from hdplan.planner.search.goals import settled
 
-    return lay_out(setup, settled(setup).query, deadline)
+    return assemble(setup, settled(setup).query, deadline)

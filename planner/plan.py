@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.problem.own_term import OwnTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.warm_start import MOVED, begun_at, rows_of, warm_start
@@ -103,7 +103,7 @@ def plan(
     with compile_time() as stopwatch:
         queries = [retimer.standing(aim.query) if retimer else aim.query for aim in aims]
         before = began + min(time_limit, FOR_MESHES * seconds_left())
-        problems = [lay_out(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
+        problems = [assemble(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
         problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]

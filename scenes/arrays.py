@@ -6,27 +6,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-Array = NDArray[np.float64]
-
-LARGEST = 1e6  # [rad], [m] or [s], and per second: beyond it, the step of one period is lost in rounding
+LARGEST_STATE = 1e6  # [rad], [m] or [s], and per second: beyond it, the step of one period is lost in rounding
 
 
 def joint_numbers(name: str, values: ArrayLike, joints: Sequence[str], *, positive: bool = False) -> Array:
-    """Return one number for each joint (n,), at most LARGEST in size; above 0 if `positive`. Raises InputError."""
+    """Return one number for each joint (n,), at most LARGEST_STATE in size; above 0 if `positive`. Raises
+    InputError."""
     found = as_numbers(values)
     if found is None:
         raise InputError(f"{name}: expected {len(joints)} numbers, one for each of {', '.join(joints)}")
-    least = np.finfo(np.float64).tiny if positive else -LARGEST
-    if found.shape == (len(joints),) and found.min() >= least and found.max() <= LARGEST:  # false for nan
+    least = np.finfo(np.float64).tiny if positive else -LARGEST_STATE
+    if found.shape == (len(joints),) and found.min() >= least and found.max() <= LARGEST_STATE:  # false for nan
         return found
     if found.shape != (len(joints),):
         raise InputError(f"{name}: shape {found.shape}, expected ({len(joints)},), one for each of {', '.join(joints)}")
-    at = int(np.argmin((found >= least) & (found <= LARGEST)))
-    allowed = f"more than 0, up to {LARGEST:g}" if positive else f"{-LARGEST:g} to {LARGEST:g}"
+    at = int(np.argmin((found >= least) & (found <= LARGEST_STATE)))
+    allowed = f"more than 0, up to {LARGEST_STATE:g}" if positive else f"{-LARGEST_STATE:g} to {LARGEST_STATE:g}"
     raise InputError(f"{name}: found {found[at]:g} for joint '{joints[at]}', allowed is {allowed}")
 
 

@@ -16,7 +16,7 @@ from hdplan.scenes.errors import FieldError
 from hdplan.scenes.fixed_array import FixedArray, numbers_in
 from hdplan.scenes.poses import AnyPose, Placement
 from hdplan.scenes.values import (
-    LARGEST,
+    LARGEST_NUMBER,
     Checked,
     FilePath,
     Maybe,
@@ -37,8 +37,8 @@ Margin = Annotated[float, Number(low=0.0, high=1.0, unit="m")]
 
 def finite_points(points: NDArray[Any], drop_nan: bool) -> NDArray[np.float64]:
     """Return the points (m, 3) all of whose coordinates are finite. Raises FieldError if none is left, if one is
-    farther away than LARGEST and, unless `drop_nan`, for those that are not finite: cameras mark so what they did not
-    see."""
+    farther away than LARGEST_NUMBER and, unless `drop_nan`, for those that are not finite: cameras mark so what they
+    did not see."""
     points = points.astype(np.float64, copy=False)
     seen = np.isfinite(points).all(axis=1)
     unseen = len(seen) - int(np.count_nonzero(seen))
@@ -51,8 +51,8 @@ def finite_points(points: NDArray[Any], drop_nan: bool) -> NDArray[np.float64]:
         raise FieldError("holds no points")
     if len(points) > MOST_POINTS:
         raise FieldError(f"has {len(points)} points; at most {MOST_POINTS} are used")
-    if (farthest := float(np.abs(points).max())) > LARGEST:
-        raise FieldError(f"reaches as far as {farthest:g} m; at most {LARGEST:g} m are allowed")
+    if (farthest := float(np.abs(points).max())) > LARGEST_NUMBER:
+        raise FieldError(f"reaches as far as {farthest:g} m; at most {LARGEST_NUMBER:g} m are allowed")
     return points
 
 

@@ -88,10 +88,10 @@ def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"
 
 
-FEW = 8  # names that an error or a note lists
+LISTED_NAMES = 8  # names that an error or a note lists
 
 
-def listed(names: Collection[str], most: int = FEW) -> str:
+def listed(names: Collection[str], most: int = LISTED_NAMES) -> str:
     """Return the first names, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(list(names)[:most]) + more

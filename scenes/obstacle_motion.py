@@ -14,10 +14,9 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, assert_never
 import numpy as np
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import EXACT, AnyPose, Place, Placement, Pose, Vector3
+from hdplan.scenes.poses import UNIT_ERROR, AnyPose, Place, Placement, Pose, Vector3
 from hdplan.scenes.values import Checked, Choice, Name, Number, Numbers, Row, is_row, wrong
 
 AXES: Mapping[str, tuple[float, float, float]] = {
@@ -38,7 +38,7 @@ def direction(value: object) -> tuple[float, ...]:
     length = math.hypot(*vector)
     if length == 0.0:
         raise wrong("a direction, which has a length above 0", value)
-    return vector if abs(length - 1.0) <= EXACT else tuple(part / length for part in vector)
+    return vector if abs(length - 1.0) <= UNIT_ERROR else tuple(part / length for part in vector)
 
 
 def extent(value: object) -> tuple[float, ...]:

@@ -18,19 +18,21 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
 
-EXACT = 1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+UNIT_ERROR = (
+    1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+)
 TURN = 6.3  # [rad] a little more than a whole turn
-CLOSE = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
+NORMALIZED_ERROR = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 
 
 def rotation(value: object) -> tuple[float, ...]:
-    """Return a unit quaternion (x, y, z, w); one whose length is within CLOSE of 1 is normalized."""
+    """Return a unit quaternion (x, y, z, w); one whose length is within NORMALIZED_ERROR of 1 is normalized."""
     quaternion = Row(Number(), 4)(value)
     length = math.hypot(*quaternion)
-    if not abs(length - 1.0) <= CLOSE:
+    if not abs(length - 1.0) <= NORMALIZED_ERROR:
         found = "[" + ", ".join(f"{part:g}" for part in quaternion) + "]"
         raise FieldError(f"must be a unit quaternion (x, y, z, w), found {found} of length {length:.6g}")
-    return quaternion if abs(length - 1.0) <= EXACT else tuple(part / length for part in quaternion)
+    return quaternion if abs(length - 1.0) <= UNIT_ERROR else tuple(part / length for part in quaternion)
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

@@ -32,8 +32,10 @@ Numbers = Sequence[float] | NDArray[Any]
 """What a program may pass for a tuple of numbers. A class that accepts more types than its fields hold declares them in
 an ``__init__`` that only type checkers see; the fields hold the types of their annotations."""
 
-LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
-SMALLEST = 1e-100  # of a number above 0: its square, and LARGEST divided by it, stay well within the range of floats
+LARGEST_NUMBER = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
+SMALLEST = (
+    1e-100  # of a number above 0: its square, and LARGEST_NUMBER divided by it, stay well within the range of floats
+)
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a value that an error repeats
 
@@ -45,7 +47,7 @@ def wrong(allowed: str, value: object, kind: str = "") -> FieldError:
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; not a boolean.
+    """A finite number, at most LARGEST_NUMBER in size, with low <= value <= high and value > above; not a boolean.
 
     A number that must be above 0 is at least SMALLEST, as it divides others.
     """
@@ -65,8 +67,8 @@ class Number:
             raise wrong(self._allowed, value) from None
         if not (self.low <= number <= self.high and number > self.above and math.isfinite(number)):
             raise wrong(self._allowed, value)
-        if abs(number) > LARGEST:
-            raise wrong(f"{self._allowed}, at most {LARGEST:g} in size", value)
+        if abs(number) > LARGEST_NUMBER:
+            raise wrong(f"{self._allowed}, at most {LARGEST_NUMBER:g} in size", value)
         if self.above == 0.0 and number < SMALLEST:
             raise wrong(f"{self._allowed}, at least {SMALLEST:g}", value)
         return number

@@ -12,7 +12,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.number_text import read_number
 from hdplan.scenes.values import describe, shorten
 
-DEEPEST = 64  # levels of lists and mappings in a document
+DEEPEST_LEVEL = 64  # levels of lists and mappings in a document
 MOST_VALUES = 1_000_000  # in a document
 _TAG = "tag:yaml.org,2002:"
 _FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?")  # the usual form of those that YAML 1.1 knows
@@ -105,8 +105,8 @@ def _built(content: str) -> object:
             begun.append((event.anchor, count))
             made.append([])
             own = own and event.anchor is None and event.tag is None
-            if len(begun) > DEEPEST:
-                fault = f"is nested more than {DEEPEST} levels deep"
+            if len(begun) > DEEPEST_LEVEL:
+                fault = f"is nested more than {DEEPEST_LEVEL} levels deep"
         elif isinstance(event, yaml.CollectionEndEvent):
             count += 1
             anchor, before = begun.pop()

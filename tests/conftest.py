@@ -20,4 +20,4 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(autouse=True)
 def no_step_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """However slow the machine is: what commands print must not hang on it."""
-    monkeypatch.setattr(console, "LONG", threading.TIMEOUT_MAX)
+    monkeypatch.setattr(console, "LONG_WAIT", threading.TIMEOUT_MAX)

@@ -147,7 +147,7 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
             [(UNION, SHAPE), ("\n\ndef own_fields(", "Shape = Shape | Octahedron\n")],
         ),
         (
-            "planner/geometry/shapes.py",
+            "planner/geometry/shape_table.py",
             [
                 ("from hdplan.scenes.shapes import ", "from hdplan.scenes.shapes import Octahedron\n"),
                 ("TABLE: dict", CORNERS),
@@ -242,8 +242,8 @@ def followed() -> str:
     assert module.load_scene(place).limits == scene.limits
     effects = part("planner.terminal.explain_effects").effects(module.build(scene))
     assert "limits of torque_rate" in {effect.name for effect in effects if effect.on}
-    simulation = part("planner.control.replay").replay(part("planner.robot.setup").Setup.of(scene), motion())
-    drawn = part("planner.pictures.replay").simulation_sheet(simulation, "")
+    simulation = part("planner.control.simulation").replay(part("planner.robot.setup").Setup.of(scene), motion())
+    drawn = part("planner.pictures.simulation_sheet").simulation_sheet(simulation, "")
     titles = [axis.get_title("left") for axis in drawn.axes]
     assert "torque_rate" in titles, titles
     return str(module.prove(place, TREE / "motion.json").text)

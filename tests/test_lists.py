@@ -24,11 +24,11 @@ from hdplan.planner.batch import sample
 from hdplan.planner.certificate import coverage, exact_proximity, path_bounds, solids
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision import halfspace_bodies
-from hdplan.planner.geometry import seen, shapes, voxel_grids
+from hdplan.planner.geometry import seen, shape_table, voxel_grids
 from hdplan.planner.pictures import scene as picture
 from hdplan.planner.problem import path_terms
 from hdplan.planner.proof import world_values
-from hdplan.planner.robot import own_image
+from hdplan.planner.robot import self_filter
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.terminal import explain, explain_effects
@@ -138,9 +138,9 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ),
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
-    ("planner/geometry/shapes.py", "", "shape"): (
-        lambda: shapes.operations(Torus()),  # type: ignore[arg-type]
-        lambda: shapes.operations(Rounded([0.1, 0.1, 0.1])),
+    ("planner/geometry/shape_table.py", "", "shape"): (
+        lambda: shape_table.operations(Torus()),  # type: ignore[arg-type]
+        lambda: shape_table.operations(Rounded([0.1, 0.1, 0.1])),
     ),
     ("planner/job/world.py", "shape_of", "shape"): "refuses whatever is no shape",
     ("planner/job/world.py", "_as_seen", "seen"): "clouds alone ignore points",
@@ -148,7 +148,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: picture._bodies(OF_TORUS),
         lambda: picture._bodies(OF_LIDAR),
     ),
-    ("planner/problem/lay_out.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
+    ("planner/problem/assemble.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
     ("planner/proof/world_values.py", "plain_shape", "shape"): (
         lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
@@ -158,11 +158,11 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
         lambda: world_values.plain_shape(Lidar()),  # type: ignore[arg-type]
     ),
-    ("planner/robot/own_image.py", "_solids", "seen"): (
-        lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
-        lambda: own_image._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
+    ("planner/robot/self_filter.py", "_solids", "seen"): (
+        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
+        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
     ),
-    ("planner/robot/own_image.py", "without_own_image", "seen"): "asks for clouds: they alone say what to ignore",
+    ("planner/robot/self_filter.py", "self_filtered", "seen"): "asks for clouds: they alone say what to ignore",
     ("planner/terminal/explain.py", "_words", "seen"): (
         lambda: explain._words(OF_TORUS, OF_TORUS),
         lambda: explain._words(OF_LIDAR, OF_LIDAR),
@@ -176,7 +176,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: skins().obstacle_parts(OF_TORUS),
         lambda: skins().obstacle_parts(OF_LIDAR),
     ),
-    ("planner/view/edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
+    ("planner/view/scene_edits.py", "passing", "motion"): "refuses all but timed poses in words for the user",
     (
         "planner/view/obstacle_fields.py",
         "ObstacleFields._build",
@@ -294,7 +294,7 @@ def test_places_fail_for_what_they_do_not_know(
     place: tuple[str, str, str], call: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also for a kind of sensor that the union has already."""
-    for module in (explain, own_image, picture, world_values, writer):
+    for module in (explain, picture, self_filter, world_values, writer):
         monkeypatch.setattr(module, "Seen", Seen | Lidar)
     named = r"Torus|Rounded|Lidar|Swinging|Level|must be an Obstacle|obstacles.o: is a map|'o' has no shape"
     with pytest.raises(Exception, match=named):
@@ -384,7 +384,7 @@ def test_those_who_take_a_scene_apart_say_which_fields_they_know() -> None:
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "require_fields":
                 assert ast.unparse(node.args[0]) == "Scene"
                 found[path.stem] = ast.literal_eval(node.args[1])
-    assert {*found} == {"lay_out", "controller", "diagnosis", "explain_effects"}
+    assert {*found} == {"assemble", "controller", "diagnosis", "explain_effects"}
     for known in found.values():
         require_fields(Scene, known)
         with pytest.raises(TypeError, match="magnets"):
@@ -400,11 +400,11 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/certificate/torque_check.py": "is about torques",
     "planner/control/braking.py": "keeps velocities, accelerations and jerks, and takes no torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",
-    "planner/control/replay.py": "torques are measured in the execution; all others come from the checks",
+    "planner/control/simulation.py": "torques are measured in the execution; all others come from the checks",
     "planner/job/stage_scenes.py": "accelerations are needed; no torques are asked of fingers",
     "planner/job/world.py": "accelerations are needed",
     "planner/pictures/rates.py": "the first panel has the legend",
-    "planner/problem/lay_out.py": "terms where there is one; the timing keeps the others, or fails",
+    "planner/problem/assemble.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",
     "planner/proof/world.py": "torques alone need masses",
     "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",

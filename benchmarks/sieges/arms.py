@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import meshes
-
-Array = NDArray[np.float64]
 
 AXES = np.vstack([np.eye(3), -np.eye(3), np.eye(3)[2], [[0, 0.6, 0.8]]])
 RIGHT = np.array([0.0, 0.0, 0.0, np.pi / 2, -np.pi / 2, np.pi])

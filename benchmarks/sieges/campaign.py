@@ -106,10 +106,10 @@ def run(
     waiting = iter(range(first, first + count))
     shown = began
     with selectors.DefaultSelector() as selector:
-        crew = [_Worker(script, name, seed, output) for _ in range(jobs)]
-        for worker in crew:
+        worker_pool = [_Worker(script, name, seed, output) for _ in range(jobs)]
+        for worker in worker_pool:
             selector.register(worker.answers, selectors.EVENT_READ, worker)
-        while any(worker.busy for worker in crew):
+        while any(worker.busy for worker in worker_pool):
             for key, _ in selector.select(timeout=0.2):
                 worker = key.data
                 answer = worker.hear()
@@ -117,11 +117,11 @@ def run(
                     tally.take(worker.index, answer)
                     worker.index, worker.leaving = None, bool(answer.get("last"))
             now = time.monotonic()
-            for place, worker in enumerate(crew):
+            for place, worker in enumerate(worker_pool):
                 if worker.leaving:  # it had grown too large
                     selector.unregister(worker.answers)
                     worker.tell(None)
-                    crew[place] = worker = _Worker(script, name, seed, output)
+                    worker_pool[place] = worker = _Worker(script, name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
                 elif worker.busy and (worker.dead or worker.over(limit)):
                     selector.unregister(worker.answers)
@@ -132,7 +132,7 @@ def run(
                     tally.take(worker.index, {**answer, "seconds": now - worker.since})
                     _keep(output, worker.folder, worker.index, words, {})
                     shutil.rmtree(worker.folder, ignore_errors=True)
-                    crew[place] = worker = _Worker(script, name, seed, output)
+                    worker_pool[place] = worker = _Worker(script, name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
                 elif worker.ready and worker.index is None and worker.busy:
                     index = next(waiting, None) if now - began < seconds else None

@@ -36,7 +36,7 @@ def hdplan(*arguments: str, folder: Path) -> Done:
     from hdplan.planner.terminal import console
 
     typer.main.get_command = _parser
-    console.LONG = threading.TIMEOUT_MAX  # what is judged are errors, not how long a loaded machine takes
+    console.LONG_WAIT = threading.TIMEOUT_MAX  # what is judged are errors, not how long a loaded machine takes
     before, crash, code = os.getcwd(), "", 0
     out, err = io.StringIO(), io.StringIO()
     os.chdir(folder)

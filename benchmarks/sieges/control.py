@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import judge, rows, scenes
 from sieges.campaign import Outcome
 from sieges.machine import Machine
 from sieges.world import World
-
-Array = NDArray[np.float64]
 
 STEPS = 250
 SLACK = 1e-9

@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import gjk, paper
 from sieges.campaign import Outcome
 from sieges.poses import turn
-
-Array = NDArray[np.float64]
 
 POSES = 4096
 TWISTS = 60  # poses of a case at which derivatives are looked at

@@ -17,7 +17,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+
 Index = NDArray[np.int64]
 
 ROUNDS = 40

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import gjk, meshes, poses
 from sieges.rows import Rows
 from sieges.world import World
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 GRANTED = 1e-6  # [m], and as much for each metre that a body is away from the world's origin

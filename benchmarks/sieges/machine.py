@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import poses
-
-Array = NDArray[np.float64]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 TURNS = ("revolute", "continuous")

@@ -9,11 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import meshes
 
-Array = NDArray[np.float64]
 Polygons = list[list[int]]
 Part = tuple[Array, Polygons]
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+
 Index = NDArray[np.int64]
 Mesh = tuple[Array, Index]
 

@@ -11,12 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from sieges import mesh_writers
 from sieges.campaign import Outcome
-
-Array = NDArray[np.float64]
 
 SAME = 4e-6  # of the largest coordinate: Assimp calculates in single precision
 SPOILT = 0.7  # of the files are made wrong

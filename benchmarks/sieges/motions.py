@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sieges.machine import Machine
 from sieges.rows import Rows
-
-Array = NDArray[np.float64]
 
 
 def random_rows(rng: np.random.Generator, machine: Machine, names: list[str], timed: bool) -> Rows:

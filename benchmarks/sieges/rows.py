@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from sieges import judge, meshes, motions, poses, rows
 from sieges.arms import random_arm
 from sieges.world import World
-
-Array = NDArray[np.float64]
 
 PANDA = {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04}
 ENDINGS = (".json", ".csv", ".npz")

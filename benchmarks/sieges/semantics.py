@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from sieges import judge, poses, scenes
 from sieges.campaign import Outcome
 from sieges.certificate import excused
 from sieges.world import World
-
-Array = NDArray[np.float64]
 
 SAME = 2e-6  # [m], and as much for each metre away from the origin: the certificate takes away what rounding may cost
 TURNED = 1e-4  # the same downwards, where the directions that coal finds for curved bodies are rough

@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from hdplan.scenes.array_types import Array
 from sieges import meshes, poses
 from sieges.gjk import Pieces
 from sieges.machine import Machine, Mass
-
-Array = NDArray[np.float64]
 
 DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 NAMED = {

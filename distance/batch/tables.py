@@ -20,7 +20,7 @@ Array = Any  # NumPy's here, JAX's on the device
 
 # [m] largest extent of a body, and distance from the other: sums of squares must not overflow
 FARTHEST = {"float64": 1e101, "float32": 1e15}
-SAME = 1e-14  # projections this close, relative to the largest, are merged
+MERGED_PROJECTIONS = 1e-14  # projections this close, relative to the largest, are merged
 
 
 class OwnAxes(NamedTuple):
@@ -128,7 +128,7 @@ def _across_edges(edges: EdgeAxes, body_a: ConvexBody, body_b: ConvexBody) -> Mo
 def _distinct(values: Floats) -> tuple[Floats, Floats]:
     """Return the distinct numbers among ``values``, to rounding, and how often each occurs."""
     ordered = np.sort(values)
-    starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > SAME * np.abs(ordered).max())
+    starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > MERGED_PROJECTIONS * np.abs(ordered).max())
     groups = np.split(ordered, starts[1:])
     return np.array([group.mean() for group in groups]), np.array([float(len(group)) for group in groups])
 
@@ -139,7 +139,7 @@ def _seen_along(vertices: Floats, directions: Floats) -> tuple[Floats, Floats]:
     for direction in directions:
         shadow = vertices - np.outer(vertices @ direction, direction)
         gaps = np.abs(shadow[:, None] - shadow).max(axis=-1)
-        first = np.argmax(gaps <= SAME * np.abs(vertices).max(), axis=1)
+        first = np.argmax(gaps <= MERGED_PROJECTIONS * np.abs(vertices).max(), axis=1)
         kept, times = np.unique(first, return_counts=True)
         found.append((kept.astype(float), times.astype(float)))
     chosen, counts = _filled(found)

@@ -20,7 +20,7 @@ from hdplan.distance.batch.kernel import Places
 from hdplan.distance.batch.tables import FARTHEST
 from hdplan.distance.batch.unions import Pairs, evaluate, separation_gradient
 from hdplan.distance.normals import check_witness_count
-from hdplan.distance.poses import FAR, RIGID
+from hdplan.distance.poses import FARTHEST_POSE, RIGID
 from hdplan.scenes.errors import InputError
 
 Array = jax.Array
@@ -142,7 +142,7 @@ def _rigid(poses: Array) -> Array:
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(last - jnp.array([0, 0, 0, 1], poses.dtype)), -1))
     within = jnp.isfinite(far)
     if poses.dtype == np.float64:  # other types cannot hold anything that far away
-        within &= jnp.abs(far) <= FAR
+        within &= jnp.abs(far) <= FARTHEST_POSE
     return (amiss <= RIGID) & jnp.all(within, -1)
 
 

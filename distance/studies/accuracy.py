@@ -26,9 +26,9 @@ from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
 Precision = Literal["float64", "float32"]
 
 GAPS = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # [m] at which false positives are counted
-NEAR = 0.05  # [m] depth or gap up to which a pose is near contact
+NEAR_GAP = 0.05  # [m] depth or gap up to which a pose is near contact
 BLOCK = 2048  # poses at once, always: JAX compiles anew for every other number
-BANDS = ("apart", "near", "deep")  # d > NEAR, |d| <= NEAR, d < -NEAR
+BANDS = ("apart", "near", "deep")  # d > NEAR_GAP, |d| <= NEAR_GAP, d < -NEAR_GAP
 ORDERS = ("value", "gradient", "hessian")
 RUNS_IN = MappingProxyType({"float64": "C", "float32": "JAX"})
 
@@ -209,7 +209,7 @@ def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, fl
 
 def _bend(distance: Any, poses: Poses) -> float:
     """Return the root mean square [1/m] of the largest curvature of D along a translation, over poses near contact."""
-    near = np.abs(poses.distances[_mixed(poses)]) <= NEAR
+    near = np.abs(poses.distances[_mixed(poses)]) <= NEAR_GAP
     curved = np.asarray(distance.hessian(*poses.of(_mixed(poses)))[3], dtype=float)[near, :3, :3]
     return float(np.sqrt(np.mean(np.linalg.norm(curved, ord=2, axis=(1, 2)) ** 2)))
 
@@ -228,9 +228,9 @@ def _entry(
     drawn, exact = value[: poses.drawn], poses.distances[: poses.drawn]
     error = value - poses.distances
     bands = {
-        "apart": poses.distances > NEAR,
-        "near": np.abs(poses.distances) <= NEAR,
-        "deep": poses.distances < -NEAR,
+        "apart": poses.distances > NEAR_GAP,
+        "near": np.abs(poses.distances) <= NEAR_GAP,
+        "deep": poses.distances < -NEAR_GAP,
     }
     return Entry(
         setting,

@@ -28,7 +28,7 @@ GAMMA = 2
 SHAPING_LENGTHS = (1e-2, 1e-1)  # [m] the paper's epsilon = 1e-4, and a softer one
 SUSPECT = 0.02  # [m/s] a rate that changes more than this from one sample to the next is looked at closely
 INSTANT = 1e-8  # [s] across which a change is called a jump
-BESIDE = 1e-6  # [s] from a kink where its one-sided rates are taken: nearer, faces are parallel to the oracle
+BESIDE_KINK = 1e-6  # [s] from a kink where its one-sided rates are taken: nearer, faces are parallel to the oracle
 JUMP = 1e-3  # [m/s] least change across an instant that counts
 
 
@@ -74,7 +74,7 @@ def kinks(samples: int = 1601) -> Kinks:
     instants, before, after = _narrowed(lambda t: _euclidean(t)[1], times, rate)
     real = np.abs(after - before) > JUMP
     instants = instants[real]
-    sides = [_euclidean(instants + sign * BESIDE)[1] for sign in (-1.0, 1.0)]
+    sides = [_euclidean(instants + sign * BESIDE_KINK)[1] for sign in (-1.0, 1.0)]
     found = tuple(map(Kink, *np.stack([instants, _euclidean(instants)[0], *sides]).tolist()))
     second = _between_kinks(times, rate, instants)
     smooth, largest = [], 0.0

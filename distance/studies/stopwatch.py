@@ -6,7 +6,7 @@ from collections.abc import Callable
 from time import process_time
 
 ROUNDS = 5  # at least so many are timed
-ENOUGH = 0.2  # [s] and at least for so long
+LEAST_TIME = 0.2  # [s] and at least for so long
 
 
 def seconds_per_query(run: Callable[[], object], queries: int, clock: Callable[[], float] = process_time) -> float:
@@ -18,7 +18,7 @@ def seconds_per_query(run: Callable[[], object], queries: int, clock: Callable[[
     """
     run()
     rounds: list[float] = []
-    while len(rounds) < ROUNDS or sum(rounds) < ENOUGH:
+    while len(rounds) < ROUNDS or sum(rounds) < LEAST_TIME:
         begin = clock()
         run()
         rounds.append(clock() - begin)

@@ -17,7 +17,7 @@ from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.unions import Body
 from hdplan.scenes.array_types import Array
 
-NEAR = (-0.12, 0.06)  # [m] range of the gaps that poses near contact are aimed at
+NEAR_GAPS = (-0.12, 0.06)  # [m] range of the gaps that poses near contact are aimed at
 HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre
 
 
@@ -58,13 +58,13 @@ def study_poses(body_a: Body, body_b: Body, random: int, near: int, rng: np.rand
     contact.
 
     The latter are drawn likewise, and then A is moved along the line of centres until the gap is about one drawn
-    uniformly from NEAR, or the centres meet.
+    uniformly from NEAR_GAPS, or the centres meet.
     """
     poses_a, poses_b = paper_poses(rng, random + near)
     scale = 0.5 * (body_a.reach + body_b.reach)
     for poses in (poses_a, poses_b):
         poses[:, :3, 3] *= scale
-    aim = rng.uniform(*NEAR, near)
+    aim = rng.uniform(*NEAR_GAPS, near)
     centres_a = poses_a[random:, :3, :3] @ body_a.centre
     centres_b = poses_b[random:, :3, :3] @ body_b.centre + poses_b[random:, :3, 3]
     apart = poses_a[random:, :3, 3] + centres_a - centres_b

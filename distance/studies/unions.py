@@ -25,7 +25,7 @@ BODIES = ("box", "ring")
 PIECES = (1, 2, 4, 8, 16, 32)
 GAMMA, SHAPING_LENGTH, NORMALS = 2, 1e-3, "paper+edges"
 GAPS = (1e-3, 1e-2, 1e-1)  # [m] at which false positives are counted
-NEAR = 0.05  # [m] gap up to which a pose is near contact
+NEAR_GAP = 0.05  # [m] gap up to which a pose is near contact
 RANDOM, CLOSE = 8192, 4096  # poses drawn at random, and moved close to contact
 BLOCK = 2048  # poses at once
 ORDERS = ("value", "gradient", "hessian")
@@ -39,8 +39,8 @@ class Cut:
     pieces: int
     false_positives: Mapping[float, float]  # per gap: part of the random poses with d >= gap where D <= 0
     missed: int  # poses where D > 0 in contact: none
-    ratio: float  # median of D/d beyond NEAR
-    near_error: float  # [m] median of d - D for gaps up to NEAR
+    ratio: float  # median of D/d beyond NEAR_GAP
+    near_error: float  # [m] median of d - D for gaps up to NEAR_GAP
     seconds: Mapping[str, float]  # per query, by order
 
 
@@ -96,7 +96,7 @@ def _measured(name: str, body: BodyUnion, other: ConvexBody, poses: Poses, order
     distance = hdsdf_compiled(body, other, gamma=GAMMA, shaping_length=SHAPING_LENGTH, normals=NORMALS)
     value, _ = distance.value(poses.poses_a, poses.poses_b)
     exact, drawn = poses.distances, slice(poses.drawn)
-    far, near = exact > NEAR, (exact > 0) & (exact <= NEAR)
+    far, near = exact > NEAR_GAP, (exact > 0) & (exact <= NEAR_GAP)
     block = poses.of(slice(max(poses.drawn - BLOCK // 2, 0), poses.drawn + BLOCK // 2))  # half of them near contact
 
     def rate(gap: float) -> float:

@@ -16,7 +16,7 @@ from hdplan.distance.symbolic.one_axis import (
     APART,
     CONTACT,
     SKIPPED,
-    TINY,
+    TINY_NUMBER,
     AxisShape,
     axis_function,
     integer_power,
@@ -60,7 +60,7 @@ class Axes:
         plain = {1: low_a - high_b, -1: -high_a + low_b}
         overlaps = ca.fmin(ca.vertcat(*(plain[sign] for sign in self.signs)), 0)
         squares, drops = (ca.repmat(row, len(self.signs), 1) for row in (self.squares, self.drop))
-        seen = ca.if_else(overlaps < 0, overlaps / ca.fmax(squares, TINY) - drops, least)
+        seen = ca.if_else(overlaps < 0, overlaps / ca.fmax(squares, TINY_NUMBER) - drops, least)
         object.__setattr__(self, "bounds", ca.if_else(squares > 0, seen, -ca.inf))
 
     def shape(self, gamma: int, order: int) -> AxisShape:
@@ -91,11 +91,11 @@ class Axes:
 def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[ca.MX]:
     """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion, six for each
     placement."""
-    apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY
+    apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY_NUMBER
     separation = ca.mmax(ca.horzcat(*(ca.vec(group.bounds).T for group in groups)))  # positive where the former is
     evaluated = []
     for group in groups:
-        separates = ca.fmax(group.least[0, :], group.least[-1, :]) > TINY
+        separates = ca.fmax(group.least[0, :], group.least[-1, :]) > TINY_NUMBER
         case = ca.if_else(apart, SKIPPED + (APART - SKIPPED) * separates, CONTACT)
         evaluated.append(group.evaluated(gamma, order, case, length))
     counts = ca.DM(np.concatenate([np.repeat(group.counts, len(group.signs)) for group in groups])).T
@@ -119,7 +119,7 @@ def maximum(g: ca.MX, counts: ca.DM | ca.MX, gamma: int, length: ca.MX) -> Maxim
     """Return D = Phi(⊞ g) with its derivatives: the mirror image of the minimum of -g."""
     p = gamma + 1
     top = ca.mmax(g)
-    positive, negative = top > TINY, top < -TINY
+    positive, negative = top > TINY_NUMBER, top < -TINY_NUMBER
     numerator = ca.if_else(positive, positive_part(g), negative * top)
     r = numerator / ca.if_else(positive, top, ca.if_else(negative, g, 1))
     extra = ca.if_else(positive, 1, r * r)  # in contact the derivatives have two more powers

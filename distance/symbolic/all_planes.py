@@ -18,7 +18,7 @@ import functools
 import casadi as ca
 
 from hdplan.distance.symbolic.all_axes import Maximum, maximum
-from hdplan.distance.symbolic.one_axis import TINY, Shaped, integer_power, shaped
+from hdplan.distance.symbolic.one_axis import TINY_NUMBER, Shaped, integer_power, shaped
 
 STAYS = {"never_inline": True}
 SIZES = 3  # of a body, at most
@@ -54,7 +54,7 @@ def distance_by_planes(
     separation = ca.mmax(least)
     shape = points.shape[1], normals.shape[0], gamma, order, length, placements
     chosen = ca.Function.conditional("by_planes", [inside(*shape)], outside(*shape))
-    value, *derivatives = chosen.call([separation > TINY, x, least, points, weights, normals])
+    value, *derivatives = chosen.call([separation > TINY_NUMBER, x, least, points, weights, normals])
     return [value, separation, *derivatives]
 
 
@@ -66,8 +66,8 @@ def inside(
     separates. Where the body of the planes `grows`, it takes the derivatives of the supports by its sizes (K, 3) too,
     and those of D are after those by motions."""
     given = x, least, *_ = _inputs(points, planes, grows)
-    deep, p = least < -TINY, gamma + 1
-    r = ca.fmax(x * _columns(deep / ca.fmin(least, -TINY), points), 0)
+    deep, p = least < -TINY_NUMBER, gamma + 1
+    r = ca.fmax(x * _columns(deep / ca.fmin(least, -TINY_NUMBER), points), 0)
     sharp = integer_power(r, p - 2) if p > 2 else r > 0
     pull = sharp * r
     total = (pull * r) @ given[3] + ca.logic_not(deep)  # of a plane that only touches: 1
@@ -80,7 +80,7 @@ def inside(
 def outside(points: int, planes: int, gamma: int, order: int, length: float, placements: int = 1) -> ca.Function:
     """Return the same where a plane does: those that do not then weigh nothing."""
     given = x, least, *_ = _inputs(points, planes)
-    separates = least > TINY
+    separates = least > TINY_NUMBER
     top = ca.if_else(separates, least, 1)
     r = _columns(separates * top, points) / ca.fmax(x, _columns(top, points))
     full = integer_power(r, gamma + 1)
@@ -100,7 +100,7 @@ def _inputs(points: int, planes: int, grows: bool = False) -> list[ca.MX]:
 def _deepest(g: ca.MX, gamma: int, length: float) -> Maximum:
     """``maximum`` of values none of which is positive."""
     p, top = gamma + 1, ca.mmax(g)
-    r = (top < -TINY) * top / ca.fmin(g, -TINY)
+    r = (top < -TINY_NUMBER) * top / ca.fmin(g, -TINY_NUMBER)
     low = integer_power(r, p - 2) if p > 2 else r > 0
     full = low * r * r
     mirrored = shaped(-top, ca.sum1(full), length, gamma, True)

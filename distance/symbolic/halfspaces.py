@@ -31,7 +31,7 @@ from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
-FAR = 1e3  # [m] offset of an unused plane: its term, about −FAR, weighs (depth/FAR)^(gamma+1) in the maximum
+FAR_OFFSET = 1e3  # [m] offset of an unused plane: it weighs about (depth/FAR_OFFSET)^(gamma+1) in the maximum
 
 
 @functools.cache

@@ -25,9 +25,11 @@ Expression = Any  # ca.SX or ca.MX, of any shape
 SKIPPED, APART, CONTACT = range(3)
 
 # A minimum smaller than this is taken as zero: one over its square stays finite. The sign stays safe, as 0 is not free.
-TINY = 1e-150
+TINY_NUMBER = 1e-150
 
-FEW = 32  # vertex pairs written out as straight-line code; more of them run in loops, which compilers vectorize
+UNROLLED_PAIRS = (
+    32  # vertex pairs written out as straight-line code; more of them run in loops, which compilers vectorize
+)
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def axis_function(shape: AxisShape) -> ca.Function:
     skip = ca.Function("skip", inputs, [ca.SX.zeros(*size) for size in _output_sizes(shape)])
     cases = []
     for apart in (True, False):
-        inputs = _inputs(shape, ca.SX if shape.levels * shape.along <= FEW else ca.MX)
+        inputs = _inputs(shape, ca.SX if shape.levels * shape.along <= UNROLLED_PAIRS else ca.MX)
         cases.append(ca.Function("apart" if apart else "contact", inputs, _outputs(shape, inputs, apart)))
     return ca.Function.conditional("axis", [skip, cases[0]], cases[1])
 
@@ -81,10 +83,10 @@ class Shaped(NamedTuple):
 def shaped(extreme: Expression, total: Expression, length: Expression, gamma: int, above: bool | Expression) -> Shaped:
     """Return Phi(u) and its factors for the least value ``extreme`` = m and the sum ``total`` = Σ w r^p.
 
-    ``above``: whether m > 0. See ``holder.shaped_minimum`` for the equations. |m| <= TINY gives 0 throughout.
+    ``above``: whether m > 0. See ``holder.shaped_minimum`` for the equations. |m| <= TINY_NUMBER gives 0 throughout.
     """
     p = gamma + 1
-    zero = ca.fabs(extreme) <= TINY
+    zero = ca.fabs(extreme) <= TINY_NUMBER
     root = _root(total + zero, p)
     inverse = 1 / root
     square = inverse * inverse
@@ -163,9 +165,9 @@ def _column(
     length = inputs[6]
     # x/m below contact, m/x above: the factor that is the same for all pairs
     if apart:  # always so; said for graphs that evaluate all cases and choose afterwards
-        scale = ca.if_else(extreme > TINY, extreme, 1)
+        scale = ca.if_else(extreme > TINY_NUMBER, extreme, 1)
     else:
-        scale = ca.if_else(extreme < -TINY, 1 / ca.fmin(extreme, -TINY), 0)
+        scale = ca.if_else(extreme < -TINY_NUMBER, 1 / ca.fmin(extreme, -TINY_NUMBER), 0)
     total, *moments = _sums(shape, inputs, sign, scale, apart)
     g = shaped(extreme, total, length, shape.gamma, apart)
     parts = [g.value]

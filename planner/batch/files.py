@@ -20,7 +20,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.writer import scene_text
 
 SCENE, MOTION, PROOF = ".yaml", ".json", ".proof"
-PLAIN = " ()[]{}+,;=@!$&'"  # characters of a name, beside letters and digits, that its file has too
+PLAIN_CHARACTERS = " ()[]{}+,;=@!$&'"  # characters of a name, beside letters and digits, that its file has too
 
 
 def scene_file(scene: Scene) -> dict[str, bytes]:
@@ -56,7 +56,7 @@ def proven(files: dict[str, bytes], result: PlanResult | JobResult) -> str:
 def place_of(folder: Path, name: str) -> Path:
     """Return the path of a problem's files, without ending: `/` in its name makes folders, and nothing leads out of
     `folder`."""
-    parts = [quote(part, safe=PLAIN) for part in name.split("/")]
+    parts = [quote(part, safe=PLAIN_CHARACTERS) for part in name.split("/")]
     return folder.joinpath(*(part if part.strip(".") else part.replace(".", "%2E") or "%2F" for part in parts))
 
 

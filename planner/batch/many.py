@@ -6,10 +6,10 @@ import os
 from collections.abc import Iterable, Iterator, Sized
 from pathlib import Path
 
-from hdplan.planner.batch.crew import Workers, cores, crew, outcomes
 from hdplan.planner.batch.installed import check_installed
 from hdplan.planner.batch.job import Job, located, seed_of
 from hdplan.planner.batch.outcome import Options, Outcome
+from hdplan.planner.batch.worker_pool import Workers, cores, outcomes, worker_pool
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.progress import tell
@@ -75,7 +75,7 @@ def _planned(
     numbered: Iterator[tuple[int, Job]], workers: Workers, options: Options, in_order: bool, of: str
 ) -> Iterator[Outcome]:
     tell("starting the workers")
-    with crew(workers) as client:
+    with worker_pool(workers) as client:
         waiting: dict[int, Outcome] = {}
         following = certified = 0
         for done, (number, outcome) in enumerate(outcomes(client, numbered, options), start=1):

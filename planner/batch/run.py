@@ -17,13 +17,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hdplan.planner.batch.crew import Workers, crew, outcomes
 from hdplan.planner.batch.files import write_files
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
 from hdplan.planner.batch.lerobot import write_lerobot
 from hdplan.planner.batch.outcome import Options, Outcome
 from hdplan.planner.batch.tables import write_tables
+from hdplan.planner.batch.worker_pool import Workers, outcomes, worker_pool
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
@@ -51,7 +51,7 @@ def run_into(
         left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
         try:
             if left and not stop():
-                with crew(min(workers, len(left)) if isinstance(workers, int) else workers) as client:
+                with worker_pool(min(workers, len(left)) if isinstance(workers, int) else workers) as client:
                     for number, outcome in outcomes(client, left, options):
                         write_files(folder / FILES, outcome.problem, outcome.files)
                         journal.add(number, outcome)

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from hdplan.planner.batch.places import moved_places
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
@@ -44,6 +44,7 @@ from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.link_frame import links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
@@ -55,10 +56,9 @@ from hdplan.scenes.values import Number, checked, instance
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
 
-Array = NDArray[np.float64]
 
 ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
-NEAR = 0.15  # [m] within which the closest pair is searched for first
+NEAR_PAIR = 0.15  # [m] within which the closest pair is searched for first
 
 
 def certify(
@@ -219,7 +219,7 @@ class Certifier:
             uses=tuple(use for found in limits for use in found.uses),
             path=kept,
             departures=departures,
-            overloaded=tuple(sorted({interval for found in limits for interval in found.hopeless})),
+            overloaded=tuple(sorted({interval for found in limits for interval in found.unfixable})),
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
@@ -308,7 +308,7 @@ class Certifier:
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
         """Return what is `nearest` at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
-        spots = self.sweep.nearest(configuration, NEAR, time)  # mostly finds something, with few pairs to compare
+        spots = self.sweep.nearest(configuration, NEAR_PAIR, time)  # mostly finds something, with few pairs to compare
         if None in spots:
             spots = self.sweep.nearest(configuration, time=time)
         to_obstacle, between_links = (

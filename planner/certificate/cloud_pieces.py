@@ -20,8 +20,8 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import read_only
 
 CELL = 0.08  # [m] edge of the cubes whose points make a piece
-THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
-ROOM = 1e-12  # share by which boxes are larger, for rounding
+LEAST_BOX_SIZE = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
+ROUNDING_SHARE = 1e-12  # share by which boxes are larger, for rounding
 
 
 def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
@@ -32,7 +32,9 @@ def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
     away = np.linalg.norm(half, axis=1) + radius
     low, high, center = read_only(-half - radius[:, None]), read_only(half + radius[:, None]), read_only(np.zeros(3))
     pieces = []
-    for c, (size, ball) in enumerate(zip(np.maximum(2.0 * half, THIN).tolist(), radius.tolist(), strict=True)):
+    for c, (size, ball) in enumerate(
+        zip(np.maximum(2.0 * half, LEAST_BOX_SIZE).tolist(), radius.tolist(), strict=True)
+    ):
         shape = coal.Box(*size)
         shape.setSweptSphereRadius(ball)
         bounds = low[c], high[c], center, float(away[c])  # as the class computes them one by one, for thousands slowly
@@ -46,8 +48,8 @@ def moving_pieces(balls: FixedArray) -> list[Piece]:
     for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls, CELL)), strict=True):
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
         back = np.column_stack([own[:, :3] @ frame[:3, :3].T + frame[:3, 3], own[:, 3]])
-        ball = float(radius) + ROOM * float(np.abs(corners).max())  # turned there and back
-        shape = convex_hull((np.maximum(2.0 * half, THIN) * CORNERS) @ frame[:3, :3].T + frame[:3, 3])
+        ball = float(radius) + ROUNDING_SHARE * float(np.abs(corners).max())  # turned there and back
+        shape = convex_hull((np.maximum(2.0 * half, LEAST_BOX_SIZE) * CORNERS) @ frame[:3, :3].T + frame[:3, 3])
         assert shape is not None  # each corner of a box has three neighbours
         shape.setSweptSphereRadius(ball)
         found.append(Piece(corners, shape, ball, grains=back))
@@ -83,7 +85,7 @@ def _boxes(balls: FixedArray, cells: Cells) -> tuple[Array, Array, Array, list[A
     local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(cells.rotation, sizes, axis=0))
     low, high = np.minimum.reduceat(local, cells.first), np.maximum.reduceat(local, cells.first)
     middle = 0.5 * (low + high)
-    half = 0.5 * (high - low) + ROOM * np.abs(local).max()
+    half = 0.5 * (high - low) + ROUNDING_SHARE * np.abs(local).max()
     grains = read_only(np.column_stack([local - np.repeat(middle, sizes, axis=0), found[:, 3]]))
     frames = np.tile(np.eye(4), (len(sizes), 1, 1))
     frames[:, :3, :3], frames[:, :3, 3] = cells.rotation, np.einsum("cij,cj->ci", cells.rotation, middle)

@@ -19,19 +19,21 @@ from hdplan.planner.certificate.part_bounds import PartBounds
 from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import TimeLimitError
 
-SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
-STILL = 1e-6  # [m] motion below which halving does not help
+SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
+LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-NEWS = 0.02  # share of this tolerance by which a place must be closer than the closest one known to be looked at
+CLOSER_SHARE = (
+    0.02  # share of this tolerance by which a place must be closer than the closest one known to be looked at
+)
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
-WIDER = 8  # times as many pairs at once where groups of bodies settle most of their items
+BATCH_FACTOR = 8  # times as many pairs at once where groups of bodies settle most of their items
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
 
@@ -146,7 +148,7 @@ class _Run:
         order, size = np.argsort(far, kind="stable"), max(MOST_ITEMS // count, 1)
         grouped, first = self.bounds.by_groups(roots), 0
         while first < len(order):
-            more = size if grouped is None or first == 0 else WIDER * size  # groups leave few of their items
+            more = size if grouped is None or first == 0 else BATCH_FACTOR * size  # groups leave few of their items
             pairs, first = order[first : first + more], first + more
             self.looked_at += len(pairs)
             group = self.pairs.group[pairs]
@@ -355,7 +357,7 @@ class _Run:
             goal = max(floor, _goal(closest))
             if hulls[i] < closest or (hulls[i] < goal and items.bound[i] < goal):
                 self.exact_calls += 1
-                within = max(closest - NEWS * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                within = max(closest - CLOSER_SHARE * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
                 try:
                     found = parts.bound(k, within, goal)
                 except TimeLimitError:  # what is left is not proven
@@ -368,14 +370,14 @@ class _Run:
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Halve the intervals of the open items; give up those that are as short as they may become."""
         a, b = (nodes.row(items.node, bodies[items.pair]) for bodies in (self.pairs.a, self.pairs.b))
-        still = nodes.moved[a] + nodes.moved[b] <= STILL
+        still = nodes.moved[a] + nodes.moved[b] <= LEAST_MOTION
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
-        hopeless = still | (nodes.width[items.node] <= SHORTEST) | over
+        undecided = still | (nodes.width[items.node] <= SHORTEST_INTERVAL) | over
         for node, pair, bound in zip(
-            items.node[hopeless], items.pair[hopeless], items.bound[hopeless].tolist(), strict=True
+            items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):
             self._fail(self._spot(nodes, int(node), int(pair), bound, False))
-        items = items[~hopeless]
+        items = items[~undecided]
         used, row = np.unique(items.node, return_inverse=True)
         width = 0.5 * np.repeat(nodes.width[used], 2)
         start = np.repeat(nodes.start[used], 2) + width * np.tile([0.0, 1.0], len(used))

@@ -22,11 +22,11 @@ from hdplan.planner.certificate.intervals import Bodies, Body, Index, Intervals,
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.meshes import connected
 from hdplan.planner.geometry.solids import Solid
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 
-FEW = 1000  # balls of which it is worthwhile to find those that overlap
-TOUCHING = 1.15  # of the radius: balls in a cube of this edge have centres less than two radii apart
-ROUNDED = 1e-9  # share by which balls around parts are larger, for rounding
+CHECKED_OVERLAPS = 1000  # balls of which it is worthwhile to find those that overlap
+TOUCHING_CUBE = 1.15  # of the radius: balls in a cube of this edge have centres less than two radii apart
+ROUNDING_SHARE = 1e-9  # share by which balls around parts are larger, for rounding
 
 
 class Containment:
@@ -75,7 +75,7 @@ class Containment:
         inside, around = nodes.row(every, inner), nodes.row(every, outer)  # (k, q)
         world = np.einsum("kqij,qj->kqi", nodes.rotation[inside], self.center[inner]) + nodes.origin[inside]
         local = np.einsum("kqji,kqj->kqi", nodes.rotation[around], world - nodes.origin[around])
-        room = (self.radius * (1.0 + ROUNDED))[inner][:, None]
+        room = (self.radius * (1.0 + ROUNDING_SHARE))[inner][:, None]
         near = ((local >= self.low[outer] - room) & (local <= self.high[outer] + room)).all(axis=2)
         found: dict[tuple[int, tuple[int, ...]], None] = {}
         for node, row in np.argwhere(near).tolist():
@@ -119,9 +119,9 @@ def _parts(body: Body) -> Array:
     points, grains = _points(body), body.piece.grains
     if grains is None:
         return points
-    order, first = grouped(points, TOUCHING * float(grains[:, 3].min()))  # those in one cube overlap
+    order, first = grouped(points, TOUCHING_CUBE * float(grains[:, 3].min()))  # those in one cube overlap
     points, radii = points[order[first]], grains[order[first], 3]
-    if len(points) > FEW:
+    if len(points) > CHECKED_OVERLAPS:
         return points
     one, other = np.nonzero(np.linalg.norm(points[:, None] - points, axis=2) < radii[:, None] + radii)
     return points[np.unique(connected(one, other, len(points)), return_index=True)[1]]

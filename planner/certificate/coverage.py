@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.certificate.intervals import Bodies, Pairs
-from hdplan.planner.motion.motion_bounds import Array
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.curve_stages import Along, Circle, Line

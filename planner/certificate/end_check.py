@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
-
-Array = NDArray[np.float64]
 
 UNITS = {"velocity": "per second", "acceleration": "per second squared"}
 SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's; of its rates per second

@@ -21,24 +21,24 @@ from typing import Any
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.certificate.parts import Parts
 from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, below
 from hdplan.planner.geometry.solids import Solid
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere, own_fields
 
-Array = NDArray[np.float64]
-
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
-FEW = 250  # vertices of the hull that replaces one too large for coal
-DOUBTFUL = 1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
+DOUBTFUL_DIFFERENCE = (
+    1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+)
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
 NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel contact
 
@@ -310,8 +310,8 @@ def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
 
 
 def _outermost(points: Array) -> Array:
-    """Return the points that lie farthest in FEW directions."""
-    directions = np.random.default_rng(0).normal(size=(FEW, 3))
+    """Return the points that lie farthest in HULL_VERTICES directions."""
+    directions = np.random.default_rng(0).normal(size=(HULL_VERTICES, 3))
     return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
 
 

@@ -24,15 +24,16 @@ import numpy as np
 
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.motion.curve import Curve, Index
-from hdplan.planner.motion.motion_bounds import Array, Chain, cross
+from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 
 NODES = 4  # of an interval between two rows, at which the nearest place is looked for
-AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
-WITHIN = 1.0  # tolerances that it may be farther, to catch up
+LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
+CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
@@ -84,7 +85,7 @@ class PoseCurve:
         found, last, gone = np.zeros(len(origins)), len(self.steps) - 1, 0.0
         for k in range(1, len(origins) - 1):
             first = min(int(found[k - 1]), last)
-            end = int(np.searchsorted(ahead, gone + AHEAD * moved[k - 1] + WITHIN))
+            end = int(np.searchsorted(ahead, gone + LOOK_AHEAD * moved[k - 1] + CATCH_UP))
             near = np.arange(first, min(max(end, first + 1), last + 1))
             off, turn = origins[k] - self.origins[near], self._turn_from(near, rotations[k])
             inner = (off * self.steps[near]).sum(axis=1) / far**2 + (turn * self.turns[near]).sum(axis=1) / angle**2

@@ -19,13 +19,14 @@ import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.certificate import bounds_loop
-from hdplan.planner.certificate.exact_proximity import DOUBTFUL, best_direction, directions
+from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, best_direction, directions
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.geometry.cells import grouped
-from hdplan.planner.motion.motion_bounds import Array, Mask, Motion, cross
+from hdplan.planner.motion.motion_bounds import Motion, cross
+from hdplan.scenes.array_types import Array, Mask
 
-MANY = 500  # bodies that stand, from which on it is worth while to bound groups of them
+GROUPED_FROM = 500  # bodies that stand, from which on it is worth while to bound groups of them
 GROUP = 0.25  # [m] edge of the cubes whose bodies make a group
 
 
@@ -96,7 +97,7 @@ class Bounds:
         bodies, (_, first) = self.bodies, self._first
         still = ~(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
         standing = np.flatnonzero(still & np.isin(np.arange(len(still)), self.pairs.b))
-        if len(standing) < MANY:
+        if len(standing) < GROUPED_FROM:
             return None
         center, radius = bodies.standing[2][standing], bodies.radius[standing]
         order, begin = grouped(center, GROUP)
@@ -169,7 +170,7 @@ class Bounds:
             )
         )
         values, bound, travel = self.by_plane(nodes, items, normals)
-        doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL)))
+        doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL_DIFFERENCE)))
         for i in doubtful.tolist():
             node, one, other = int(items.node[i]), int(a[i]), int(b[i])
             normals[i], _ = best_direction(pieces[one], nodes.pose(node, one), pieces[other], nodes.pose(node, other))

@@ -21,7 +21,8 @@ from hdplan.distance.compiled.loops import Record
 from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
+from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import freeze
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 JUMP = 1e-6  # [rad/s], [rad/s²] and so on: differences of equal values due to rounding
@@ -48,7 +48,7 @@ class LimitFinding:
     uses: tuple[Use, ...]
     complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first
     remark: str = ""  # what is proven, in place of the uses' shares
-    hopeless: tuple[int, ...] = ()  # intervals between rows in which moving slower does not help
+    unfixable: tuple[int, ...] = ()  # intervals between rows in which moving slower does not help
     loads: tuple[str, ...] = ()  # of the scene's masses that were taken into account, by their fields
 
     @property

@@ -11,7 +11,8 @@ import numpy as np
 from hdplan.planner.certificate.interval_bounds import Items
 from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
 from hdplan.planner.certificate.part_distance import Found, Placed, part_distance
-from hdplan.planner.motion.motion_bounds import Array, Motion
+from hdplan.planner.motion.motion_bounds import Motion
+from hdplan.scenes.array_types import Array
 
 
 class PartBounds:

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import DOUBTFUL, TURNS, Piece, directions, transform
+from hdplan.planner.certificate.exact_proximity import DOUBTFUL_DIFFERENCE, TURNS, Piece, directions, transform
 from hdplan.planner.certificate.parts_loop import Side, Walk
 from hdplan.planner.certificate.rounding import ROUNDING
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.once import read_only
 
 MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
-KEPT = 8  # directions that are tried first next time
-SAME = 1e-7  # share of a distance by which another pair of parts must be closer to be looked for
+KEPT_DIRECTIONS = 8  # directions that are tried first next time
+EQUAL_SHARE = 1e-7  # share of a distance by which another pair of parts must be closer to be looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def part_distance(
         check_time("measuring the distance of meshes")
         normals, said = directions((*a.shape(i), *b.shape(j)) for i, j in pairs.tolist())
         distances, bounds = walk.ask(a.along(-normals), b.along(normals), pairs)
-        sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL)
+        sure = (said > 0.0) & (np.abs(distances - said) < DOUBTFUL_DIFFERENCE)
         while not sure[row := int(distances.argmin())]:  # the others are not closer than it seems
             sure[row] = True
             i, j = pairs[row].tolist()
@@ -142,11 +142,11 @@ def part_distance(
         walk.settle(float(distances[row]), float(bounds.min()))
         if (least := float(distances[row])) < found:
             found, closest = least, (int(pairs[row, 0]), int(pairs[row, 1]))
-            walk.known = found - max(SAME * found, ROUNDING)
+            walk.known = found - max(EQUAL_SHARE * found, ROUNDING)
         if found <= 0.0 and a.piece.grains is None and b.piece.grains is None:  # how deep is of no use
-            return Found(0.0, -np.inf, tried[-KEPT:], closest)
+            return Found(0.0, -np.inf, tried[-KEPT_DIRECTIONS:], closest)
         most = min(2 * most, MOST_AT_ONCE)
-    return Found(walk.least, walk.proven, tried[-KEPT:], closest)
+    return Found(walk.least, walk.proven, tried[-KEPT_DIRECTIONS:], closest)
 
 
 _EYE = read_only(np.eye(3))

@@ -20,8 +20,8 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze, read_only
 
 BRANCH = 8  # nodes in a group
-MOST = 64  # so few parts are one group: the balls of a cell
-ROOM = 1e-12  # share by which groups are larger, for rounding
+GROUP_SIZE = 64  # so few parts are one group: the balls of a cell
+ROUNDING_SHARE = 1e-12  # share by which groups are larger, for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +43,14 @@ class Parts:
     @classmethod
     def of(cls, corners: Array, radius: Array) -> Parts:
         """Group parts: the hulls of corners (m, 1 or 3, 3), swept by balls of these radii (m,)."""
-        if (count := len(corners)) > MOST:
+        if (count := len(corners)) > GROUP_SIZE:
             order = _near_one_another(corners.mean(axis=1))
             corners, radius = corners[order], radius[order]
         corners = corners[:, np.minimum(np.arange(4), corners.shape[1] - 1)]
         levels, first, last = [(corners, radius)], [np.arange(count)], [np.arange(1, count + 1)]
         begin = 0  # of the last level
         while (size := len(levels[-1][0])) > 1:
-            groups = np.arange(0, size, BRANCH if count > MOST else MOST)
+            groups = np.arange(0, size, BRANCH if count > GROUP_SIZE else GROUP_SIZE)
             levels.append(_enclosed(*levels[-1], groups))
             first.append(begin + groups)
             last.append(begin + np.append(groups[1:], size))
@@ -96,7 +96,11 @@ def _enclosed(corners: Array, radius: Array, first: Rows) -> tuple[Array, Array]
     low, high = np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     flat = middle[:, None] + half[:, None] * _RECTANGLES[half.argmin(axis=1)]
-    around = np.maximum.reduceat(radius, first) + half.min(axis=1) + ROOM * max(np.abs(low).max(), np.abs(high).max())
+    around = (
+        np.maximum.reduceat(radius, first)
+        + half.min(axis=1)
+        + ROUNDING_SHARE * max(np.abs(low).max(), np.abs(high).max())
+    )
     return flat, around
 
 

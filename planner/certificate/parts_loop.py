@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
-from hdplan.planner.certificate.parts import MOST, Parts
+from hdplan.planner.certificate.parts import GROUP_SIZE, Parts
 from hdplan.scenes.array_types import Array, Rows
 
-LATEST = 64  # directions kept when more are found: the walk goes on near where they were found
+KEPT_DIRECTIONS = 64  # directions kept when more are found: the walk goes on near where they were found
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Side:
     def more(self, other: Side) -> Side:
         """Return it with the directions of another, and the latest of its own."""
         pairs = (self.ways, other.ways), (self.offsets, other.offsets)
-        return Side(self.parts, *(np.concatenate([own[-LATEST:], new]) for own, new in pairs))
+        return Side(self.parts, *(np.concatenate([own[-KEPT_DIRECTIONS:], new]) for own, new in pairs))
 
     def reach(self, nodes: Rows) -> Array:
         """Return max n·(x + s x') over the points x of nodes (i,): (k, 3, i)."""
@@ -63,13 +63,13 @@ class Walk:
         self.a, self.b, self.moved = a, b, moved
         self.within, self.enough = within, enough
         self.least = self.proven = self.known = np.inf  # [m] distance and bound of pairs settled, and what limits both
-        self.stack = np.empty((1 + MOST * (a.depth + b.depth), 2), np.int64)
+        self.stack = np.empty((1 + GROUP_SIZE * (a.depth + b.depth), 2), np.int64)
         self.stack[0], self.height, self.newest = (a.root, b.root), 1, 0
 
     def ask(self, a: Side, b: Side, pairs: Rows) -> tuple[Array, Array]:
         """Take more directions in the place of the oldest, and return the best distances and bounds (i,) of pairs of
         nodes (i, 2)."""
-        self.newest = max(self.newest - max(len(self.a.ways) - LATEST, 0), 0)
+        self.newest = max(self.newest - max(len(self.a.ways) - KEPT_DIRECTIONS, 0), 0)
         self.a, self.b = self.a.more(a), self.b.more(b)
         distances, bounds = self.bounds(*pairs.T)
         return distances.max(axis=0), bounds.max(axis=0)

@@ -39,9 +39,10 @@ from typing import NamedTuple, Protocol, assert_never
 import numpy as np
 
 from hdplan.planner.motion.curve import Index
-from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
+from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within

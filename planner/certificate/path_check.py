@@ -16,15 +16,16 @@ from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.followed_curve import Followed, OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
 from hdplan.planner.motion.curve import Curve, Index
-from hdplan.planner.motion.motion_bounds import Array, Chain
+from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import InputError, naming
 
 GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
 ROUNDING = 1e-9  # [rad] or [m] added to every bound
 SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
-SHORTEST = 2.0**-17  # of an interval: below it, the answer is "not proven"
+SHORTEST_INTERVAL = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ class PathCheck:
             broken |= worst > held.allowed + GRANTED
             settled = (bound <= held.allowed + GRANTED) | broken[interval]
             closed = settled & (bound <= worst.max() + slack)
-            closed |= (width <= SHORTEST) | (seconds_left() == 0.0)
+            closed |= (width <= SHORTEST_INTERVAL) | (seconds_left() == 0.0)
             failed[interval[closed & ~settled]] = True
             proven = max(proven, float(bound[closed].max(initial=-np.inf)))
             width = np.repeat(0.5 * width[~closed], 2)

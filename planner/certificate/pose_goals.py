@@ -11,13 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.targets import PoseTarget
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
 

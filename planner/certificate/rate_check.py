@@ -25,12 +25,12 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-EXACT = 1e-9  # relative, of the slope of a stair
+SLOPE_ERROR = 1e-9  # relative, of the slope of a stair
 
 
 class RateCheck:
@@ -92,10 +92,10 @@ def slope_of_steps(steps: Array, times: Array) -> Array:
             taken = times[last] - times[first]
             rise = sign * (after[last, columns] - before[first, columns]) - JUMP
             needed = np.divide(rise, taken, out=np.zeros_like(rise), where=taken > 0.0)
-            if not (needed > slopes * (1.0 + EXACT)).any():
+            if not (needed > slopes * (1.0 + SLOPE_ERROR)).any():
                 break
             slopes = np.maximum(slopes, needed)
-    return slopes * (1.0 + EXACT)
+    return slopes * (1.0 + SLOPE_ERROR)
 
 
 def _complaints(uses: tuple[Use, ...], curve: Curve) -> Iterator[tuple[Status, str]]:

@@ -32,7 +32,7 @@ import numpy as np
 
 from hdplan.planner.certificate.intervals import Bodies
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
 ROUNDING = 1e-9  # [m] subtracted from every bound

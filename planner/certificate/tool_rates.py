@@ -23,9 +23,10 @@ from hdplan.planner.certificate.limit_checks import JUMP
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, between_rows
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.motion.curve import Curve, Index
-from hdplan.planner.motion.motion_bounds import Array, Chain, cross
+from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.path_constraints import Follow
 
 FIELDS = {1: "speed", 2: "acceleration"}  # of the scene, by the order of the derivative

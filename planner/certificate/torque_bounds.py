@@ -14,11 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.motion_bounds import Chain
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 def torque_curvature(model: pin.Model, chain: Chain, rates: Array) -> Array:

@@ -23,9 +23,9 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.loads import loads_in
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 STEP = 2e-3  # [s] between samples at first, at most

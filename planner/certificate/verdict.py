@@ -11,18 +11,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdplan.planner.motion.curve import Curve
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.values import FilePath
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.limit_checks import LimitFinding, Use
     from hdplan.planner.certificate.path_check import Departure, Kept
-
-Array = NDArray[np.float64]
 
 
 class Status(Enum):

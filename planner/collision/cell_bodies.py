@@ -19,10 +19,10 @@ from hdplan.scenes.poses import Pose
 
 CELL, SMALL_CELL = 0.08, 0.04  # [m] edges of the cubes; the small ones for where the others leave no way
 MOST_TRIANGLES = 100_000  # of a surface when it is cut, about: larger cells are taken for a larger one,
-LARGER = 1.25  # by this factor
+CELL_GROWTH = 1.25  # by this factor
 SLIVER = math.log2(3.0)  # halving the two long sides of a triangle without area makes three of it
 HALVINGS = 40  # of a triangle, at most
-FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
+FARTHEST_POINT = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
 
 def from_cloud(
@@ -31,7 +31,7 @@ def from_cloud(
     """Enclose a cloud that was read and stands at `pose` in the world: bodies, and notes on what was merged and what
     can hardly be meant."""
     balls, notes = balls_in(cloud), []
-    if (far := reach(balls.array)) > FAR:
+    if (far := reach(balls.array)) > FARTHEST_POINT:
         notes.append(f"reaches as far as {far:.0f} m: is it in millimetres? hdplan takes metres")
     if cloud.voxel is not None:
         count = len(balls)
@@ -66,7 +66,7 @@ def from_surface(
     long = np.linalg.norm([b - a, c - b, a - c], axis=2).max(axis=0)
     edge = SMALL_CELL if closely else CELL
     while area / edge**2 + ((long[long > edge] / edge) ** SLIVER).sum() > MOST_TRIANGLES:
-        edge *= LARGER
+        edge *= CELL_GROWTH
     vertices, triangles = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.triangles, edge, max_iter=HALVINGS)
     corners = vertices[triangles]  # (F, 3, 3)
     order, first = grouped(corners.mean(axis=1), edge)

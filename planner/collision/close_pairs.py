@@ -17,7 +17,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record
 from hdplan.scenes.array_types import Array, Rows
 
-ROOM = 1 << 10  # rows that there is room for at first
+FIRST_ROWS = 1 << 10  # rows that there is room for at first
 LEAST = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 
@@ -30,7 +30,7 @@ def close_rows(
 ) -> tuple[Rows, Rows]:
     """Return samples and pairs (S,) of the rows that are close, pair by pair: at placements (batch, joints, 12), or of
     balls of other centres (bodies, batch, 3) and reaches (bodies,), with standing boxes."""
-    room = ROOM
+    room = FIRST_ROWS
     given = [None if x is None else np.ascontiguousarray(x) for x in (placements, centres, reach)]
     while True:
         sample, pair = np.empty(room, np.int64), np.empty(room, np.int64)

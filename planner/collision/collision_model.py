@@ -27,7 +27,9 @@ VERSION = "2"  # to be changed with anything that changes which bodies overlap, 
 TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alone counts here, depends on neither
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
-OFTEN = 0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
+OVERLAP_SHARE = (
+    0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
+)
 
 NONE = read_only(np.empty((0, 3)))
 
@@ -128,7 +130,8 @@ def _often_overlapping(
     planes: tuple[HalfspaceBody, ...],
     pairs: list[tuple[int, int, str, str]],
 ) -> tuple[LinkPair, ...]:
-    """The links whose bodies, of these pairs, overlap in more than OFTEN of TRIALS; cached on disk by content."""
+    """The links whose bodies, of these pairs, overlap in more than OVERLAP_SHARE of TRIALS; cached on disk by
+    content."""
     from hdplan.planner.collision.separation_bounds import content_of
 
     rows, names = [(i, j) for i, j, _, _ in pairs], [(a, b) for _, _, a, b in pairs]
@@ -136,13 +139,13 @@ def _often_overlapping(
     known = known_result("overlaps", key)
     if known is not None:
         return tuple((a, b) for a, b in known)
-    laid_out = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)
+    assembled = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)
     drawn = kinematics.evaluate(robot.expand(robot.draw(np.random.default_rng(0), TRIALS)))
-    sample, pair = laid_out.close(drawn)
-    distance, _, _ = HdsdfPairs(laid_out, GAMMA, LENGTH)(drawn, sample, pair)
+    sample, pair = assembled.close(drawn)
+    distance, _, _ = HdsdfPairs(assembled, GAMMA, LENGTH)(drawn, sample, pair)
     overlaps: dict[LinkPair, set[int]] = {}
     for s, p in zip(sample[distance < 0].tolist(), pair[distance < 0].tolist(), strict=True):
         overlaps.setdefault(names[p], set()).add(s)
-    unresolved = tuple(links for links, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
+    unresolved = tuple(links for links, seen in overlaps.items() if len(seen) > OVERLAP_SHARE * TRIALS)
     store("overlaps", key, unresolved)
     return unresolved

@@ -29,13 +29,15 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.geometry.shapes import Outline, operations
+from hdplan.planner.geometry.shape_table import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 from hdplan.scenes.shapes import Shape
 
-DOUBTFUL = 1e-6  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+DOUBTFUL_DIFFERENCE = (
+    1e-6  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+)
 NUDGE = 1e-5  # [rad] by which A is turned for another query: enough to break an exactly parallel contact
 NUDGES = 3
 REQUEST = coal.DistanceRequest()
@@ -78,7 +80,7 @@ class FclPairs(PairDistance):
 
         distance, normal, witness = self._ask(a, b, turn, shift)
         gap = self._gaps(a, b, turn, shift, normal)
-        for k in np.flatnonzero(~(np.abs(gap - distance) <= DOUBTFUL)):
+        for k in np.flatnonzero(~(np.abs(gap - distance) <= DOUBTFUL_DIFFERENCE)):
             gap[k], normal[k], witness[k] = self._ask_again(int(a[k]), int(b[k]), turn[k], shift[k])
         force = (turn_b @ normal[..., None])[..., 0]
         point = (turn_b @ witness[..., None])[..., 0] + origin

@@ -25,7 +25,7 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.geometry.shapes import Swept, operations
+from hdplan.planner.geometry.shape_table import Swept, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.shapes import Shape

@@ -17,7 +17,7 @@ import numpy as np
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
-from hdplan.planner.geometry.shapes import TABLE, operations
+from hdplan.planner.geometry.shape_table import TABLE, operations
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Shape
 

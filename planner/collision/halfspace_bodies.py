@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.halfspaces import FAR, box_directions
+from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import ReadMesh
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
@@ -61,7 +61,7 @@ class HalfspaceBody:
     def directions(self) -> Array:
         """Its normals (k, 3) in the frame of its box, without filled slots."""
         reach = self.supports - self.normals @ self.box[:3, 3]
-        used: Array = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
+        used: Array = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR_OFFSET / 2]
         return used
 
 
@@ -200,7 +200,7 @@ def _placed(
 
 def _fill(normals: Array, supports: Array, spare: int) -> tuple[Array, Array]:
     """Fill unused slots with a plane so far away that it never decides."""
-    far = FAR + supports.max()
+    far = FAR_OFFSET + supports.max()
     return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
 
-MOST = 60_000  # numbers in one array: larger ones leave the processor's cache, and cost several times as much
+MOST_NUMBERS = 60_000  # numbers in one array: larger ones leave the processor's cache, and cost several times as much
 
 
 @cache
@@ -30,7 +30,7 @@ def distance_to_hull(points: Array, vertices: Array) -> tuple[Array, Array]:
     up to about 8. A value is never too small, since each is the distance to a point of the hull.
     """
     rows, filled = _subsets(vertices.shape[-2])
-    at_once, count = max(1, MOST // (7 * len(rows))), points.shape[-2]
+    at_once, count = max(1, MOST_NUMBERS // (7 * len(rows))), points.shape[-2]
     if points.ndim == 3 and len(points) > max(1, at_once // count):
         parts = range(0, len(points), max(1, at_once // count))
         found = [distance_to_hull(points[k : k + parts.step], vertices[k : k + parts.step]) for k in parts]

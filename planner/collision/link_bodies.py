@@ -28,7 +28,7 @@ from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
 from hdplan.planner.collision.shipped_bodies import shipped_bodies
 from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
 from hdplan.planner.collision.standing_out import outside
-from hdplan.planner.geometry.shapes import operations, shape_of
+from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError

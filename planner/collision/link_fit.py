@@ -25,9 +25,11 @@ else:
 
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 PROMISING = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
-LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
+LARGE_DIAGONAL = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
 TELLING = 4  # vertices of a body from which on it tells how tight others can be
-NEAR = 1.15  # axes whose rough fits stand out by no more than this many times the least are told apart by measuring
+NEAR_LEAST = (
+    1.15  # axes whose rough fits stand out by no more than this many times the least are told apart by measuring
+)
 OUTLINE = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
 CANDIDATES = (
@@ -61,7 +63,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
                 continue
         trials = link.roughly(slabs, vertices, along if slabs > 1 else (0,))
         best = trials[0] if best is None else min(best, trials[0], key=lambda each: each.excess)
-        near = [trial for trial in trials if trial.excess <= NEAR * trials[0].excess]
+        near = [trial for trial in trials if trial.excess <= NEAR_LEAST * trials[0].excess]
         scores = {}
         for trial in near:
             if trial.excess <= limit:
@@ -114,7 +116,7 @@ class _Link:
         self.points = hull_points(corners)
         self.hull = Reference.of(self.points)
         self.outline = spread(self.points, OUTLINE)
-        self.slack = max(1.0, float(np.linalg.norm(np.ptp(self.points, axis=0))) / LARGE)
+        self.slack = max(1.0, float(np.linalg.norm(np.ptp(self.points, axis=0))) / LARGE_DIAGONAL)
         self.cut: dict[tuple[int, int], list[Target]] = {}
 
     @cached_property

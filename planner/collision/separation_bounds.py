@@ -45,9 +45,9 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 VERSION = "3"  # to be changed with anything that changes a bound, so that old cache entries are not used
-MOST, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
+MOST_BOXES, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
-TIGHT = 0.9  # share of the least distance found at which a bound is good enough
+TIGHT_SHARE = 0.9  # share of the least distance found at which a bound is good enough
 ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
 
 
@@ -66,12 +66,12 @@ def distances_kept(
     key = content_key(VERSION, *content_of(robot, bodies, pairs), np.float64(wanted).tobytes())
     known = known_result("separation", key)
     if known is None:
-        laid_out = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
-        search = _Search(robot, kinematics, bodies, pairs, FclPairs(laid_out, bodies, planes))
+        assembled = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
+        search = _Search(robot, kinematics, bodies, pairs, FclPairs(assembled, bodies, planes))
         known, left = [0.0] * len(pairs), BUDGET
-        order = np.argsort(np.count_nonzero(laid_out.moves, axis=1), kind="stable").tolist()
+        order = np.argsort(np.count_nonzero(assembled.moves, axis=1), kind="stable").tolist()
         for done, row in enumerate(order):
-            known[row], looked = search.bound(row, wanted, min(MOST, left // (len(order) - done)))
+            known[row], looked = search.bound(row, wanted, min(MOST_BOXES, left // (len(order) - done)))
             left -= looked
         store("separation", key, known)
     return np.array(known)
@@ -96,7 +96,7 @@ class _Search:
             hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
             radii, moves = a.body.radius + b.body.radius, self.distance.pairs.moves[pair]
             least_bound, looked = separation_loop.separation(
-                loops, self.kinematics.tree, hulls, radii, moves, (low, high), wanted, TIGHT, most
+                loops, self.kinematics.tree, hulls, radii, moves, (low, high), wanted, TIGHT_SHARE, most
             )
             proven = least_bound - ROUNDING
             return (proven if proven > wanted else 0.0), looked
@@ -104,9 +104,9 @@ class _Search:
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
         distances, bounds, widest = self._look(pair, centres, halves)
         least, looked = float(distances[0]), 1
-        while bounds.min() < TIGHT * least and least > wanted and looked < most:
+        while bounds.min() < TIGHT_SHARE * least and least > wanted and looked < most:
             order = np.argsort(bounds, kind="stable")
-            count = min(BATCH, int(np.count_nonzero(bounds < TIGHT * least)))
+            count = min(BATCH, int(np.count_nonzero(bounds < TIGHT_SHARE * least)))
             halved, kept, rows = order[:count], order[count:], np.arange(count)
             half, shift = halves[halved], np.zeros((count, self.robot.n))
             half[rows, widest[halved]] /= 2
@@ -123,18 +123,18 @@ class _Search:
     def _look(self, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Rows]:
         """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that
         contributes most to the difference."""
-        laid_out, kinematics = self.distance.pairs, self.kinematics.evaluate(centres)
+        assembled, kinematics = self.distance.pairs, self.kinematics.evaluate(centres)
         distances, wrenches, _ = self.distance(kinematics, np.arange(len(centres)), np.full(len(centres), pair))
         shifts = np.zeros_like(halves)
         gap = np.zeros(len(centres))
         for index, joint, sign in (
-            (self.pairs[pair][0], laid_out.joint_a[pair], 1.0),
-            (self.pairs[pair][1], laid_out.joint_b[pair], -1.0),
+            (self.pairs[pair][0], assembled.joint_a[pair], 1.0),
+            (self.pairs[pair][1], assembled.joint_b[pair], -1.0),
         ):
             body, normal = self.bodies[index].body, sign * wrenches[:, :3]
             turn, origin = kinematics.rotations[:, joint], kinematics.translations[:, joint]
             vertices = np.einsum("kij,vj->kvi", turn, body.vertices) + origin[:, None]
-            moving = np.flatnonzero(laid_out.moves[pair] == sign)
+            moving = np.flatnonzero(assembled.moves[pair] == sign)
             towards = _shifts(vertices, normal, halves[:, moving], kinematics.columns[:, moving])
             heights = (vertices @ normal[:, :, None])[..., 0] - towards.sum(axis=2)
             lowest = heights.argmin(axis=1)

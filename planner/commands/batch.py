@@ -13,7 +13,6 @@ from typing import Any
 from rich.text import Text
 
 from hdplan.planner.batch.cluster_file import ClusterFile
-from hdplan.planner.batch.crew import Workers, cores
 from hdplan.planner.batch.files import MOTION, SCENE, place_of
 from hdplan.planner.batch.installed import check_installed
 from hdplan.planner.batch.job import Job
@@ -25,6 +24,7 @@ from hdplan.planner.batch.run import FILES, JOURNAL, LEROBOT, export_lerobot, re
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import TABLES, jobs_of
 from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
+from hdplan.planner.batch.worker_pool import Workers, cores
 from hdplan.planner.pictures.plot import check_picture, write_picture
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
@@ -68,18 +68,18 @@ def run_batch(
         checked(Choice(("lerobot",)), export, "export")
     if [workers, scheduler, cluster].count(None) < 2:
         raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
-    crew: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
+    worker_pool: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
     jobs = jobs_of(sources, scene, seed)
     if export is not None:
         _check_times(jobs[0])
-    with counting("certified", A_FEW * (crew if isinstance(crew, int) else cores())) as (count, stop):
+    with counting("certified", A_FEW * (worker_pool if isinstance(worker_pool, int) else cores())) as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
         files = proofs or motions == "files"
         options = Options(solver, time_limit, files=files, proofs=proofs, diagnose=diagnosed)
-        complete = run_into(output, jobs, options, workers=crew, report=report, stop=stop)
+        complete = run_into(output, jobs, options, workers=worker_pool, report=report, stop=stop)
     try:
         if export is not None and complete:
             export_lerobot(output, jobs, options, fps)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.text import Text
 
-from hdplan.planner.control.replay import fitting, replay
+from hdplan.planner.control.simulation import fitting, replay
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import check_picture, plot_simulation
 from hdplan.planner.robot.setup import Setup

@@ -13,7 +13,7 @@ from hdplan.planner.job.certify import certify_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.film import film
 from hdplan.planner.page.job_page import ShownJob
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
-from hdplan.distance.symbolic.boxes import axis_count
+from hdplan.distance.symbolic.box_kernel import axis_count
 from hdplan.planner.collision.halfspace_bodies import plane_counts
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import made_once, read_only
@@ -52,7 +52,7 @@ Floats = NDArray[np.float64]
 FLAT = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
 GRID = 24  # cells along an edge of the cube whose grid covers all directions
 NEWTON = 8  # iterations: from at most ln 2 away, each squares what is left
-FINE = 1e-9  # [m] and [1]: resolution of least distances, and of the normals they depend on
+RESOLUTION = 1e-9  # [m] and [1]: resolution of least distances, and of the normals they depend on
 
 
 def shaped(value: float, gamma: int, length: float) -> float:
@@ -118,10 +118,10 @@ def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, len
     power = gamma + 1
 
     def above(distance: float) -> float:
-        read = np.maximum(distance * (along + FINE) - growth, 0.0) / wanted
+        read = np.maximum(distance * (along + RESOLUTION) - growth, 0.0) / wanted
         return float((read**power).sum(axis=1).max()) - 1.0
 
-    return float(brentq(above, 0.0, 2.0 * (growth + wanted), xtol=FINE)) - 2 * FINE
+    return float(brentq(above, 0.0, 2.0 * (growth + wanted), xtol=RESOLUTION)) - 2 * RESOLUTION
 
 
 @functools.cache

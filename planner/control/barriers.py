@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from hdplan.planner.collision.boxes import BoxPairs, GdfPairs
+from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -129,7 +129,9 @@ class Barriers:
             rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self._directions = [body.directions for body in others] if settings.distance == "hdsdf" else []
-        self.pace = max((_fastest(motion, moved) for motion, moved in movers), default=0.0)  # of any obstacle [m/s]
+        self.obstacle_speed = max(
+            (_fastest(motion, moved) for motion, moved in movers), default=0.0
+        )  # of any obstacle [m/s]
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]

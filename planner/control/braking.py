@@ -25,7 +25,7 @@ import numpy as np
 from hdplan.scenes.array_types import Array
 
 REST = 1e-12  # [rad/s or m/s] that a joint at rest may still move, by rounding
-KEPT = 1.0 - 1e-6  # share of each limit that is used, so that rounding exceeds none
+USED_SHARE = 1.0 - 1e-6  # share of each limit that is used, so that rounding exceeds none
 JERK_TIME = 0.1  # share of the time in which the greatest velocity is reached, for the greatest acceleration
 
 
@@ -62,7 +62,7 @@ class Rates:
             limits.get("acceleration", velocity / max(rise, period / 2.0)), 2.0 * velocity / period
         )
         jerk = np.minimum(limits.get("jerk", acceleration**2 / (JERK_TIME * velocity)), 2.0 * acceleration / period)
-        return cls(KEPT * velocity, KEPT * acceleration, KEPT * jerk, period)
+        return cls(USED_SHARE * velocity, USED_SHARE * acceleration, USED_SHARE * jerk, period)
 
     @property
     def step(self) -> Array:

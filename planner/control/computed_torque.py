@@ -15,12 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 STEP = 1e-3  # [s] at most
 FREQUENCY = 100.0  # ω [rad/s] of the controller, critically damped

@@ -49,8 +49,8 @@ import numpy as np
 from hdplan.planner.control.barriers import BarrierRows, Barriers, scene_barriers
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.look_ahead import LookAhead, Mode
-from hdplan.planner.control.program_rows import joint_wishes, pair_wishes
-from hdplan.planner.control.quadratic_program import Wishes, best_velocity
+from hdplan.planner.control.program_rows import joint_constraints, pair_constraints
+from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.sight import Seen, Sight
 from hdplan.planner.control.tasks import Ranked, Task, together
@@ -66,7 +66,7 @@ from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.values import Number, checked, instance, require_fields
 
-MISSED = 1e-4  # [m/s] by which a barrier is violated before it is reported
+MISSED_BARRIER = 1e-4  # [m/s] by which a barrier is violated before it is reported
 
 require_fields(
     Scene,
@@ -194,19 +194,19 @@ class Controller:
         began = perf_counter()
         window = self.window(q, last)
         seen = self.sight.look(window, time)
-        wishes = self._wishes(window, seen)
+        constraints = self._constraints(window, seen)
         distances = perf_counter() - began
         hessian, linear = quadratic(together(task).objective(q, time), joints)
-        command = best_velocity(hessian, linear, *window.box, wishes)
+        command = best_velocity(hessian, linear, *window.box, constraints)
         velocity = window.brake[0] if command is None else command
         mode, kept = Mode.STOPPED if command is None else Mode.MOVING, False
         if self.settings.look_ahead:
             checking = perf_counter()
             ahead = LookAhead(self.sight, window, time, seen)
-            velocity, mode, kept = ahead.checked(velocity, hessian, linear, wishes)
+            velocity, mode, kept = ahead.checked(velocity, hessian, linear, constraints)
             distances += perf_counter() - checking
         pairs = np.concatenate([asked.pairs for asked in seen.asked])
-        missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
+        missed = (constraints.matrix @ velocity < constraints.target - MISSED_BARRIER)[: len(pairs)]
         gave = tuple(sorted(set(pairs[missed].tolist())))
         if gave and mode is not Mode.STOPPED:
             mode = Mode.GIVING_WAY
@@ -239,23 +239,23 @@ class Controller:
             )
         return Window(q, last, self.rates, self.robot.lower, self.robot.upper, self.settings.rate)
 
-    def _wishes(self, window: Window, seen: Seen) -> Wishes:
+    def _constraints(self, window: Window, seen: Seen) -> SoftConstraints:
         """Return the rows: of pairs where the robot comes to rest, of what moves also here, of joints beyond limits."""
         robot, coming = self.robot, self.barriers.coming
         base, here = window.brake[0], np.ones(robot.n)
         gains = window.gains[min(max(len(window.stopping) - 2, 0), len(window.gains) - 1)]
         rows = [
-            pair_wishes(asked, each, base, coming[asked.pairs])
+            pair_constraints(asked, each, base, coming[asked.pairs])
             for asked, each in zip(seen.asked, (gains, gains, here), strict=False)
         ]
         beyond = np.maximum(window.q - robot.upper, robot.lower - window.q)  # [rad] or [m]
-        rows.append(joint_wishes(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))
-        return reduce(Wishes.with_rows, rows)
+        rows.append(joint_constraints(self.settings.rate * beyond, window.q > robot.upper, self.rates.velocity, base))
+        return reduce(SoftConstraints.with_rows, rows)
 
     def _proven(self, velocity: Array, seen: Seen, kept: bool) -> float | None:
         """Return the proven clearance over the period: that at its ends, less the travel to its middle."""
         outer = seen.pairs < self.barriers.obstacle_pairs
         if self._clearance is None or not kept or (seen.here.value[outer] < self.settings.margin).any():
             return None
-        speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.pace
+        speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.obstacle_speed
         return self._clearance - 0.5 * self.settings.period * speed

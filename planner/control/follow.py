@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
@@ -31,8 +30,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 LAG = 0.3  # [rad] or [m] of any joint behind the reference, at which the reference stops
 GAIN = 4.0  # k [1/s]

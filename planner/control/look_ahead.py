@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.planner.control.program_rows import COMING
-from hdplan.planner.control.quadratic_program import Wishes, best_velocity
+from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.sight import Seen, Sight
 from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Mask
@@ -50,9 +50,11 @@ class LookAhead(NamedTuple):
     time: float  # [s] of the period's beginning
     seen: Seen
 
-    def checked(self, velocity: Array, hessian: Array, linear: Array, wishes: Wishes) -> tuple[Array, Mode, bool]:
+    def checked(
+        self, velocity: Array, hessian: Array, linear: Array, constraints: SoftConstraints
+    ) -> tuple[Array, Mode, bool]:
         """Return the command after the check, its mode, and whether it passed."""
-        base, box, asked = self.window.brake[0], self.window.box, wishes
+        base, box, asked = self.window.brake[0], self.window.box, constraints
         best: tuple[float, Array] | None = None
         for check in range(CHECKS + 1):
             over, gradient, coming = self._lowest(velocity)
@@ -71,11 +73,11 @@ class LookAhead(NamedTuple):
             gradient, coming = gradient[fallen], coming[fallen]
             if check == CHECKS - 2:  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
-                box, wishes = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), asked
-            wish = gradient @ velocity + (SPARE - over[fallen]) / self.window.rates.period
-            hold = np.where(coming, -np.inf, np.minimum(wish, gradient @ base))
-            wishes = wishes.with_rows(Wishes(gradient, wish, hold, np.full(len(wish), COMING)))
-            corrected = best_velocity(hessian, linear, *box, wishes)
+                box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), asked
+            target = gradient @ velocity + (SPARE - over[fallen]) / self.window.rates.period
+            floor = np.where(coming, -np.inf, np.minimum(target, gradient @ base))
+            constraints = constraints.with_rows(SoftConstraints(gradient, target, floor, np.full(len(target), COMING)))
+            corrected = best_velocity(hessian, linear, *box, constraints)
             velocity = base if corrected is None else corrected
         return (base, Mode.STOPPED, False) if best is None else (best[1], Mode.CORRECTED, False)
 

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.planner.control.barriers import BarrierRows
-from hdplan.planner.control.quadratic_program import Wishes
+from hdplan.planner.control.quadratic_program import SoftConstraints
 from hdplan.scenes.array_types import Array, Mask, Rows
 
-NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
-COMING, RECOVERING = 1e3, 30.0  # prices of violations, for moving obstacles and for recovery to a margin [s/m or s]
-SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
+NEAR_DISTANCE = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
+COMING, RECOVERING = 1e3, 30.0  # weights of violations, for moving obstacles and for recovery to a margin [s/m or s]
+NEAR_MOVING = 0.01  # [m] from a moving obstacle, below which its price is constant
 
 
 class Asked(NamedTuple):
@@ -35,21 +35,21 @@ class Asked(NamedTuple):
     rates: Array  # (m,) η of each [1/s]
 
 
-def pair_wishes(asked: Asked, gains: Array, base: Array, coming: Mask) -> Wishes:
+def pair_constraints(asked: Asked, gains: Array, base: Array, coming: Mask) -> SoftConstraints:
     """Return rows for the velocity, by `gains` w (n,) and `base` u_b (n,); coming (m,): pairs with what moves, which
     may be violated, at a price that grows as they come closer. The others at least get no worse than by braking."""
     matrix = asked.rows.gradient * gains
     begun = matrix @ base
-    wish = begun - asked.rates * asked.slack - asked.rows.drift
-    hold = np.where(coming, -np.inf, np.minimum(wish, begun))
-    urgency = SOON / np.maximum(asked.rows.separation, SOON)
-    return Wishes(matrix, wish, hold, np.where(coming, COMING * urgency, RECOVERING))
+    target = begun - asked.rates * asked.slack - asked.rows.drift
+    floor = np.where(coming, -np.inf, np.minimum(target, begun))
+    urgency = NEAR_MOVING / np.maximum(asked.rows.separation, NEAR_MOVING)
+    return SoftConstraints(matrix, target, floor, np.where(coming, COMING * urgency, RECOVERING))
 
 
-def joint_wishes(beyond: Array, above: Mask, fastest: Array, base: Array) -> Wishes:
-    """Return rows that bring joints back that are `beyond` (n,) > 0 [rad/s or m/s] wishes outside their limits, on the
+def joint_constraints(beyond: Array, above: Mask, fastest: Array, base: Array) -> SoftConstraints:
+    """Return rows that bring joints back which are outside their limits, by `beyond` (n,) > 0 [rad/s or m/s], on the
     side `above` (n,)."""
     joints = np.flatnonzero(beyond > 0.0)
     matrix = np.eye(len(beyond))[joints] * np.where(above, -1.0, 1.0)[joints, None]
-    wish = np.minimum(beyond, fastest)[joints]
-    return Wishes(matrix, wish, np.minimum(wish, matrix @ base), np.full(len(joints), RECOVERING))
+    target = np.minimum(beyond, fastest)[joints]
+    return SoftConstraints(matrix, target, np.minimum(target, matrix @ base), np.full(len(joints), RECOVERING))

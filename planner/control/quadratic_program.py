@@ -1,14 +1,14 @@
 """The quadratic program of a controller: the best velocity, even if not all constraints can be met.
 
-    minimize ½ uᵀ H u + fᵀ u    subject to    low ≤ u ≤ high,   a_k·u ≥ wish_k    for every row k          (1)
+    minimize ½ uᵀ H u + fᵀ u    subject to    low ≤ u ≤ high,   a_k·u ≥ target_k    for every row k          (1)
 
-If no velocity meets every wish, a row still keeps its floor, hold_k ≤ wish_k, and its shortfall s_k from the wish has a
-price:
+If no velocity meets every target, a row still keeps its floor, floor_k ≤ target_k, and its shortfall s_k from the
+target has a weight:
 
-    minimize ½ uᵀ H u + fᵀ u + ½ Σ (price_k s_k)²    subject to    a_k·u ≥ hold_k,   a_k·u + s_k ≥ wish_k    (2)
+    minimize ½ uᵀ H u + fᵀ u + ½ Σ (weight_k s_k)²    subject to    a_k·u ≥ floor_k,   a_k·u + s_k ≥ target_k    (2)
 
 so that (1) is solved exactly if it is feasible, and otherwise (2) favours the rows of the highest price. A row with
-hold = wish is a hard constraint, one with hold = −∞ a purely soft one. (2) is feasible if some velocity keeps every
+floor = target is a hard constraint, one with floor = −∞ a purely soft one. (2) is feasible if some velocity keeps every
 floor: with box and floors around 0, standing still does.
 """
 
@@ -18,61 +18,60 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 VANISHED = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
 
-class Wishes(NamedTuple):
+class SoftConstraints(NamedTuple):
     """Rows of the program, m of them."""
 
     matrix: Array  # (m, n) a
-    wish: Array  # (m,)
-    hold: Array  # (m,) floor, at most the wish; −inf: none
-    price: Array  # (m,) of the shortfall from the wish
+    target: Array  # (m,)
+    floor: Array  # (m,) floor, at most the target; −inf: none
+    weight: Array  # (m,) of the shortfall from the target
 
-    def with_rows(self, other: Wishes) -> Wishes:
+    def with_rows(self, other: SoftConstraints) -> SoftConstraints:
         """Return these rows followed by others."""
-        return Wishes(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+        return SoftConstraints(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
 
 
-def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes: Wishes) -> Array | None:
+def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constraints: SoftConstraints) -> Array | None:
     """Return u (n,); None if no velocity keeps every floor.
 
     By DAQP, a dual active-set solver: for 7 joints, bounds and 60 rows it took 0.02 ms where quadprog took 0.04,
     PIQP 0.11, ProxQP 0.47 and OSQP 1.6 (benchmarks/control.py), with quadprog's answers to 1e-13.
     """
-    matrix, wish, hold, price = wishes
+    matrix, target, floor, weight = constraints
     length = np.linalg.norm(matrix, axis=1)
     # rows that no velocity within the box can violate are left out, which is exact and most of them
     least = np.minimum(matrix * low, matrix * high).sum(axis=1)
-    kept = (least < wish) & (length > VANISHED)
+    kept = (least < target) & (length > VANISHED)
     length = length[kept]
-    matrix, wish, hold = matrix[kept] / length[:, None], wish[kept] / length, hold[kept] / length
-    found = _solved(hessian, linear, matrix, low, high, wish)
+    matrix, target, floor = matrix[kept] / length[:, None], target[kept] / length, floor[kept] / length
+    found = _solved(hessian, linear, matrix, low, high, target)
     if found is not None:
         return np.clip(found, low, high)  # DAQP's bounds hold to 1e-12
-    price = price[kept] * length
-    n, gives = len(linear), hold < wish
+    weight = weight[kept] * length
+    n, gives = len(linear), floor < target
     count = int(gives.sum())
-    # (2) in u and price · s; each priced row is scaled so that its coefficients are at most 1
-    scale = np.maximum(price[gives], 1.0)
-    priced = np.hstack([matrix[gives] * (price[gives] / scale)[:, None], np.diag(1.0 / scale)])
+    # (2) in u and price · s; each weighted row is scaled so that its coefficients are at most 1
+    scale = np.maximum(weight[gives], 1.0)
+    weighted = np.hstack([matrix[gives] * (weight[gives] / scale)[:, None], np.diag(1.0 / scale)])
     floors = np.hstack([matrix, np.zeros((len(matrix), count))])
-    firm = np.isfinite(hold)
+    firm = np.isfinite(floor)
     both = np.zeros((n + count, n + count))
     both[:n, :n], both[n:, n:] = hessian, np.eye(count)
     found = _solved(
         both,
         np.append(linear, np.zeros(count)),
-        np.concatenate([floors[firm], priced]),
+        np.concatenate([floors[firm], weighted]),
         np.append(low, np.zeros(count)),
         np.append(high, np.full(count, UNBOUNDED)),
-        np.concatenate([hold[firm], wish[gives] * price[gives] / scale]),
+        np.concatenate([floor[firm], target[gives] * weight[gives] / scale]),
     )
     return None if found is None else np.clip(found[:n], low, high)
 

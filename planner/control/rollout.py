@@ -15,17 +15,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.control.braking import Command
 from hdplan.planner.control.controller import Controller, Step
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.tasks import Ranked, Task, together
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.values import Number, checked, instance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
 from hdplan.planner.control.barriers import BarrierRows, Barriers
-from hdplan.planner.control.program_rows import NEAR, Asked
+from hdplan.planner.control.program_rows import NEAR_DISTANCE, Asked
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.window import Window
 from hdplan.scenes.array_types import Array, Mask, Rows
@@ -75,13 +75,13 @@ class Sight:
         known = inside[: len(near.value)]
         asked = [
             Asked(pairs, straight[1], straight[1].value - self.margins[pairs], self._rates(rest, pairs)),
-            Asked(known, near, np.maximum(near.value - NEAR, 0.0), np.full(len(known), rate)),
+            Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate)),
         ]
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
             rows, of = _part(straight[0], coming), pairs[coming]
             asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
-        return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR))
+        return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR_DISTANCE))
 
     def _lowest(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
         """Return the least Δ of pairs that are inside their margins, at most δ, and their least exact distance [m], on

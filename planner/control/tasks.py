@@ -13,19 +13,18 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.values import Number, Whole, checked, instance, is_row, wrong
 
-Array = NDArray[np.float64]
-
 GAIN = Number(0.0, 1e3, unit="1/s")
 WEIGHT = Number(high=1e6, above=0.0)
-ALIKE = 1e-6  # of a rank's curvatures, a share of the greatest: where it is least, only regularization acts
+CURVATURE_SHARE = 1e-6  # of a rank's curvatures, a share of the greatest: where it is least, only regularization acts
 
 
 class Task(Protocol):
@@ -151,7 +150,7 @@ class Together:
             hessian = hessian + free @ inside @ free.T
             linear = linear + free @ (free.T @ (pull + own @ best))
             size, ways = np.linalg.eigh(inside)
-            level = size - size[0] <= ALIKE * size[-1]
+            level = size - size[0] <= CURVATURE_SHARE * size[-1]
             free = free @ ways[:, level & ~level.all()]
             if not free.shape[1]:
                 break

@@ -21,7 +21,7 @@ from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh
 
 CONVEX = 1e-3  # a solid that lacks less than this part of its hull's volume is replaced by its hull, which contains it
-LARGEST = 1e6  # [m] beyond which distances are lost in rounding
+LARGEST_COORDINATE = 1e6  # [m] beyond which distances are lost in rounding
 FLAT = 1e-6  # a mesh thinner than this part of its length encloses nothing but rounding errors
 
 
@@ -151,8 +151,8 @@ def load_mesh(shape: Mesh, where: str, upright: bool = False) -> TriangleMesh:
             vertices[used] *= np.array(shape.scale)
         if not np.isfinite(vertices[used]).all():
             raise InputError("holds coordinates that are not finite (NaN or infinite)")
-        if np.abs(vertices[used]).max() > LARGEST:
-            raise InputError(f"reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
+        if np.abs(vertices[used]).max() > LARGEST_COORDINATE:
+            raise InputError(f"reaches farther than {LARGEST_COORDINATE:g} m (its scale is {shape.scale[0]:g})")
         mesh = TriangleMesh.merged(vertices, triangles).trimmed()
         if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
             raise InputError("is flat; a body with some thickness is needed")

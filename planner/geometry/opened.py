@@ -25,7 +25,7 @@ from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-KEPT = 16  # meshes that stay in memory while their files do not change: large ones take 50 MB each
+KEPT_MESHES = 16  # meshes that stay in memory while their files do not change: large ones take 50 MB each
 
 Holder = TypeVar("Holder", Obstacle, Attached)
 
@@ -60,7 +60,7 @@ def _read(shape: Any, where: str) -> Any:
     return shape
 
 
-@made_once(KEPT)
+@made_once(KEPT_MESHES)
 def _read_mesh(shape: Mesh, where: str, stamps: Stamps) -> ReadMesh:
     """Read a mesh; the stamps make a file that was written again another one."""
     return ReadMesh(shape.file, shape.scale, mesh=load_mesh(shape, where, upright=True))

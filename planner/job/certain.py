@@ -31,7 +31,7 @@ from hdplan.scenes.timing import Timing
 PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
 HAND_PLACES = 5
 POSED = 6  # coordinates of a pose
-BESIDE = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
+SPARE_CLEARANCES = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
 
 
 class StageFailedError(Exception):
@@ -94,7 +94,7 @@ class Certain:
         follow, certifier = setup.scene.path.follow or _straight(setup, at), Certifier(setup)
         if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
             return  # nothing is left open along the curve
-        for beside in BESIDE:
+        for beside in SPARE_CLEARANCES:
             free = functools.partial(_is_free, certifier, setup.scene.planner.clearance + beside)
             yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
 

@@ -10,10 +10,11 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.places import link_pose, pose_of
 from hdplan.planner.job.stage_scenes import stage_source
-from hdplan.planner.job.world import Array, World, shape_of
+from hdplan.planner.job.world import World, shape_of
 from hdplan.planner.robot.link_frame import end_effector, links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, naming, nearest

@@ -13,8 +13,9 @@ import numpy as np
 
 from hdplan.planner.job.line import as_constraints
 from hdplan.planner.job.places import link_pose, pose_of
-from hdplan.planner.job.world import Array, World
+from hdplan.planner.job.world import World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
@@ -23,8 +24,8 @@ from hdplan.scenes.poses import Pose, Vector3, from_rpy
 from hdplan.scenes.targets import Goals, PoseTarget
 
 CHORD = 0.02  # share of a position's tolerance that the chords of an arc take
-SHORTEST = 1e-6  # [m] of a radius, and of a chord
-STILL = 1e-9  # [m] of a curve, and of the change of its directions, below which it leads nowhere
+SHORTEST_RADIUS = 1e-6  # [m] of a radius, and of a chord
+LEAST_LENGTH = 1e-9  # [m] of a curve, and of the change of its directions, below which it leads nowhere
 HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which way
 
 
@@ -147,7 +148,7 @@ def _through(one: Array, point: Array, other: Array) -> tuple[Array, float, Arra
     normal = np.cross(a, b)
     square = float(normal @ normal)
     sides = [float(np.linalg.norm(each)) for each in (a, b, b - a)]
-    if min(sides) < SHORTEST or square < (SHORTEST * max(sides)) ** 2:
+    if min(sides) < SHORTEST_RADIUS or square < (SHORTEST_RADIUS * max(sides)) ** 2:
         raise InputError("circle.interim: lies on one line with the two ends, or at one of them: no circle leads there")
     center = one + (np.cross(np.cross(a, b), a) * (b @ b) + np.cross(b, np.cross(a, b)) * (a @ a)) / (2.0 * square)
     axis = normal / np.sqrt(square)
@@ -160,7 +161,7 @@ def _around(one: Array, center: Array, other: Array, tolerance: float) -> tuple[
     way = other - one
     length = float(np.linalg.norm(way))
     first, last = (float(np.linalg.norm(end - center)) for end in (one, other))
-    if length < SHORTEST or min(first, last) < SHORTEST:
+    if length < SHORTEST_RADIUS or min(first, last) < SHORTEST_RADIUS:
         raise InputError(
             "circle.center: the two ends, or one of them and the centre, are one point: no circle is there"
         )
@@ -186,7 +187,7 @@ def _angle(one: Array, other: Array, axis: Array) -> float:
 def _check_length(stage: Curve, poses: Array) -> None:
     """Refuse poses (N, 4, 4) that are all the same, to a link that is free about an axis in the direction of that."""
     turned = slice(3) if stage.free_rotation == "none" else "xyz".index(stage.free_rotation)
-    if max(np.ptp(poses[:, :3, 3], axis=0).max(), np.ptp(poses[:, :3, turned], axis=0).max()) < STILL:
+    if max(np.ptp(poses[:, :3, 3], axis=0).max(), np.ptp(poses[:, :3, turned], axis=0).max()) < LEAST_LENGTH:
         raise InputError(f"{stage.kind}: has no length: the link is to stay where it is")
 
 

@@ -16,7 +16,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
 STEPS = 60  # of damped least squares at a place, at most
-EXACT = 1e-7  # [m] and [rad]
+POSE_ERROR = 1e-7  # [m] and [rad]
 FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places: beyond it the curve runs through a singularity
 ARM = 0.3  # [m] by which turns count as lengths, where places are spread over a curve
 CORNER = 0.2  # [rad] between two directions: there the link stops
@@ -55,7 +55,7 @@ def along_poses(
         q = np.clip(steady if guide is None else guide(share), robot.lower, robot.upper)[None]
         for _ in range(STEPS):
             error, jacobian = aim.linearized(q)
-            if (aim.sizes(error) <= EXACT).all():
+            if (aim.sizes(error) <= POSE_ERROR).all():
                 break
             q = damped_step(robot, q, error, jacobian)
         else:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.job.places import along, fixed_link, pose_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Line
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Within
 from hdplan.scenes.targets import Goals, PoseTarget
 
-Array = NDArray[np.float64]
-
-SHORTEST = 1e-6  # [m]
-LONGEST = 1.9  # [m] which `path.relative` must span to one side and the other
+SHORTEST_LINE = 1e-6  # [m]
+LONGEST_LINE = 1.9  # [m] which `path.relative` must span to one side and the other
 
 
 def as_constraints(stage: Line, robot: Robot, link: str, begins: Array, ends: Array) -> tuple[Goals, PathConstraints]:
@@ -28,8 +26,8 @@ def as_constraints(stage: Line, robot: Robot, link: str, begins: Array, ends: Ar
     """
     way = ends[:3, 3] - begins[:3, 3]
     length = float(np.linalg.norm(way))
-    if not SHORTEST <= length <= LONGEST:
-        raise InputError(f"line: is {length:.3g} m long; {SHORTEST:g} to {LONGEST:g} m are allowed")
+    if not SHORTEST_LINE <= length <= LONGEST_LINE:
+        raise InputError(f"line: is {length:.3g} m long; {SHORTEST_LINE:g} to {LONGEST_LINE:g} m are allowed")
     slack, turn = stage.position_tolerance / np.sqrt(3.0), stage.orientation_tolerance
     middle, box = begins.copy(), np.eye(4)
     middle[:3, 3] += 0.5 * way

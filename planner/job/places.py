@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.link_frame import link_poses, links_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.poses import Pose
-
-Array = NDArray[np.float64]
 
 
 def link_pose(robot: Robot, q: Array, link: str) -> Array:

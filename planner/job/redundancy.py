@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.planner.job.following import EXACT, spread
+from hdplan.planner.job.following import POSE_ERROR, spread
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
@@ -29,9 +29,9 @@ FIRST, FRESH, KEPT = 300, 120, 200  # configurations: looked for at the first pl
 STEPS = 40  # of damped least squares
 STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
 INNER = 0.03  # [rad] or [m] from the limits of joints, of ways that are followed
-NEAR = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
+NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
 STEEP, LIMITS = 10, 0.05  # power and weight of how close joints are to their limits
-SAME = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
+SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
 ROUNDS, TIMES = 6, 8  # of evening, between which the way is looked at
 LOOKS = 300  # ways that are looked at, at most
 
@@ -65,7 +65,7 @@ def ways_along(
                 known[place][chosen] = free(layers.configurations[place][chosen])
             if not known[place][chosen]:
                 at = layers.configurations[place]
-                layers.costs[place][np.abs(at - at[chosen]).max(axis=1) <= NEAR] = np.inf
+                layers.costs[place][np.abs(at - at[chosen]).max(axis=1) <= NEAR_BLOCKED] = np.inf
                 blocked = True
         if blocked:
             continue
@@ -74,7 +74,7 @@ def ways_along(
         if start is not None:
             return
         at = layers.configurations[0]
-        layers.costs[0][np.abs(at - at[way[0]]).max(axis=1) <= SAME] = np.inf
+        layers.costs[0][np.abs(at - at[way[0]]).max(axis=1) <= SAME_BEGINNING] = np.inf
 
 
 def _layers(robot: Robot, start: Array | None, follow: Follow, count: int, rng: np.random.Generator) -> Layers | None:
@@ -136,7 +136,7 @@ def _reached(robot: Robot, aim: Aim, q: Array) -> Array:
 
 
 def _there(aim: Aim, error: Array) -> Mask:
-    return np.asarray((aim.sizes(error) <= EXACT).all(axis=(1, 2)))
+    return np.asarray((aim.sizes(error) <= POSE_ERROR).all(axis=(1, 2)))
 
 
 def _cheapest(layers: Layers) -> list[int] | None:

@@ -9,8 +9,9 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.changes import REACH
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_scene, standing_scene
-from hdplan.planner.job.world import Array, World
+from hdplan.planner.job.world import World
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.job import Job, stage_name
 from hdplan.scenes.scene import derived
 

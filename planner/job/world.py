@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -20,8 +20,6 @@ from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.targets import AllOf, PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
-LONGEST = 0.4  # [rad] or [m] of one step of a joint
+LONGEST_STEP = 0.4  # [rad] or [m] of one step of a joint
 PARALLEL = 1e-9  # sine below which two directions define no axis
 
 
@@ -121,13 +121,13 @@ def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops
         np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
         for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
     )
-    limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST])
+    limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST_STEP])
     moved = arm.supports[joints].astype(np.int64)
     goal = Record("goal", arm.tree, joints, freedoms, moved, placed, wanted, *limits, rule)
     return inverse_loop.Loops(functions, goal, len(links), arm.n)
 
 
-def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
+def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST_STEP) -> Array:
     """One step of damped least squares from q (B, n), within the limits: error (B, m), jacobian (B, m, n); no joint
     moves by more than `longest`."""
     square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])

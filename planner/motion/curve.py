@@ -25,9 +25,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0

@@ -38,11 +38,9 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.motion import reach_loop
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.once import freeze
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def cross(a: Array, b: Array) -> Array:

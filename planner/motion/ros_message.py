@@ -29,7 +29,7 @@ ROWS = ("positions", "velocities", "accelerations")
 POINT = (*ROWS, "effort", "time_from_start")
 UNITS = (("sec", "nanosec"), ("secs", "nsecs"))  # of a duration, in ROS 2 and in ROS 1
 HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-SAME = 4  # units in the last place: rounding errors of a time in whole nanoseconds
+TIME_ROUNDING = 4  # units in the last place: rounding errors of a time in whole nanoseconds
 
 
 def joint_trajectory(trajectory: Trajectory) -> dict[str, Any]:
@@ -65,7 +65,7 @@ def _at_nanoseconds(trajectory: Trajectory) -> tuple[list[int], dict[str, Any]]:
             "nanoseconds"
         )
     rounded = nanoseconds / SECOND
-    between = np.abs(rounded - times) > SAME * np.spacing(times)
+    between = np.abs(rounded - times) > TIME_ROUNDING * np.spacing(times)
     between[[0, -1]] = False  # the ends are kept exactly, at rest
     if trajectory.velocities is not None and between.any():
         for order, key in enumerate(given):

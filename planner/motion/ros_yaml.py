@@ -14,7 +14,7 @@ from hdplan.scenes.yaml_values import MOST_VALUES, read_mapping
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-BESIDE = 16  # further values in a point, beside its rows: keys, durations, lists
+FURTHER_VALUES = 16  # further values in a point, beside its rows: keys, durations, lists
 
 
 def write_joint_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -47,7 +47,7 @@ def _lines(message: Mapping[str, Any]) -> list[str]:
 def check_size(waypoints: int, joints: int, rows: int = len(ROWS)) -> None:
     """Raise InputError for a motion that could not be read again: so many waypoints, each with `rows` rows of values
     for its `joints`: positions, and velocities and accelerations if there are times."""
-    count = waypoints * (rows * joints + BESIDE)
+    count = waypoints * (rows * joints + FURTHER_VALUES)
     if count > MOST_VALUES:
         raise InputError(
             f"{waypoints} waypoints are {count} values, at most {MOST_VALUES} are read as YAML: write .mcap"

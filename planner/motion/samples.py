@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.once import freeze
 from hdplan.scenes.values import instance
@@ -20,7 +20,6 @@ from hdplan.scenes.values import instance
 if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
-Array = NDArray[np.float64]
 
 SAME_HELD = 1e-6  # [rad] or [m] between a joint's value here and the one at which a robot holds it
 

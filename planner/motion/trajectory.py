@@ -26,7 +26,7 @@ from hdplan.scenes.output import write_output
 from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.values import Named, Number, Row, Whole, checked, path_of, text
 
-SAME = 1e-9  # by which a path parameter may lie beyond its range, for rounding errors
+PARAMETER_ROUNDING = 1e-9  # by which a path parameter may lie beyond its range, for rounding errors
 TIMES = "times"
 MOST_SAMPLES = 1e7
 
@@ -157,7 +157,7 @@ class Trajectory:
         """
         parameters = _numbers(parameter, "parameter")
         within = np.clip(parameters, 0.0, 1.0)
-        if not (np.abs(parameters - within) <= SAME).all():
+        if not (np.abs(parameters - within) <= PARAMETER_ROUNDING).all():
             raise InputError("parameter: path parameters lie in [0, 1], from the first waypoint to the last")
         return self.curve.at_parameter(within)
 
@@ -172,7 +172,7 @@ class Trajectory:
         times = _numbers(time, "time")
         first, last = float(self.times[0]), float(self.times[-1])
         within = np.asarray(np.clip(times, first, last))
-        if not (np.abs(times - within) <= SAME).all():
+        if not (np.abs(times - within) <= PARAMETER_ROUNDING).all():
             raise InputError(f"time: must be {first:g} to {last:g} [s], from the first waypoint to the last")
         interval, fraction = self.curve.place_of(within)
         found = (self.curve.over_time(order).at(interval.ravel(), fraction.ravel()) for order in range(3))
@@ -188,7 +188,7 @@ class Trajectory:
             return self.at_time(0.0)  # refused
         if not self.duration * rate <= MOST_SAMPLES:
             raise InputError(f"rate: {self.duration * rate:.4g} samples, at most {MOST_SAMPLES:g} are made at once")
-        steps = np.arange(math.ceil(self.duration * rate * (1.0 - SAME)))
+        steps = np.arange(math.ceil(self.duration * rate * (1.0 - PARAMETER_ROUNDING)))
         return self.at_time(np.append(self.times[0] + steps / rate, self.times[-1]))
 
     def stage_at(self, time: float) -> str:

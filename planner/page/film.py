@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.page.browser import Browser, BrowserError, find_browser
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.timeline import Timeline
@@ -28,7 +28,7 @@ FILMS = {".mp4": ("av", "av"), ".gif": ("PIL", "pillow")}  # ending: the library
 SIZE = (1280, 720)  # [px]
 RATES = {".mp4": 25, ".gif": 10}  # frames a second
 REST = 1.0  # [s] for which the goal is shown at the end
-LONGEST = 120.0  # [s] of a film: longer motions are to be cut first
+LONGEST_FILM = 120.0  # [s] of a film: longer motions are to be cut first
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 
@@ -48,13 +48,15 @@ def film(setup: Setup, motions: Sequence[ShownMotion], path: Path, page: HtmlPag
     """Write a film of motions, whole or not at all, and return what drew it, in words; of a `page` of theirs, if there
     is one already.
 
-    Raises InputError as `check_film`, for motions that take longer than LONGEST, and for several motions where there is
-    no browser.
+    Raises InputError as `check_film`, for motions that take longer than LONGEST_FILM, and for several motions where
+    there is no browser.
     """
     check_film(path)
     timeline = Timeline.of(setup.scene, [motion.curve for motion in motions])
-    if timeline.duration > LONGEST:
-        raise InputError(f"{path}: the motion takes {timeline.duration:.0f} s; films of at most {LONGEST:g} s are made")
+    if timeline.duration > LONGEST_FILM:
+        raise InputError(
+            f"{path}: the motion takes {timeline.duration:.0f} s; films of at most {LONGEST_FILM:g} s are made"
+        )
     rate = RATES[path.suffix.lower()]
     count = max(round(rate * timeline.duration), 1) + 1
     moments = np.linspace(timeline.begin, timeline.end, count).tolist()

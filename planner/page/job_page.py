@@ -23,7 +23,7 @@ from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.pictures.clearances import exact
 from hdplan.planner.robot.link_frame import link_poses, links_of
 from hdplan.planner.robot.robot import Robot

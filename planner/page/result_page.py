@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.html_page import HtmlPage
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import derived
-
-Array = NDArray[np.float64]
 
 FARTHEST = 1.0  # [m] the greatest activation distance of the planner's settings
 FARTHER, FARTHER_BY = 1.2, 0.01  # the next distance is searched for within the last one times this, plus [m]

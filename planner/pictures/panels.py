@@ -31,7 +31,6 @@ from hdplan.planner.pictures.style import (
 )
 from hdplan.planner.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed

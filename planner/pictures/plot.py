@@ -22,7 +22,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable, write_output
 
 if TYPE_CHECKING:
-    from hdplan.planner.control.replay import Simulation
+    from hdplan.planner.control.simulation import Simulation
 
 PICTURES = (".png", ".pdf", ".svg")
 PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in vector formats
@@ -88,7 +88,7 @@ def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> Non
     """Draw the result of `hdplan simulate` and write it to `path`. Raises InputError like `plot`, and for a path
     without times."""
     check_picture(path)
-    from hdplan.planner.pictures.replay import simulation_sheet
+    from hdplan.planner.pictures.simulation_sheet import simulation_sheet
 
     write_picture(simulation_sheet(simulation, title), Path(path))
 

@@ -16,9 +16,9 @@ from hdplan.planner.certificate.limit_checks import LimitCheck
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.limits import QUANTITIES
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ALWAYS = ("velocity", "acceleration")  # drawn for every motion with times

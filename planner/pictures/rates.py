@@ -6,7 +6,6 @@ import itertools
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.pictures.panels import lay_along, short_names, units_of
 from hdplan.planner.pictures.plot import Subject
@@ -14,10 +13,8 @@ from hdplan.planner.pictures.quantities import Rate
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
 from hdplan.scenes.limits import QUANTITIES
 
-Array = NDArray[np.float64]
-
 MOST_NAMES = 8  # joint names in one column
-NEAR = 0.6  # share of a limit above which the limit itself is drawn
+DRAWN_LIMIT_SHARE = 0.6  # share of a limit above which the limit itself is drawn
 
 
 def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
@@ -48,7 +45,7 @@ def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
 
 def _limit(axis: Any, peak: float) -> None:
     """Shade the ranges beyond the limits, if the curves come near them."""
-    top = 115.0 * max(peak, 1.0) if peak > NEAR else 115.0 * max(peak, 1e-6)
+    top = 115.0 * max(peak, 1.0) if peak > DRAWN_LIMIT_SHARE else 115.0 * max(peak, 1e-6)
     for side in (-1.0, 1.0):
         axis.axhspan(side * 100.0, side * max(top, 100.0), color=CONTACT, alpha=0.15, linewidth=0)
     axis.set_ylim(-top, top)

@@ -25,12 +25,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import read_only
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which moving bodies are shown faintly
 TIP_STEPS = 200  # segments of the path of the last link

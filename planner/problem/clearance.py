@@ -137,7 +137,7 @@ class Clearance(PairTerm):
         """Σ_pairs ½ min(D, 0)²."""
         return self._written(place, 1)(place.q, place.frames)
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """Σ_pairs w_s D ∇²D at the samples."""
         result = np.zeros(kinematics.columns.shape[:2] + kinematics.columns.shape[1:2])
         sample, pair = self.pairs.close(kinematics)

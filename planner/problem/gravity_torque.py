@@ -107,7 +107,7 @@ class GravityTorques:
             result[..., axis][:, [3 * axis, 3 * axis + 1, 3 * axis + 2, 9 + axis]] = weights
         return result.reshape(12 * len(self.masses), -1)
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """Return ∂²g/∂q² (B, n, n, n) at B configurations."""
         turned = cross(np.broadcast_to(self.gravity, kinematics.angular.shape), kinematics.angular)
         lifted = cross(kinematics.angular[:, :, None], self._moved(kinematics)[:, None])  # (B, n, n, 3) [l, j]
@@ -182,11 +182,11 @@ class GravityMeasure:
         slope = self.torques.slope(kinematics)[:, self.joints]
         return ((ARM / self.limits)[:, None] * slope)[..., None, :]
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """Those of the torques."""
         torque = self.torques.torque(kinematics)
         scale = ARM / self.limits * np.sign(torque[:, self.joints])
-        bent: Array = scale[..., None, None] * self.torques.bend(kinematics)[:, self.joints]
+        bent: Array = scale[..., None, None] * self.torques.second_order(kinematics)[:, self.joints]
         return bent
 
 

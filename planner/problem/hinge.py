@@ -42,7 +42,7 @@ class Measure(Protocol):
         """Their derivatives dv/dq (B, m, k, n)."""
         ...
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """The second derivatives of the lengths g (B, m, n, n)."""
         ...
 
@@ -103,7 +103,7 @@ class Hinge(Term):
             self._depth(beyond),
         )
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """With e = max(g − (t − b), 0) and J = dv/dq, what e²/2 has beyond dr ᵀdr: e ∇²g − (e/g)² Jᵀ(I − u uᵀ) J."""
         value, slope = self.measure.value(kinematics), self.measure.slope(kinematics)
         beyond, length = self._beyond(value), np.linalg.norm(value, axis=2)
@@ -114,7 +114,7 @@ class Hinge(Term):
         divisor = np.where(entered, length, 1.0)
         along = ((value / divisor[..., None])[..., None, :] @ slope)[..., 0, :]
         across = slope.swapaxes(-1, -2) @ slope - along[..., :, None] * along[..., None, :]
-        bent = self.measure.bend(kinematics) - (beyond / divisor**2)[..., None, None] * across
+        bent = self.measure.second_order(kinematics) - (beyond / divisor**2)[..., None, None] * across
         result: Array = np.einsum("bm,bmij->bij", scale, bent)
         return result
 

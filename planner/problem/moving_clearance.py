@@ -55,9 +55,9 @@ class MovingClearance(Clearance):
         """The penalty at the samples of a motion."""
         return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """Σ_pairs w_s D ∇²D at the samples; the obstacles' places do not depend on the motion."""
-        return super().bend(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
+        return super().second_order(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
     def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
         """That of standing obstacles, as the frames that carry these are where they are at the sample's time."""
@@ -88,7 +88,7 @@ def moving_clearance(
     and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
-    closely: as `lay_out`'s.
+    closely: as `assemble`'s.
     """
     obstacles = scene.moving
     planes, first = scene.planner.normals, len(supports)
@@ -99,10 +99,10 @@ def moving_clearance(
     pieces = tuple(piece for found, _ in enclosed for piece in found)
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
     pairs = all_pairs(bodies, range(len(pieces)))
-    laid_out = body_pairs(bodies, pieces, pairs, margins, with_frames(supports, len(obstacles)))
+    assembled = body_pairs(bodies, pieces, pairs, margins, with_frames(supports, len(obstacles)))
     term = MovingClearance(
-        laid_out,
-        distance(laid_out, bodies, pieces),
+        assembled,
+        distance(assembled, bodies, pieces),
         pieces,
         [ObstacleMotion.of(each) for each in obstacles],
         MinimumJerk(scene.end_time),

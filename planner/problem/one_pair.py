@@ -73,7 +73,7 @@ def pair(kind: PairKind) -> ca.Function:
 
 
 @functools.cache
-def pair_bend(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function:
+def pair_second_order(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function:
     """One pair's second derivatives by the joints (n² of them, those at both ends for two); with B's frame `movable`
     also by the joints and its motion (6 n), by the latter (36), and the derivative by it (6); where B grows, then by
     sizes and joints (3 n), by sizes and motion (18), and by sizes (9)."""
@@ -83,7 +83,7 @@ def pair_bend(kind: PairKind, n: int, exact: bool, movable: bool) -> ca.Function
     def results(value: ca.MX, slopes: list[ca.MX], hessian: ca.MX) -> list[ca.MX]:
         return list(chained.call([value, *slopes, hessian, ca.vertcat(*more[:-1]), more[-1]]))
 
-    return _where_near("pair_bend", kind, more, results, 2)
+    return _where_near("pair_second_order", kind, more, results, 2)
 
 
 def _where_near(

@@ -31,7 +31,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 KINDS = ("cost", "penalty", "constraint")
-KEPT = 1e-9  # by which a constraint may be exceeded, in its unit: rounding
+CONSTRAINT_ROUNDING = 1e-9  # by which a constraint may be exceeded, in its unit: rounding
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class WrittenTerm(Term):
             weight * float(value.sum()), weight * gradient, weight * diagonal, weight * coupling, depth
         )
 
-    def planned_bend(self, positions: Array) -> tuple[Array, Array]:
+    def planned_second_order(self, positions: Array) -> tuple[Array, Array]:
         """What its Hessian has beyond the curvature."""
         count, n = positions.shape
         _, _, curvature, hessian, *_ = (part.reshape(len(part), -1) for part in self.rows(positions))
@@ -201,12 +201,12 @@ class WrittenTerm(Term):
         diagonal, coupling = (self._spread(part, m) for part in (found.diagonal, found.coupling))
         return MotionPenalty(found.cost, spread, diagonal, coupling, found.depth)
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""
 
-    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
+    def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """The same with all joints of the model."""
-        diagonal, coupling = self.planned_bend(positions[:, self.own])
+        diagonal, coupling = self.planned_second_order(positions[:, self.own])
         return self._spread(diagonal, positions.shape[1]), self._spread(coupling, positions.shape[1])
 
     def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
@@ -255,5 +255,5 @@ def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:
     return tuple(
         f"term '{name}': its bounds are exceeded by {excess:.3g} at a waypoint"
         for name, excess in found
-        if not excess <= KEPT
+        if not excess <= CONSTRAINT_ROUNDING
     )

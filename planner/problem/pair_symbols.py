@@ -22,7 +22,7 @@ from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.growth import Growths
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen, pair, pair_bend, total, where
+from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen, pair, pair_second_order, total, where
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array, Rows
 
@@ -55,7 +55,7 @@ def clearance_function(
     pushed, grown = ca.MX.zeros(6, frames), ca.MX.zeros(SIZES, frames)
     hessian = ca.MX.zeros(n * ends, n * ends)
     sizes = 6 * n * ends, 36, 6, SIZES * n * ends, 6 * SIZES, SIZES * SIZES
-    bent = [ca.MX.zeros(rows, frames) for rows in sizes]  # as `pair_bend` has them, by frame
+    bent = [ca.MX.zeros(rows, frames) for rows in sizes]  # as `pair_second_order` has them, by frame
     screws = [place.columns for place in places]
     for slots in sorted(set(pairs.plane_slots.tolist())):
         met = _Pieces.of(pairs, growths, slots)
@@ -69,7 +69,7 @@ def clearance_function(
         looked_at += [*(_repeated(each, met) for each in screws), met.moves]
         depth, push, back, *more = met.mapped(_pushes(kind, met, n)).call(looked_at)
         value, slope = value + ca.sum2(depth), slope + ca.sum2(push)
-        found = met.mapped(_bends(kind, met, n, exact, movable)).call(looked_at)
+        found = met.mapped(_second_orders(kind, met, n, exact, movable)).call(looked_at)
         hessian += ca.reshape(ca.sum2(found[0]), n * ends, n * ends)
         if movable and frames:
             on_frame = _selection(met.joint_b - joints, frames)
@@ -205,12 +205,12 @@ def _pushes(kind: PairKind, met: _Pieces, n: int) -> ca.Function:
     return _any_near("pushes", given, found)
 
 
-def _bends(kind: PairKind, met: _Pieces, n: int, exact: bool, movable: bool) -> ca.Function:
-    """The second derivatives of one piece's penalty, as `pair_bend` has them."""
+def _second_orders(kind: PairKind, met: _Pieces, n: int, exact: bool, movable: bool) -> ca.Function:
+    """The second derivatives of one piece's penalty, as `pair_second_order` has them."""
     given, pairs, screws, moves = _given(kind, met, n)
     count = met.sizes[0]
     found = (
-        pair_bend(kind, n, exact, movable)
+        pair_second_order(kind, n, exact, movable)
         .map(count)
         .call([*pairs, *(ca.repmat(each, 1, count) for each in screws), moves])
     )
@@ -264,8 +264,8 @@ def _selection(carrier: Rows, count: int) -> ca.DM:
 
 @functools.cache
 def _to_entries(n: int) -> ca.Function:
-    """One frame's second derivatives, as `pair_bend` has them, as those by the entries of its placement and its sizes:
-    with the joints (n, 15), and with itself (15, 15)."""
+    """One frame's second derivatives, as `pair_second_order` has them, as those by the entries of its placement and its
+    sizes: with the joints (n, 15), and with itself (15, 15)."""
     sizes = {"mixed": (6, n), "own": (6, 6), "push": (6, 1)}
     sizes |= {"joints": (n, SIZES), "motion": (6, SIZES), "growth": (SIZES, SIZES)}
     placement, symbols = ca.MX.sym("placement", 12), [ca.MX.sym(name, rows * of) for name, (rows, of) in sizes.items()]

@@ -33,7 +33,7 @@ from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
-BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
+OVERSHOOT = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 NO_TURN = 1e-4  # [rad] below which the series of a rotation vector is cut off after its first terms
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
@@ -94,7 +94,7 @@ class UprightMeasure:
         slope: Array = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
         return LEVER * slope[:, None, None]
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """As the link turns by ω, with c the unit vector across a on the side of z: cot θ (c·ω)² − (a·ω) (c·ω); 0 where
         the angle has no derivative."""
         axis = kinematics.rotations[:, self.joint] @ self.axis
@@ -149,7 +149,7 @@ class WithinMeasure:
         place: Array = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
         return place
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """That of the point along each axis."""
         place = self._place(kinematics)
         signs = np.sign((place - self.centre) @ self.axes.T)
@@ -196,7 +196,7 @@ class RelativeMeasure:
         turning = LEVER * _rate(_rotation_vector(turn)) @ faster.transpose(0, 2, 1)
         return np.stack([(linear[0] - linear[1]).transpose(0, 2, 1), turning], axis=1)
 
-    def bend(self, kinematics: KinematicsBatch) -> Array:
+    def second_order(self, kinematics: KinematicsBatch) -> Array:
         """With u the direction of the way and ṗ the velocity of the place: that of the place along u, and (|ṗ|² −
         (u·ṗ)²)/‖p − c‖. As the link turns by ω, u the axis of φ: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
         (place, turned), (asked, wanted) = self._placed(kinematics)
@@ -297,7 +297,7 @@ def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[A
     """Return the error (B, m) [m] that steps of damped least squares are to remove so that one or more constraints hold
     with their bands, 0 where they do, and its Jacobian (B, m, n)."""
     inside, slopes = zip(*(term.inside(kinematics) for term in terms), strict=True)
-    return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
+    return -OVERSHOOT * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
 def _measure(asked: PathConstraint, field: str, setup: Setup, supports: Mask) -> WrittenMeasure:

@@ -88,8 +88,8 @@ class PenaltyFunction:
         found, n = self._at(x), self._places.shape[1]
         diagonal, coupling = found.diagonal, found.coupling
         if self.exact and not self._stopped:
-            bend = self.problem.bend(self._positions(x))
-            diagonal, coupling = diagonal + bend[0], coupling + bend[1]
+            second_order = self.problem.second_order(self._positions(x))
+            diagonal, coupling = diagonal + second_order[0], coupling + second_order[1]
         ahead = coupling[1:-1]  # q_{k+1} (rows) with q_k
         blocks = np.zeros((len(self._places), 2 * n, 2 * n))
         blocks[:, :n, :n] = diagonal[1:-1]

@@ -1,6 +1,6 @@
 """One planning problem: waypoints to choose, a cost made of terms, and its exact derivatives.
 
-`lay_out` makes a `Problem`; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends fixed is
+`assemble` makes a `Problem`; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
@@ -23,7 +23,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem import loops
-from hdplan.planner.problem.pace import Pace
+from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import MotionPenalty, Term, nowhere
@@ -51,11 +51,11 @@ class Evaluation:
     """The cost at some waypoints, with derivatives with respect to the interior ones (M = N − 2 of them)."""
 
     cost: float
-    smoothness: float  # and the pace
+    smoothness: float  # and the path speed
     penalty: float  # without its weight
     depth: Array  # (B,) how far the worst pair at each sample may be inside its margin [m]
     gradient: Array  # (M, n)
-    diagonal: Array  # (M, n, n) curvature of penalty and pace at each waypoint
+    diagonal: Array  # (M, n, n) curvature of penalty and path_speed at each waypoint
     coupling: Array  # (M − 1, n, n) the same between neighbours
     at_goal: Array  # (n,) the derivative with respect to the goal
 
@@ -102,7 +102,7 @@ class Problem:
     notes: tuple[str, ...]  # for the user
     closely: bool = False  # whether clouds, and meshes that are not split, are enclosed by many small boxes
     exact: bool = False  # whether distances are exact, of what the bodies enclose
-    pace: Pace | None = None  # of the cost, where a motion is to be quick
+    path_speed: PathSpeed | None = None  # of the cost, where a motion is to be quick
 
     def __repr__(self) -> str:
         """Name the scene, the robot and the terms."""
@@ -146,7 +146,7 @@ class Problem:
         found = self.penalty(positions)
         gradient += weight * found.gradient
         diagonal, coupling = weight * found.diagonal, weight * found.coupling
-        for more in (*([self.pace.value(positions)] if self.pace else []), *self._costs(positions)):
+        for more in (*([self.path_speed.value(positions)] if self.path_speed else []), *self._costs(positions)):
             smoothness, gradient = smoothness + more.cost, gradient + more.gradient
             diagonal, coupling = diagonal + more.diagonal, coupling + more.coupling
         return Evaluation(
@@ -204,17 +204,21 @@ class Problem:
                 depth = np.maximum(depth, spanning.depth[self.samples.interval])
         return MotionPenalty(penalty, slope, diagonal, coupling, depth)
 
-    def bend(self, positions: Array) -> tuple[Array, Array]:
+    def second_order(self, positions: Array) -> tuple[Array, Array]:
         """What the Hessian of the penalty at waypoints (N, n) has beyond the curvature: blocks (N, n, n) of each
         waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
         known."""
         positions, linkage = self.robot.expand(positions), self.robot.linkage
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         nothing = nowhere(*kinematics.columns.shape[:2])
-        found = [bend for term in self.terms if (bend := term.bend(kinematics, self.samples)) is not None]
+        found = [
+            second_order
+            for term in self.terms
+            if (second_order := term.second_order(kinematics, self.samples)) is not None
+        ]
         _, diagonal, coupling = self.samples.to_waypoints(nothing.gradient, sum(found, nothing.curvature))
         for term in self.terms:
-            if spanning := term.bend_over_motion(positions, self.kinematics):
+            if spanning := term.second_order_over_motion(positions, self.kinematics):
                 diagonal, coupling = diagonal + spanning[0], coupling + spanning[1]
         if linkage is None:
             return diagonal, coupling
@@ -242,8 +246,8 @@ class Problem:
         expressions of one's own. Keep a program of form external as long as anything made from it.
 
         Raises InputError for another `hessian` or `form`; for an exact Hessian of a term of which it is not known: that
-        of the distance by FCL, and of a term of one's own without `bend`; and in symbols for a term that is not written
-        so: the distance by FCL, and a term of one's own without `written_at_sample` or `written_over_motion`.
+        of the distance by FCL, and of a term of one's own without `second_order`; and in symbols for a term that is not
+        written so: the distance by FCL, and a term of one's own without `written_at_sample` or `written_over_motion`.
         """
         from hdplan.planner.problem.program import program
 
@@ -285,7 +289,7 @@ class Problem:
         cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that no cloud
         has.
         """
-        from hdplan.planner.problem.lay_out import seen_anew
+        from hdplan.planner.problem.assemble import seen_anew
 
         return seen_anew(self, points, name)
 

@@ -248,7 +248,9 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
             raise InputError(f"{name}: must be one of {', '.join(allowed)}, found {found!r}")
     exact = hessian == "exact"
     if exact and form == "external":
-        problem.bend(problem.polyline())  # an error in it is raised here; a solver would see a failed evaluation
+        problem.second_order(
+            problem.polyline()
+        )  # an error in it is raised here; a solver would see a failed evaluation
     n = len(problem.start)
     x = ca.MX.sym("x", n * (3 * problem.waypoints - 4))
     penalty = SymbolicPenalty(problem, exact) if form == "symbolic" else PenaltyFunction(problem, exact)
@@ -276,8 +278,8 @@ def _cost(problem: Problem, penalty: PenaltyFunction | SymbolicPenalty, x: ca.MX
     bent, _ = ca.Function("smooth", [x], list(ca.hessian(smooth, x)))(0)
     penalized = penalty(q, step, places, x) if isinstance(penalty, SymbolicPenalty) else penalty.function(x)
     cost = ca.bilin(bent, x, x) / 2 + weight * penalized
-    if problem.pace:
-        cost += problem.pace.expression(step)
+    if problem.path_speed:
+        cost += problem.path_speed.expression(step)
     return sum((term.written(q, step) for term in problem.terms.costs), cost)
 
 

@@ -16,7 +16,7 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.problem import loops
 from hdplan.scenes.array_types import Array, Rows
 
-MOST = 32  # samples on one interval, at most
+MOST_SAMPLES = 32  # samples on one interval, at most
 
 
 @dataclass(frozen=True)
@@ -71,5 +71,5 @@ class Samples:
         return result
 
     def raised(self, counts: Rows) -> Samples:
-        """At least `counts` (N − 1,) samples on the intervals, at most MOST; never fewer than now."""
-        return Samples(tuple(np.maximum(self.counts, np.minimum(counts, MOST)).tolist()))
+        """At least `counts` (N − 1,) samples on the intervals, at most MOST_SAMPLES; never fewer than now."""
+        return Samples(tuple(np.maximum(self.counts, np.minimum(counts, MOST_SAMPLES)).tolist()))

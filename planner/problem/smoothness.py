@@ -16,8 +16,8 @@ class Smoothness:
 
         ½ β Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
 
-    The velocity makes the motion short and even, the acceleration makes its bends gentle; β is 1 but where the `Pace`
-    of a motion counts. Ratliff et al., CHOMP, ICRA
+    The velocity makes the motion short and even, the acceleration makes its bends gentle; β is 1 but where the
+    `PathSpeed` of a motion counts. Ratliff et al., CHOMP, ICRA
     2009, section II.
     """
 

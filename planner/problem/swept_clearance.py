@@ -121,10 +121,10 @@ class SweptClearance(PairTerm):
         ends = motion.first, motion.first + motion.step
         return ca.sum2(each(*ends, ca.repmat(motion.frames, 1, count))) / count
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""
 
-    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
+    def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """h Σ_pairs D ∇²D: both ends of an interval by themselves, and the block between them."""
         count, n = positions.shape
         diagonal, coupling = np.zeros((count, n, n)), np.zeros((count - 1, n, n))

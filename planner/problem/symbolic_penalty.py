@@ -24,7 +24,7 @@ from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.planner.collision.growth import sizes_of
-from hdplan.planner.problem.lay_out import on_frames
+from hdplan.planner.problem.assemble import on_frames
 from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 from hdplan.planner.problem.terms import Term
 from hdplan.scenes.array_types import Array

@@ -77,12 +77,12 @@ class Term:
         """The penalty on a motion through waypoints (N, n) of a robot; None for a term that has nothing there."""
         return None
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array | None:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> Array | None:
         """What the Hessian at the samples (B, n, n) has beyond the curvature; None for nothing. Raises InputError where
         that is not known, as by default."""
         raise InputError(f"hessian: no second derivatives are known of the term '{self.name}'; allowed: gauss_newton")
 
-    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:
+    def second_order_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """The same of the penalty on the motion as a whole, as the blocks (N, n, n) and (N − 1, n, n) of
         `MotionPenalty`."""
         return None

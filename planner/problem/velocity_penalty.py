@@ -61,11 +61,13 @@ class VelocityPenalty(Term):
         gradient = np.zeros((count, n))
         gradient[1:] += push
         gradient[:-1] -= push
-        bend = np.where(beyond > 0.0, weight * slope**2, 0.0)[:, :, None] * np.eye(n)
+        second_order = np.where(beyond > 0.0, weight * slope**2, 0.0)[:, :, None] * np.eye(n)
         diagonal = np.zeros((count, n, n))
-        diagonal[1:] += bend
-        diagonal[:-1] += bend
-        return MotionPenalty(0.5 * weight * float(np.sum(beyond**2)), gradient, diagonal, -bend, beyond.max(axis=1))
+        diagonal[1:] += second_order
+        diagonal[:-1] += second_order
+        return MotionPenalty(
+            0.5 * weight * float(np.sum(beyond**2)), gradient, diagonal, -second_order, beyond.max(axis=1)
+        )
 
     def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
         """h Σ ½ (LEVER max(s − AIM, 0))²."""
@@ -74,5 +76,5 @@ class VelocityPenalty(Term):
         beyond = LEVER * ca.fmax(ca.fabs(motion.step) * ca.DM(self.shares.T) - AIM, 0.0)
         return ca.sumsqr(beyond) / (2 * motion.step.shape[1])
 
-    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+    def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing: the curvature is exact."""

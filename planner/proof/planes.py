@@ -26,11 +26,11 @@ from hdplan.verify.kernel import half
 from hdplan.verify.world import Piece, World
 
 COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
-SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
+SHORTEST_INTERVAL = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
 COMMON = 4  # levels of the trees, on whose intervals bodies are placed at once
-FEW = 60  # items that are divided twice before they are examined again
+DIVIDED_TWICE = 60  # items that are divided twice before they are examined again
 AT_ONCE = 20_000  # leaves examined together
-NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
+NEAR_MOTION = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
 ROUNDING = 1e-9  # [m] by which the kernel's own bound may be less, as it counts roundings
 NUDGE = 1e-5  # [rad] of slightly turned poses
 FLAT = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
@@ -83,12 +83,12 @@ class Planes:
                 )
             good = bound >= floor[pair] + ROUNDING
             done.append((pair[good], low[good], depth[good], normal[good]))
-            short = ~good & (high - low <= SHORTEST)
+            short = ~good & (high - low <= SHORTEST_INTERVAL)
             for i in np.flatnonzero(~good & ((distance < floor[pair]) | short)).tolist():
                 lost.setdefault(int(pair[i]), Obstruction(int(pair[i]), low[i], min(distance[i], bound[i])))
             left = ~good & ~np.isin(pair, list(lost))
             parts = _halved(pair[left], low[left], high[left], depth[left], normal[left])
-            if len(parts[0]) < FEW:  # a round takes a millisecond, however few are left
+            if len(parts[0]) < DIVIDED_TWICE:  # a round takes a millisecond, however few are left
                 parts = _halved(*parts)
             pair, low, high, depth, normal = parts
         ended: list[Any] = [np.concatenate(each) for each in zip(*done, strict=True)]
@@ -103,7 +103,7 @@ class Planes:
         if len(rows := np.flatnonzero(~normal.any(axis=1))):
             normal[rows] = whole(bounds.by_ball(nodes, items[rows])[1], COARSE)
         _, bound, travel = bounds.by_plane(nodes, items, unit(normal))
-        rows = np.flatnonzero((bound < floor) & (travel - 2.0 * ASIDE < NEAR))
+        rows = np.flatnonzero((bound < floor) & (travel - 2.0 * ASIDE < NEAR_MOTION))
         if len(rows):
             better, distance[rows] = self._directions(nodes, items[rows], floor[rows])
             better = whole(better, FINE)

@@ -1,6 +1,6 @@
 """A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
-The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT) by the
+The certificate says what can be proven; here the planes are found that prove nearly as much (LOST_CLEARANCE) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
 """
 
@@ -41,8 +41,8 @@ from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, u
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
-SHORT = 1e-4  # [m] by which less is proven than by the certificate
-QUICK = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
+LOST_CLEARANCE = 1e-4  # [m] by which less is proven than by the certificate
+COMPRESSION = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
 MOST_ROUNDS = 40  # in which meshes are divided
 
 
@@ -279,7 +279,7 @@ class _Writer:
         written = (head, self._told())
         lines = [json.dumps(each, allow_nan=False, separators=(",", ":"), default=plain) for each in written]
         content = "".join(f"{line}\n" for line in lines).encode()
-        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), QUICK)
+        data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), COMPRESSION)
         began = time.process_time()
         read, told, _, trees = unpack(data)
         need(told == lines[1].encode(), "the file is not what was to be written")
@@ -303,8 +303,8 @@ class _Writer:
 def _less(clearance: float | None, asked: float) -> float:
     """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
     if clearance is None:
-        return SHORT
-    return max(asked, clearance - min(0.9 * SHORT, 0.5 * clearance))
+        return LOST_CLEARANCE
+    return max(asked, clearance - min(0.9 * LOST_CLEARANCE, 0.5 * clearance))
 
 
 def _identity(piece: Piece) -> tuple[int, bytes]:

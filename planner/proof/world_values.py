@@ -17,7 +17,7 @@ import numpy as np
 
 from hdplan.planner.geometry.clouds import balls_in
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
-from hdplan.planner.geometry.shapes import operations, shape_of
+from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.geometry.voxel_grids import boxes_in
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud

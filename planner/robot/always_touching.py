@@ -21,18 +21,17 @@ from typing import TYPE_CHECKING, Any
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.robot.pin_model import motion_axes
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.robot_files.link_pairs import LinkPair
 
 if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Balls = tuple[Array, Array]  # centres (m, 3), radii (m,)
 
 ROUNDING = 1e-6  # [m] by which balls must overlap beyond what is needed

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pinocchio as pin
 
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE
 from hdplan.scenes.attached import Attached

@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.order is not None}
 """Velocity, acceleration and jerk: the order of the time derivative that each is."""

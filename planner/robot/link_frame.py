@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.path_constraints import Relative
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 

@@ -22,7 +22,7 @@ from hdplan.scenes.robot_files.description import Tree
 
 Index = NDArray[np.int64]
 
-LARGEST = 1e3  # multiplier, and offset [rad or m], of a joint that follows
+MOST_FACTOR = 1e3  # multiplier, and offset [rad or m], of a joint that follows
 
 
 class Rule(NamedTuple):
@@ -67,12 +67,13 @@ class Linkage:
 
     @classmethod
     def of(cls, names: tuple[str, ...], rules: Mapping[str, Rule]) -> Linkage:
-        """Take the model's joints and the rules of those that follow. Raises InputError for numbers beyond LARGEST."""
+        """Take the model's joints and the rules of those that follow. Raises InputError for numbers beyond
+        MOST_FACTOR."""
         for name, rule in rules.items():
-            if not max(abs(rule.factor), abs(rule.offset)) <= LARGEST:
+            if not max(abs(rule.factor), abs(rule.offset)) <= MOST_FACTOR:
                 raise InputError(
                     f"robot: joint '{name}' follows '{rule.leader}' by a multiplier of {rule.factor:g} and an offset "
-                    f"of {rule.offset:g}; at most {LARGEST:g} are allowed, as its place would be lost in rounding"
+                    f"of {rule.offset:g}; at most {MOST_FACTOR:g} are allowed, as its place would be lost in rounding"
                 )
         planned = [name for name in names if name not in rules]
         every = [rules.get(name, Rule(name, 1.0, 0.0)) for name in names]

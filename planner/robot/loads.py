@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, naming, nearest

@@ -24,14 +24,15 @@ from hdplan.planner.robot.planned_joints import planned_joints, range_of
 from hdplan.planner.robot.self_pairs import (
     ALWAYS_TOUCHING,
     CONTACT_SAMPLES,
+    EXCESS,
     NEVER_TOUCHING,
-    ROOM,
     always_in_contact,
     excluded,
     never_in_contact,
 )
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import FEW, InputError, UnsolvableError, listed, nearest
+from hdplan.scenes.errors import LISTED_NAMES, InputError, UnsolvableError, listed, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import TURN, Pose
@@ -42,8 +43,6 @@ from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
-
-Array = NDArray[np.float64]
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
 SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same
@@ -196,7 +195,7 @@ class Robot:
             if len(target.positions) != self.n:
                 raise InputError(
                     f"{where}: {len(target.positions)} joint values, but {self.name} plans {self.n} joints: "
-                    f"{listed(self.joint_names)}{PLAN_LESS * (self.n > FEW)}"
+                    f"{listed(self.joint_names)}{PLAN_LESS * (self.n > LISTED_NAMES)}"
                 )
             return self._within_limits(np.array(target.positions, dtype=np.float64), where, from_request)
         if target.state is not None:
@@ -215,7 +214,7 @@ class Robot:
                     )
         missing = [joint for joint in self.joint_names if joint not in named]
         if missing:
-            raise InputError(f"{where}: no value for {listed(missing)}{PLAN_LESS * (len(missing) > FEW)}")
+            raise InputError(f"{where}: no value for {listed(missing)}{PLAN_LESS * (len(missing) > LISTED_NAMES)}")
         q = np.array([named[joint] for joint in self.joint_names], dtype=np.float64)
         if self.linkage is not None:
             rounded = from_request or target.state is not None
@@ -258,8 +257,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
     group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
     planned: mimic joints move with the joint that they follow, where that is planned.
-    All other joints are held: at the scene's value (at most ROOM beyond the limits), or else at the value of the first
-    named state that has one, or else at 0, or as near to it as their limits allow.
+    All other joints are held: at the scene's value (at most EXCESS beyond the limits), or else at the value of the
+    first named state that has one, or else at 0, or as near to it as their limits allow.
 
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
@@ -288,9 +287,9 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     ranges = {joint: range_of(full, joint) for joint in joints}
     for joint, value in spec.locked.items():
         low, high = ranges[joint]
-        if not low - ROOM <= value <= high + ROOM:
+        if not low - EXCESS <= value <= high + EXCESS:
             raise InputError(
-                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {ROOM:g} beyond its "
+                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {EXCESS:g} beyond its "
                 f"limits [{low:g}, {high:g}]"
             )
     planned, group, notes = planned_joints(full, ranges, spec, tree, semantics, name)
@@ -364,7 +363,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
     asked = {link_pair(a, b) for a, b in spec.check_pairs}
     touching = always_in_contact(loaded, (pair for pair in every if pair not in unchecked and pair not in asked))
-    unchecked |= dict.fromkeys(always_touching(loaded, touching, ROOM), ALWAYS_TOUCHING)
+    unchecked |= dict.fromkeys(always_touching(loaded, touching, EXCESS), ALWAYS_TOUCHING)
     if never := list(unchecked.values()).count(NEVER_TOUCHING):
         notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")
     if always := [pair for pair in touching if pair in unchecked]:

@@ -11,12 +11,11 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
+from hdplan.planner.robot.self_pairs import EXCESS, NEVER_TOUCHING
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import stamps_of
@@ -27,9 +26,7 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
-Array = NDArray[np.float64]
-
-MOST = 8  # robots kept
+KEPT_ROBOTS = 8  # robots kept
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
 _loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one must get the same object
 
@@ -38,7 +35,7 @@ def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with the start's values for joints that it names and that are not planned, with the objects
     that it holds, within the scene's own position limits, and without self pairs if the scene says so.
 
-    The limits are widened for a request's start and goal and for named states, by up to ROOM, which is noted. Returns
+    The limits are widened for a request's start and goal and for named states, by up to EXCESS, which is noted. Returns
     the same object for the same specification as long as its files do not change. Raises InputError, naming the file
     that specifies the robot.
     """
@@ -101,7 +98,7 @@ def _alike_links(robot: Robot, own: Robot) -> bool:
     return robot.link_joint == own.link_joint and robot.link_geometry == own.link_geometry
 
 
-@made_once(MOST)
+@made_once(KEPT_ROBOTS)
 def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
     """Return the robot with narrower position ranges, which must lie within its own."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
@@ -118,7 +115,7 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
     return replace(robot, lower=lower, upper=upper, inner=inner)
 
 
-@made_once(MOST)
+@made_once(KEPT_ROBOTS)
 def _all_kept_apart(robot: Robot) -> Robot:
     """Return the robot with the pairs checked too that never touch, where more is asked than that."""
     never = robot.never_touching
@@ -126,7 +123,7 @@ def _all_kept_apart(robot: Robot) -> Robot:
     return replace(robot, self_pairs=(*robot.self_pairs, *never), unchecked=left) if never else robot
 
 
-@made_once(MOST)
+@made_once(KEPT_ROBOTS)
 def _unchecked(robot: Robot) -> Robot:
     """Return the robot without self-collision checks."""
     bodies = "links and held objects" if robot.attached else "links"
@@ -145,7 +142,7 @@ def _load_bare(scene: Scene) -> Robot:
     return _with_room(robot, scene)
 
 
-@made_once(MOST)
+@made_once(KEPT_ROBOTS)
 def _holding(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
     """Return the robot holding objects whose files were read."""
     from hdplan.planner.robot.attached import with_attached
@@ -154,8 +151,8 @@ def _holding(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them, but not those of a
-    joint that others follow; a plan goes beyond the robot's own (`Robot.inner`) at these ends alone."""
+    """Widen the limits, by at most EXCESS, to ends of a request or a named state that lie beyond them, but not those of
+    a joint that others follow; a plan goes beyond the robot's own (`Robot.inner`) at these ends alone."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
@@ -166,16 +163,16 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
             given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
             value = None if robot.followed[i] else given.get(joint)  # what follows may have limits of its own
-            if value is not None and 0.0 < robot.lower[i] - value <= ROOM:
+            if value is not None and 0.0 < robot.lower[i] - value <= EXCESS:
                 lower[i] = min(lower[i], value)
-            if value is not None and 0.0 < value - robot.upper[i] <= ROOM:
+            if value is not None and 0.0 < value - robot.upper[i] <= EXCESS:
                 upper[i] = max(upper[i], value)
     if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
         return robot
     return _with_limits(robot, tuple(lower.tolist()), tuple(upper.tolist()))
 
 
-@made_once(MOST)
+@made_once(KEPT_ROBOTS)
 def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
     words = tuple(
         f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to "
@@ -215,6 +212,6 @@ def _load_once(spec: RobotSpec) -> Robot:
             return kept
         robot = load_robot(spec)
         _kept[key] = robot
-        while len(_kept) > MOST:
+        while len(_kept) > KEPT_ROBOTS:
             _kept.popitem(last=False)
         return robot

@@ -8,23 +8,21 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.robot.end_rates import EndRates, end_rates
 from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.link_frame import end_effector
-from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.units import unlikely_units
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Setup:
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
     units: tuple[str, ...] = ()  # notes on meshes that were hardly meant in metres
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
-    own_image: Array | None = None  # (m, 3) those points, in the world [m]
+    filtered_points: Array | None = None  # (m, 3) those points, in the world [m]
     asked: Scene = None  # type: ignore[assignment]  # the scene with the names of its files, to be shown and saved
 
     def __post_init__(self) -> None:
@@ -82,12 +80,12 @@ class Setup:
             check_robot(scene, robot)
         asked = _with_links(scene, robot)
         read = opened(asked)
-        seen = without_own_image(asked, read, robot)
+        seen = self_filtered(asked, read, robot)
         left = {old.name: new for old, new in zip(read.obstacles, seen.scene.obstacles, strict=True) if new is not old}
         if left:
             asked = derived(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
         units = tuple(unlikely_units(seen.scene, robot))
-        return cls(seen.scene, robot, units=units, ignored=seen.notes, own_image=seen.points, asked=asked)
+        return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, asked=asked)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""

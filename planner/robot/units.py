@@ -12,7 +12,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import made_once
 from hdplan.scenes.scene import Scene
 
-LARGE = 100.0  # times the robot's reach: a mesh so large was hardly meant in metres
+LARGE_MESH = 100.0  # times the robot's reach: a mesh so large was hardly meant in metres
 
 
 def unlikely_units(scene: Scene, robot: Robot) -> Iterator[str]:
@@ -23,7 +23,7 @@ def unlikely_units(scene: Scene, robot: Robot) -> Iterator[str]:
     for obstacle in scene.obstacles:
         if isinstance(obstacle.shape, ReadMesh) and reach > 0.0:
             size = float(np.ptp(obstacle.shape.mesh.vertices, axis=0).max())
-            if size > LARGE * reach:
+            if size > LARGE_MESH * reach:
                 about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
                 yield f"{about} is {size:.3g} m large, {size / reach:.0f} times the robot's reach{ASKED}"
 
@@ -36,7 +36,7 @@ def _of_links(robot: Robot) -> tuple[tuple[str, ...], float]:
     notes = tuple(
         f"link '{link}' is {size:.3g} m large, {size / arm:.0f} times as far as the joints reach{ASKED}"
         for link, size in sizes.items()
-        if arm > 0.0 and size > LARGE * arm
+        if arm > 0.0 and size > LARGE_MESH * arm
     )
     return notes, arm + max(sizes.values(), default=0.0)
 

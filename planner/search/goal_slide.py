@@ -25,7 +25,7 @@ from hdplan.scenes.targets import JointTarget
 
 LEAST = 0.005  # [rad] or [m] a shorter way is none
 BACK = 3  # steps back to the pose
-ENOUGH = 0.75  # share of the tolerance
+TOLERANCE_SHARE = 0.75  # share of the tolerance
 
 
 def sliding(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
@@ -58,5 +58,5 @@ def _slid(
         q = damped_step(robot, q, *aim.linearized(q))
     end: Array = q[0]
     falls = push @ (end - problem.goal) < 0.0  # near a singular configuration the way back may be the longer one
-    reached = aim.within(aim.linearized(q)[0], ENOUGH)[0]
+    reached = aim.within(aim.linearized(q)[0], TOLERANCE_SHARE)[0]
     return end if falls and reached and may_end(certifier, end, required) else None

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
-CLOSE = 0.03  # [m] to an obstacle below which a goal is penalized
+CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 TRIED = 6  # goals that are planned to, over all targets; at least one of each
 
 
@@ -137,8 +137,8 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     time = certifier.scene.end_time
     fit = (q for q in reached if may_end(certifier, q))
     for q in itertools.islice(fit, PICKED):
-        place, _ = certifier.nearest(q, CLOSE, time)
-        crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
+        place, _ = certifier.nearest(q, CLOSE_GOAL, time)
+        crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, misses_of
-from hdplan.planner.kinematics.inverse import LONGEST, Aim, damped_step, self_motion
+from hdplan.planner.kinematics.inverse import LONGEST_STEP, Aim, damped_step, self_motion
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -197,7 +197,7 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
     for _ in range(DRAWS):
         way = start - q
         step = self_motion(way, jacobian)
-        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+        step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
         moved = np.clip(q + step, aim.robot.lower, aim.robot.upper)
         for _ in range(BACK):
             error_moved, jacobian_moved = aim.linearized(moved)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 STEP = 2e-3  # [s] between samples of power, at most
-HOPELESS = 1.1  # a motion whose fastest law takes longer than another motion by this factor is not improved
+SLOWEST_IMPROVED = 1.1  # a motion whose fastest law takes longer than another motion by this factor is not improved
 
 
 class Achieved(NamedTuple):
@@ -58,7 +58,7 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
-    def hopeless(self, path: Array, value: float) -> bool:
+    def unimprovable(self, path: Array, value: float) -> bool:
         """Whether a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
         return False
 
@@ -105,9 +105,9 @@ class Time(Objective):
         assert motion.duration is not None
         return motion.duration
 
-    def hopeless(self, path: Array, value: float) -> bool:
-        """Whether even the fastest law takes HOPELESS times as long, whatever its jerk."""
-        return self.retimer.quickest_along(path) > HOPELESS * value
+    def unimprovable(self, path: Array, value: float) -> bool:
+        """Whether even the fastest law takes SLOWEST_IMPROVED times as long, whatever its jerk."""
+        return self.retimer.quickest_along(path) > SLOWEST_IMPROVED * value
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""

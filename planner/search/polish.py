@@ -2,10 +2,11 @@
 is certified and better.
 
 Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; each that
-follows, the most promising of WAYS motions from further guesses, to each goal in turn, that are not ALIKE those before:
-perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has converged, with the
-penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its pace, and with
-its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
+follows, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
+before (SAME_WAY): perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has
+converged, with the penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of
+its path speed, and with its end sliding along the goal set. What promises most is retimed and certified; if it is not
+certified, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -19,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdplan.planner.problem.lay_out import closer
+from hdplan.planner.problem.assemble import closer
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
@@ -30,10 +31,10 @@ from hdplan.scenes.array_types import Array
 CLOSER = (0.5, 0.3, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
-SAME = 1e-4  # [rad] or [m] by which a motion changes at most that does not
+UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
-ALIKE = 0.05  # [rad] or [m] between two ways, at most, that are one
+SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
 WAYS = 8  # that are compared in a round, before the most promising one is improved
 
 
@@ -71,12 +72,12 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
             search.begin()
             if solution := search.clear(search.problem, guess.positions, guess.weight):
                 path = solution.trajectory.positions
-                if all(np.abs(path - other).max() > ALIKE for other in improved):
+                if all(np.abs(path - other).max() > SAME_WAY for other in improved):
                     found.append((search.objective.least_along(path), i, path))
         if found:
             _, i, path = min(found, key=lambda each: each[:2])
             improved.append(path)
-            if not searches[i].objective.hopeless(path, value) and _improve(searches[i], stages(i), path, value):
+            if not searches[i].objective.unimprovable(path, value) and _improve(searches[i], stages(i), path, value):
                 taken = i
 
 
@@ -92,7 +93,7 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
         if solution is None:
             break
         before, path = path, solution.trajectory.positions
-        if found and np.abs(path - before).max() < SAME:  # nothing is close: it is the same for those that follow
+        if found and np.abs(path - before).max() < UNCHANGED:  # nothing is close: it is the same for those that follow
             break
         found.append(path)
         end = search.slide(problem, solution, farthest) if search.slide else None

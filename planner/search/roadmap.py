@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.search.retreat import retreats
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, ENOUGH, is_narrow
+from hdplan.planner.search.escape import escapes
+from hdplan.planner.solvers.solution import CLEAR_SHARE, DETOUR_WEIGHT, is_narrow
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
@@ -39,7 +39,7 @@ def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     choose = not timed and is_narrow(problem)
     if not choose:
         yield straight
-    first, last = retreats(problem)
+    first, last = escapes(problem)
     last = last[::-1]
     if timed:
         from hdplan.planner.search.space_time import timed_ways  # imported here, as few scenes have any
@@ -112,7 +112,7 @@ class Roadmap:
         if self.problem.exact:
             return np.asarray(depth <= FREE * self.problem.scene.planner.activation)
         clear: Mask = depth == 0.0
-        return clear if clear.any() else depth <= ENOUGH * self.problem.scene.planner.activation
+        return clear if clear.any() else depth <= CLEAR_SHARE * self.problem.scene.planner.activation
 
     def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.lay_out import exactly, more_closely
+from hdplan.planner.problem.assemble import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
@@ -27,7 +27,7 @@ from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
     RAISE,
-    SLOW,
+    SLOW_DECREASE,
     Budget,
     Iteration,
     Solution,
@@ -44,9 +44,11 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-LATE = 9  # guesses after these before exact distances have their turn, where the bodies are free at both ends
+EXACT_AFTER = 9  # guesses after these before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
-ALIKE = 0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
+LITTLE_CHANGE = (
+    0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
+)
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}
 
@@ -164,7 +166,7 @@ class Search:
         motions = () if solution is None else self.timed(solution.trajectory.positions, math.inf)
         if solution is None or not self.keep(solution.trajectory.positions, motions):
             return False
-        self.settled = self.touched = abs(self.value - first.last) <= ALIKE * first.last
+        self.settled = self.touched = abs(self.value - first.last) <= LITTLE_CHANGE * first.last
         return True
 
     def _promises(self, path: Array, value: float) -> bool:
@@ -177,7 +179,7 @@ class Search:
         return self.stop() or time.perf_counter() > self.deadline
 
     def _solve(
-        self, problem: Problem, guess: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+        self, problem: Problem, guess: Array, weight: float, slow: float = SLOW_DECREASE, solver: Solver | None = None
     ) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
         again at most DENSER times."""
@@ -222,7 +224,12 @@ class Search:
         self.steps = ()
 
     def clear(
-        self, problem: Problem, positions: Array, weight: float, slow: float = SLOW, solver: Solver | None = None
+        self,
+        problem: Problem,
+        positions: Array,
+        weight: float,
+        slow: float = SLOW_DECREASE,
+        solver: Solver | None = None,
     ) -> Solution | None:
         """Solve a problem to this goal from a motion (N, n), by another solver if one is given; None if the result does
         not keep its distance. Its steps are counted. Raises KeyboardInterrupt as the user does."""
@@ -304,8 +311,8 @@ class Search:
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
-        hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
-        suspect = self._deepest(solution.trajectory.positions) if hopeless else None
+        stalled = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
+        suspect = self._deepest(solution.trajectory.positions) if stalled else None
         for way in self._motions(solution.trajectory, suspect):
             trajectory, parameter, near = way
             certificate = self.certifier.certify(trajectory, required=self.required, suspect=near)
@@ -317,7 +324,7 @@ class Search:
         path = solution.trajectory.positions
         left = self.problem.left(path)
         if self.best is None or _rank(certificate, left) < _rank(self.best.certificate, self.best.left):
-            self.best = Best(path, trajectory, certificate, self.steps, not hopeless, left)
+            self.best = Best(path, trajectory, certificate, self.steps, not stalled, left)
         self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         failed = set(certificate.unproven)
         if parameter is not None:  # rows in time are denser than waypoints, and lie elsewhere
@@ -364,7 +371,7 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
     by contacts, guesses are solved with exact distances, from the straight line again: after the first GUESSES where
-    bodies overlap at an end, else, as the HD-SDF has no kinks, after LATE more, and in turn."""
+    bodies overlap at an end, else, as the HD-SDF has no kinks, after EXACT_AFTER more, and in turn."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
@@ -374,7 +381,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     yield from map(Guess, itertools.islice(ways, GUESSES - 1))
     loose, overlap = search.problem, ends_overlap(search.problem)
     if not overlap:
-        yield from map(Guess, itertools.islice(ways, LATE))
+        yield from map(Guess, itertools.islice(ways, EXACT_AFTER))
     exact = exactly(loose) if search.is_tight else loose
     if exact is not loose:
         search.problem, exactly_so = exact, seeds(exact, seed)

@@ -5,7 +5,7 @@ law gives a time. A motion waits at a node for a step, or takes an edge in one o
 goes back (a time-expanded graph; along a single line it is the path-velocity decomposition of Kant & Zucker 1986). A
 move of length ℓ over a share Δ of u costs
 
-    ½ ℓ²/Δ + PRICE Δ mean((depth/DEPTH)²)
+    ½ ℓ²/Δ + PENALTY_WEIGHT Δ mean((depth/DEPTH)²)
 
 with the depths inside margins where the obstacles are by then, and those that the solver gives to velocities near their
 limits: to first order what the solver makes of it. The first way keeps to the straight line, and waits or hurries on
@@ -25,14 +25,14 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.velocity_penalty import AIM, LEVER
 from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, ENOUGH
+from hdplan.planner.solvers.solution import CLEAR_SHARE, DETOUR_WEIGHT
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
 
 STEPS = 30  # even, as the time law is steepest in the middle
 TAKES = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
-PRICE = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
+PENALTY_WEIGHT = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
 LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
 AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
 TINY = 1e-12  # [rad² or m²]
@@ -64,8 +64,8 @@ class TimedRoadmap(Roadmap):
         assert problem.terms.moving_obstacles is not None
         self.moving = problem.terms.moving_obstacles
         self.parameters = np.linspace(0.0, 1.0, STEPS + 1)
-        paces = self.moving.law(self.moving.law.time_at(self.parameters))[1]  # du/dt [1/s]
-        self.paces = _over_takes(paces[None], 1)[0]  # (S, T) greatest of each move
+        path_speeds = self.moving.law(self.moving.law.time_at(self.parameters))[1]  # du/dt [1/s]
+        self.path_speeds = _over_takes(path_speeds[None], 1)[0]  # (S, T) greatest of each move
         self.edges = np.empty((0, 2), dtype=np.int64)
         self._string(_pieces(problem.start, problem.goal))
         if len(first) or len(last):
@@ -88,21 +88,21 @@ class TimedRoadmap(Roadmap):
     def _clear(self, configurations: Array) -> Mask:
         """Which configurations (B, n) are as clear as a motion has to be: beside what stands under the robot's base,
         none may be clearer."""
-        return self.problem.depth(configurations) <= ENOUGH * self.problem.scene.planner.activation
+        return self.problem.depth(configurations) <= CLEAR_SHARE * self.problem.scene.planner.activation
 
     def timed_way(self) -> Array:
         """The cheapest way as waypoints (N, n), which costs more from now on. Only edges on a way that would be taken
         are scored at all times, as in `Roadmap.way`."""
         self._extend()
-        prices = self._prices(np.arange(len(self.edges)))
+        edge_costs = self._edge_costs(np.arange(len(self.edges)))
         while True:
-            way = self._cheapest(prices)
+            way = self._cheapest(edge_costs)
             taken = {move.edge for move in way if move.edge is not None}
             rough = np.array([edge for edge in sorted(taken) if not self.close[edge]], dtype=np.int64)
             if not len(rough):
                 break
             self.penalties[rough], self.close[rough] = self._penalties(rough), True
-            prices[rough] = self._prices(rough)
+            edge_costs[rough] = self._edge_costs(rough)
         corners = self.nodes[[0, *(move.node for move in way)]]
         passed = self.parameters[[0, *(move.last for move in way)]]
         self._wear(_between_corners(passed, corners, self.parameters))
@@ -157,30 +157,30 @@ class TimedRoadmap(Roadmap):
         lengths: Array = np.linalg.norm(self.nodes[edges[:, 1]] - self.nodes[edges[:, 0]], axis=1)
         return lengths
 
-    def _prices(self, edges: Rows) -> Array:
+    def _edge_costs(self, edges: Rows) -> Array:
         """What moves along edges (E,) cost (E, 2, S, T); what would take longer than the motion, infinitely much."""
         ends, shares = self.edges[edges], TAKES / STEPS
         travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
-        fast = travel.max(axis=1)[:, None, None] * self.paces / shares  # (E, S, T) share of the greatest velocity
+        fast = travel.max(axis=1)[:, None, None] * self.path_speeds / shares  # (E, S, T) share of the greatest velocity
         beyond = (LEVER * np.maximum(fast - AIM, 0.0) / DEPTH) ** 2
         smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
-        price: Array = smooth[:, None, None] + PRICE * shares * (self.penalties[edges] + beyond[:, None])
-        price *= _over_takes(self.worn[edges], 0)[:, None]
-        price[:, :, np.arange(STEPS)[:, None] + TAKES > STEPS] = np.inf
-        return price
+        edge_cost: Array = smooth[:, None, None] + PENALTY_WEIGHT * shares * (self.penalties[edges] + beyond[:, None])
+        edge_cost *= _over_takes(self.worn[edges], 0)[:, None]
+        edge_cost[:, :, np.arange(STEPS)[:, None] + TAKES > STEPS] = np.inf
+        return edge_cost
 
-    def _cheapest(self, prices: Array) -> list[Move]:
+    def _cheapest(self, edge_costs: Array) -> list[Move]:
         """The cheapest way from the start at the first step to the goal at the last one."""
         tail, head = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()  # there, then back
-        price = prices.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(TAKES))
-        stay = PRICE / STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
+        edge_cost = edge_costs.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(TAKES))
+        stay = PENALTY_WEIGHT / STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
         width = STEPS + 1 + TAKES[-1]  # moves that would end too late cost infinitely much
         costs = np.full((len(self.nodes), width), np.inf)
         costs[0, 0] = 0.0
         for step in range(STEPS):
             costs[:, step + 1] = np.minimum(costs[:, step + 1], costs[:, step] + stay[:, step])
             into = (head * width)[:, None] + step + TAKES
-            np.minimum.at(costs.ravel(), into.ravel(), (costs[tail, step, None] + price[:, step]).ravel())
+            np.minimum.at(costs.ravel(), into.ravel(), (costs[tail, step, None] + edge_cost[:, step]).ravel())
         node, step, way = 1, STEPS, list[Move]()
         while step > 0:
             if costs[node, step - 1] + stay[node, step - 1] == costs[node, step]:
@@ -188,7 +188,7 @@ class TimedRoadmap(Roadmap):
                 step -= 1
                 continue
             into, begins = np.flatnonzero(head == node), step - TAKES[step >= TAKES]
-            reached = costs[tail[into][:, None], begins] + price[into[:, None], begins, np.arange(len(begins))]
+            reached = costs[tail[into][:, None], begins] + edge_cost[into[:, None], begins, np.arange(len(begins))]
             arc, take = np.unravel_index(int(reached.argmin()), reached.shape)
             way.append(Move(int(into[arc] % len(self.edges)), node, int(begins[take]), step))
             node, step = int(tail[into[arc]]), int(begins[take])

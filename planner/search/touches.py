@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hdplan.planner.problem.lay_out import closer
+from hdplan.planner.problem.assemble import closer
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.methods import chomp
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, Budget, Solution, Solver, SolverStatus

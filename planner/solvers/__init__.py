@@ -19,7 +19,7 @@ from hdplan.scenes.arrays import as_numbers
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
-LARGEST = 1e9  # [rad] or [m] in a guess: above it, the cost of a joint without limits is lost in rounding
+LARGEST_VALUE = 1e9  # [rad] or [m] in a guess: above it, the cost of a joint without limits is lost in rounding
 
 DEFAULT = "gauss_newton"
 SOLVERS: dict[str, Solver] = {
@@ -54,7 +54,7 @@ def solve(
             robot, whose ends are moved to the problem's.
         budget: what the solver may spend, and where it reports.
 
-    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST; for a
+    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST_VALUE; for a
     motion as `plan` does.
     """
     run = solver_named(solver)
@@ -74,11 +74,11 @@ def _checked(problem: Problem, guess: Trajectory | ArrayLike) -> Array:
         raise InputError(f"guess: numbers of shape {shape} are expected")
     if positions.shape != shape:
         raise InputError(f"guess: shape {positions.shape}, expected {shape}: waypoints by joints of {robot.name}")
-    beyond = ~(np.abs(positions) <= LARGEST)  # NaN too
+    beyond = ~(np.abs(positions) <= LARGEST_VALUE)  # NaN too
     if beyond.any():
         row, joint = np.argwhere(beyond)[0].tolist()
         raise InputError(
             f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g}, allowed are finite "
-            f"values up to {LARGEST:g}"
+            f"values up to {LARGEST_VALUE:g}"
         )
     return positions.copy()

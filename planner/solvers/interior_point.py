@@ -18,7 +18,7 @@ import numpy as np
 
 from hdplan.planner.problem.penalty_function import PenaltyFunction
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
+from hdplan.planner.solvers.solution import EQUAL_COST, Budget, Progress, Solution
 from hdplan.scenes.array_types import Array
 
 STEPS = 5  # of a run: more only polish a motion that the next weight bends anyway
@@ -45,7 +45,7 @@ def solve(plugin: str, options: Mapping[str, Any], problem: Problem, guess: Arra
                 raise penalty.error
             trial = program.positions(np.array(found) if penalty.stopped_at is None else penalty.stopped_at)
             before, after = state.cost, problem.evaluate(trial, progress.weight)
-            if after.cost <= (1 + SAME) * before:  # of equal costs the later run is closer to the minimum
+            if after.cost <= (1 + EQUAL_COST) * before:  # of equal costs the later run is closer to the minimum
                 positions, state = trial, after
             if progress.step(before, state, positions):
                 state = problem.evaluate(positions, progress.weight)

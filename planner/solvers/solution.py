@@ -31,11 +31,11 @@ class SolverStatus(enum.Enum):
 
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obstacles there [1/m²]
-SLOW = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
+SLOW_DECREASE = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
 REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
 GIVE_UP = 9  # refused steps in a row, the patience of three weights
-ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
-SAME = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
+CLEAR_SHARE = 0.5  # share of the activation band that may be used up when the motion counts as clear
+EQUAL_COST = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
 
 
@@ -65,7 +65,7 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    slow: float = SLOW  # relative decrease of the cost below which a step counts as stalled
+    slow: float = SLOW_DECREASE  # relative decrease of the cost below which a step counts as stalled
     report: Callable[[Iteration, Array], None] = _silent
     """Called once per iteration, with the waypoints (N, n) at its end."""
     stop: Callable[[], bool] = _never
@@ -174,7 +174,7 @@ def _allowed_depth(problem: Problem) -> Array:
     parameter = problem.samples.parameter
     start, goal = _end_depths(problem)
     excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
-    allowed: Array = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
+    allowed: Array = np.maximum(CLEAR_SHARE * problem.scene.planner.activation, excused)
     return allowed
 
 
@@ -184,7 +184,7 @@ def _end_depths(problem: Problem) -> Array:
 
 def is_narrow(problem: Problem) -> bool:
     """Whether an end is so deep inside a margin that a clear motion is excused there."""
-    return bool(np.any(_end_depths(problem) > ENOUGH * problem.scene.planner.activation))
+    return bool(np.any(_end_depths(problem) > CLEAR_SHARE * problem.scene.planner.activation))
 
 
 def ends_overlap(problem: Problem) -> bool:

@@ -50,7 +50,7 @@ TARGET = read_only(np.array([[0.0, 0.0, 1.0, 0.64], [1.0, 0.0, 0.0, 0.0], [0.0, 
 TOOL = 0.177  # [m] of the tool's frame along the last joint's axis, turned by −45° as the hand is
 DURATION = 60.0  # [s]; the published run ends after 35 s
 CRITICAL = 5.0  # [s] the phase that the paper plots
-REACHED = 0.02, 0.175  # [m] and [rad] within which the target counts as reached: the task creeps towards its end
+REACHED_POSE = 0.02, 0.175  # [m] and [rad] within which the target counts as reached: the task creeps towards its end
 JUMP = 0.02  # [m] in one period: a point of application that moves farther has jumped
 SWEPT = 20.0  # [s] of the runs in which one setting is changed
 EXACT_EVERY, MESH_EVERY = 0.02, 0.1  # [s] between exact distances of the boxes, and of the real meshes
@@ -200,11 +200,11 @@ class AxesTask:
         return np.asarray(pose @ self.placement)
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the tool is within REACHED of its target."""
+        """Whether the tool is within REACHED_POSE of its target."""
         tool = self.at(q)
         cosine = (np.trace(tool[:3, :3].T @ self.wanted[:3, :3]) - 1.0) / 2.0
         angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        return float(np.linalg.norm(tool[:3, 3] - self.wanted[:3, 3])) <= REACHED[0] and angle <= REACHED[1]
+        return float(np.linalg.norm(tool[:3, 3] - self.wanted[:3, 3])) <= REACHED_POSE[0] and angle <= REACHED_POSE[1]
 
 
 def corridor_scene() -> Scene:

@@ -14,7 +14,7 @@ from hdplan.planner.pictures.style import CONTACT, FIXED, GREY, INK, RC, ROBOT_T
 
 SMOOTH = (START, ROBOT_TO_OBSTACLES)  # colours of the HD-SDF's curves
 QUANTITIES = (("value", "distance [m]"), ("rate", "first derivative [m/s]"), ("second", "second derivative [m/s²]"))
-ROOM = (1.5, 1.2)  # [m] shown of a snapshot, from its middle
+SNAPSHOT_SIZE = (1.5, 1.2)  # [m] shown of a snapshot, from its middle
 STEEPEST = 11.0  # [m/s²] shown of the second derivative: the rest belongs to the flat spot at contact
 
 
@@ -67,8 +67,8 @@ def _snapshot(axis: Any, time: float, title: str) -> None:
     axis.set_title(title, fontsize=8.5, color=CONTACT)
     middle = 0.5 * pose(time)[:2, 3]
     axis.set_aspect("equal")
-    axis.set_xlim(middle[0] - ROOM[0], middle[0] + ROOM[0])
-    axis.set_ylim(middle[1] - ROOM[1], middle[1] + ROOM[1])
+    axis.set_xlim(middle[0] - SNAPSHOT_SIZE[0], middle[0] + SNAPSHOT_SIZE[0])
+    axis.set_ylim(middle[1] - SNAPSHOT_SIZE[1], middle[1] + SNAPSHOT_SIZE[1])
     axis.set_axis_off()
 
 

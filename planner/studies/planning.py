@@ -93,7 +93,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     KeyboardInterrupt if it is stopped before the defaults are measured.
     """
     from hdplan.planner.studies.anytime import anytime_curves, anytime_rows, shares
-    from hdplan.planner.studies.planning_runs import NEAR, TIME_LIMIT, measure
+    from hdplan.planner.studies.planning_runs import NEAR_CONTACT, TIME_LIMIT, measure
 
     paths = check_report(folder, FILES)
     begin = perf_counter()
@@ -115,7 +115,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     notes.append(("measured", f"in {took}{'' if complete else ', interrupted: what there was until then'}"))
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
-    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR, little=LITTLE)
+    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR_CONTACT, little=LITTLE)
     tables = {"one setting changed at a time": [_short_row(summary) for summary in rows]}
     parts = ["# What accuracy costs in time, for planning\n", told, legend, *map(markdown_text, tables.values())]
     pictures: list[str | bytes] = [png(planning_sheet(rows, complete))]

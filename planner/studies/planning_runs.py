@@ -60,7 +60,7 @@ QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "swept": (False, True),
     "solver": ("gauss_newton", "chomp", "fatrop"),
 }
-NEAR = 0.05  # [m] largest distance of the configurations at which lost clearance is measured
+NEAR_CONTACT = 0.05  # [m] largest distance of the configurations at which lost clearance is measured
 SCATTER = 0.3  # [rad] standard deviation of these about the straight line from start to goal
 TRIED, WANTED, QUICK_WANTED = 500, 100, 50  # configurations drawn for that, and kept, of a scene
 TIME_LIMIT = 10.0  # [s] for a plan
@@ -180,7 +180,7 @@ class _Situation:
     scene: Scene
     robot: Robot
     near: Array  # (K, n)
-    distance: Array  # (K,) exact, 0 to NEAR [m]
+    distance: Array  # (K,) exact, 0 to NEAR_CONTACT [m]
 
 
 def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situation:
@@ -198,8 +198,8 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
     for _ in range(TRIED):
         drawn = query.start + rng.uniform() * (query.goal - query.start) + SCATTER * rng.normal(size=robot.n)
         q = np.clip(drawn, robot.lower, robot.upper)
-        place = certifier.nearest(q, NEAR)[0]
-        if place is not None and 0 < place.distance < NEAR:
+        place = certifier.nearest(q, NEAR_CONTACT)[0]
+        if place is not None and 0 < place.distance < NEAR_CONTACT:
             near.append(q)
             distance.append(place.distance)
         if len(near) == wanted or stop():
@@ -244,8 +244,8 @@ def _timed_plan(
 
 def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
     """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem whose penalty reaches as far as
-    NEAR."""
-    settings = replace(scene.planner, clearance=NEAR)
+    NEAR_CONTACT."""
+    settings = replace(scene.planner, clearance=NEAR_CONTACT)
     problem = build(derived(scene, planner=settings), situation.robot)
     term = problem.terms.obstacles
     if term is None or not len(situation.near):
@@ -255,7 +255,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
     separation = np.full(len(situation.near), np.inf)
     np.minimum.at(separation, sample, term.distance(kinematics, sample, pair)[2])
     seconds = seconds_per_query(lambda: term.distance(kinematics, sample, pair), len(sample))
-    return situation.distance - (separation + NEAR + settings.activation), seconds
+    return situation.distance - (separation + NEAR_CONTACT + settings.activation), seconds
 
 
 def _off(problem: Problem, situation: _Situation) -> Array:

@@ -21,7 +21,7 @@ from hdplan.planner.collision.scene_pairs import (
     pairs_within_reach,
     with_frames,
 )
-from hdplan.planner.problem.lay_out import self_margin
+from hdplan.planner.problem.assemble import self_margin
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming, nearest

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.planner_settings import PlannerSettings
 
 EVERY = 10.0  # [s] between lines of a long run
-LONG = 1.0  # [s] after which a command says what it is doing
+LONG_WAIT = 1.0  # [s] after which a command says what it is doing
 
 
 def say(text: str, style: str) -> None:
@@ -64,12 +64,13 @@ class _OneLine(Steps):
 
 
 class _Lines(Steps):
-    """Off a terminal: a line for each step as it begins, once the command has run for LONG; a quick one is silent."""
+    """Off a terminal: a line for each step as it begins, once the command has run for LONG_WAIT; a quick one is
+    silent."""
 
     def __init__(self, step: str) -> None:
         self._step, self._long, self._lock = step, False, threading.Lock()
         self._said = -math.inf  # when the last line was printed: time.monotonic()
-        self._timer = threading.Timer(LONG, self._begin_to_say)
+        self._timer = threading.Timer(LONG_WAIT, self._begin_to_say)
         self._timer.daemon = True
         self._timer.start()
 
@@ -80,7 +81,7 @@ class _Lines(Steps):
 
     def at(self, doing: str) -> None:
         with self._lock:
-            if time.monotonic() - self._said >= LONG:  # a line for each would be too many
+            if time.monotonic() - self._said >= LONG_WAIT:  # a line for each would be too many
                 self._step = doing
                 self._say()
 

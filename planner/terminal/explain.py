@@ -13,7 +13,7 @@ from typing import assert_never
 import numpy as np
 
 from hdplan.planner.geometry.seen import seen_words
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING

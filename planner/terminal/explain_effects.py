@@ -11,7 +11,7 @@ from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from hdplan.planner.problem.lay_out import self_margin
+from hdplan.planner.problem.assemble import self_margin
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues

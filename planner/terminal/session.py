@@ -25,7 +25,9 @@ from hdplan.planner.terminal.plain_text import register
 from hdplan.planner.terminal.quick_start import command_of
 from hdplan.scenes.errors import DEBUG, HdplanError, TimeLimitError, debugging
 
-MANY = 50_000  # new objects before cycles are looked for: imports make as many and drop none, a sixth of a start's time
+NEW_OBJECTS = (
+    50_000  # new objects before cycles are looked for: imports make as many and drop none, a sixth of a start's time
+)
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -38,7 +40,7 @@ def run(app: typer.Typer) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors=register())
-    gc.set_threshold(MANY)
+    gc.set_threshold(NEW_OBJECTS)
     atexit.register(gc.freeze)  # at the end all memory is given back, with cycles or without
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:

@@ -15,7 +15,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.verdict import Certificate, Place
-    from hdplan.planner.control.replay import JointUse, Peak, Simulation
+    from hdplan.planner.control.simulation import JointUse, Peak, Simulation
     from hdplan.planner.result import PlanResult
     from hdplan.scenes.scene import Scene
 

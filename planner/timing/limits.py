@@ -9,14 +9,12 @@ from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 MARGIN = 1e-6  # [–] of a limit that is left unused
 

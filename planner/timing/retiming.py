@@ -25,7 +25,6 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
@@ -34,23 +33,23 @@ from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
 if TYPE_CHECKING:
     from hdplan.planner.timing.moving_ends import MovingEnds
 
-Array = NDArray[np.float64]
 
 WINDOWS = 20  # lengths of the averaging window that are tried
-COARSE = 3  # the first of so many are tried at first
+FIRST_TRIED = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 CHORDS = 100  # of a path, to bound its time
 SAMPLES = 400  # of a law, to compare windows
 STRETCHES = 20  # at most, each a little longer than needed
 TRIED = 8  # shorter durations that are tried
-TIGHT = 0.99  # [–] a motion that needs a greater stretch than this is not shortened further
+TIGHT_STRETCH = 0.99  # [–] a motion that needs a greater stretch than this is not shortened further
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
 
@@ -238,11 +237,11 @@ class Retimer:
         tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(law, float(window)) for window in np.unique(tried)]
         found: dict[int, float] = {}
-        chosen = set(range(0, len(laws), COARSE))
+        chosen = set(range(0, len(laws), FIRST_TRIED))
         while missing := sorted(chosen - set(found)):  # few of them at first, then those between the best ones
             found |= zip(missing, self._durations_at_samples(spline, [laws[i] for i in missing]), strict=True)
             best = min(found, key=found.__getitem__)
-            chosen = set(range(max(best - COARSE + 1, 0), min(best + COARSE, len(laws))))
+            chosen = set(range(max(best - FIRST_TRIED + 1, 0), min(best + FIRST_TRIED, len(laws))))
         return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
 
     def _time_optimal(self, spline: BSpline) -> Stepwise:
@@ -275,7 +274,7 @@ class Retimer:
             stretch = self._executed(spline, law, duration)
             if stretch <= 1.0:
                 best = duration
-                if stretch > TIGHT:
+                if stretch > TIGHT_STRETCH:
                     break
             duration *= stretch
         if not np.isfinite(best):

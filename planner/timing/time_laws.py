@@ -17,9 +17,8 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 class TimeLaw(Protocol):
@@ -65,21 +64,21 @@ class Stepwise:
 
     knots: Array  # (m,) [s], from 0
     values: Array  # (m,) u there
-    paces: Array  # (m,) du/dt there [1/s]
+    path_speeds: Array  # (m,) du/dt there [1/s]
 
     def __call__(self, times: Array) -> Array:
         """Return ∫u, u, du/dt and d²u/dt² (4, k) at times (k,)."""
         change, before = self._pieces
         row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(change) - 1)
         t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
-        u, pace, bend = self.values[row], self.paces[row], change[row]
+        u, path_speed, bend = self.values[row], self.path_speeds[row], change[row]
         late = np.maximum(times - self.knots[-1], 0.0)
         moving = (times > 0.0) & (late == 0.0)
         return np.stack(
             [
-                before[row] + t * (u + t * (pace / 2 + t * bend / 6)) + late,
-                u + t * (pace + t * bend / 2),
-                np.where(moving, pace + t * bend, 0.0),
+                before[row] + t * (u + t * (path_speed / 2 + t * bend / 6)) + late,
+                u + t * (path_speed + t * bend / 2),
+                np.where(moving, path_speed + t * bend, 0.0),
                 np.where(moving, bend, 0.0),
             ]
         )
@@ -88,8 +87,8 @@ class Stepwise:
     def _pieces(self) -> tuple[Array, Array]:
         """The acceleration between knots (m − 1,), and ∫u up to each of them (m,)."""
         widths = np.diff(self.knots)
-        change = np.diff(self.paces) / widths
-        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
+        change = np.diff(self.path_speeds) / widths
+        area = widths * (self.values[:-1] + widths * (self.path_speeds[:-1] / 2 + widths * change / 6))
         return change, np.concatenate([[0.0], np.cumsum(area)])
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from toppra.constraint import LinearConstraint
 
@@ -17,12 +16,11 @@ from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SAMPLES = 2  # per interval between two rows
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
-ROOM = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
+LEAST_MARGIN = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
 
 
 class TorqueLimit:
@@ -62,7 +60,7 @@ class TorqueLimit:
 
     def _too_heavy(self, gravity: Array) -> bool:
         """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
-        return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
+        return bool((np.abs(gravity) > (1 - LEAST_MARGIN) * self.limit).any())
 
 
 class _TorqueConstraint(LinearConstraint):  # type: ignore[misc]

@@ -103,7 +103,7 @@ def jax_cost(problem: Problem) -> JaxCost:
 
     Raises:
         InputError: for a problem with other terms (path constraints, torques, limits of speed beside moving obstacles,
-            a term of one's own, pace), with ``planner.swept``, or with ``planner.distance: fcl``.
+            a term of one's own, path_speed), with ``planner.swept``, or with ``planner.distance: fcl``.
     """
     instance(problem, Problem, "problem")
     where = f"{problem.scene.source}: " if problem.scene.source else ""
@@ -114,8 +114,8 @@ def jax_cost(problem: Problem) -> JaxCost:
             raise InputError(f"{where}the term '{term.name}' is not written in JAX: only distances of bodies are")
         if not isinstance(term.distance, HdsdfPairs):
             raise InputError(f"{where}planner.distance: must be hdsdf for JAX, found {problem.scene.planner.distance}")
-    if problem.pace is not None:
-        raise InputError(f"{where}the pace of a motion is not written in JAX: only distances of bodies are")
+    if problem.path_speed is not None:
+        raise InputError(f"{where}the path speed of a motion is not written in JAX: only distances of bodies are")
     return JaxCost(problem)
 
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.search.inverse_kinematics import reaching
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints
@@ -25,7 +25,7 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 TRIED = 2000  # random configurations
 AT_ONCE = 50
-SAME = 1e-6  # [rad] or [m] between configurations that are one
+SAME_CONFIGURATION = 1e-6  # [rad] or [m] between configurations that are one
 
 
 def jogged(edited: Edited, end: str, q: Array) -> Edited:
@@ -79,7 +79,7 @@ def postures(edited: Edited, end: str) -> tuple[Array, ...]:
         robot = edited.robot
         target = _at(robot, PoseTarget(end_effector(robot, end), Pose(), field=end), q)
     found, _ = reaching(edited.robot, target, q, np.random.default_rng(0))
-    others = [each for each in found if np.abs(each - q).max() > SAME and is_free(edited, end, each)]
+    others = [each for each in found if np.abs(each - q).max() > SAME_CONFIGURATION and is_free(edited, end, each)]
     return (q, *others)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.drawing.nodes import pose_of
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError

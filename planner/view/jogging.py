@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdplan.planner.view import ends
-from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.editing import Editing
+from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hdplan.planner.proof.reading import ReadProof
-from hdplan.planner.view.boxes import BoxLayer
+from hdplan.planner.view.body_boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins

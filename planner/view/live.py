@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.planning import NAME
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
@@ -29,7 +29,7 @@ LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned l
 PATIENCE = 0.25  # [s] after which a plan gives way to a newer scene
 WINDOW = 2.0  # [s] over which motions are counted
 IDLE = "drag something, and the motion follows"
-SLOW = 2  # plans in a row that find nothing within LIMIT switch it off
+SLOW_PLANS = 2  # plans in a row that find nothing within LIMIT switch it off
 
 
 class Live:
@@ -177,7 +177,7 @@ class Live:
             return
         spent = time.monotonic() - began
         self._slow += spent > LIMIT
-        if self._slow >= SLOW:
+        if self._slow >= SLOW_PLANS:
             ask("learn", lambda: self.learn(spent))
         elif not given_up():
             ask("live", lambda: self._say(f"no certified motion found within {spent:.1f} s: press Plan"))

@@ -27,7 +27,7 @@ POSTURES = 7  # of the robot along a motion
 SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
 SURROUNDINGS = 3.0  # times its size, of an obstacle that is looked at
 STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
-STILL = 1e-3  # [m] that an eye moves at least
+LEAST_EYE_MOTION = 1e-3  # [m] that an eye moves at least
 RESIZED = 0.02  # by which a picture's aspect changes at least
 
 
@@ -148,9 +148,9 @@ class Looking:
     def _moved(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         eye = np.array(camera.position)
         name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
-        if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < STILL:
+        if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < LEAST_EYE_MOTION:
             self._ask(client, name)  # as it stands where it was set to: frame it anew
-        if self.eye is None or np.abs(eye - self.eye).max() > STILL:
+        if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
             self.eye = eye
             self._viewer.worker.ask("fade", self.fade)
 

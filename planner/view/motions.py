@@ -29,10 +29,12 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 FAINT: Color = (160, 160, 160)
-THIN = 0.5 * PATH_WIDTH  # [m] of the path of a motion that is not the active one
+THIN_PATH = 0.5 * PATH_WIDTH  # [m] of the path of a motion that is not the active one
 THROUGH = 0.4  # opacity of the robots of motions that are not the active one
-SAME = 1e-3  # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
-LONGEST = 40  # characters of a motion's name
+SAME_PLACE = (
+    1e-3  # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
+)
+LONGEST_NAME = 40  # characters of a motion's name
 
 
 class Look(NamedTuple):
@@ -168,8 +170,8 @@ class Motions:
         """Return another name for a motion, as it is written. Raises HdplanError for one that is empty, long or
         taken."""
         name = " ".join(name.split())
-        if not 0 < len(name) <= LONGEST:
-            raise HdplanError(f"a motion's name has 1 to {LONGEST} characters, found {len(name)}")
+        if not 0 < len(name) <= LONGEST_NAME:
+            raise HdplanError(f"a motion's name has 1 to {LONGEST_NAME} characters, found {len(name)}")
         if self.named(name) not in (None, shown):
             raise HdplanError(f"another motion is called '{name}'")
         return name
@@ -202,7 +204,7 @@ class Motions:
         for shown in self.shown:
             curve = shown.motion.curve
             at = curve.at_parameter(parameter_of(curve))
-            apart = shown is not self.active and bool(np.abs(at - q).max() > SAME)
+            apart = shown is not self.active and bool(np.abs(at - q).max() > SAME_PLACE)
             shown.robot.visible = apart and shown.visible and self._viewer.panel.layers.on("robot")
             if shown.robot.visible:
                 shown.robot.show(at)
@@ -238,7 +240,7 @@ class Motions:
 
     def _paint(self, shown: Shown) -> None:
         look = self.look_of(shown)
-        shown.path.draw(shown.motion.tip, look.colors, PATH_WIDTH if look.wide else THIN)
+        shown.path.draw(shown.motion.tip, look.colors, PATH_WIDTH if look.wide else THIN_PATH)
         shown.path.visible = shown.visible and self._viewer.panel.layers.on("path")
         fails = self.holds(shown) and not shown.motion.certificate.certified
         shown.robot.paint(verdict_color(shown.motion.certificate) if fails else shown.color)

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import viser
 
-from hdplan.planner.view import edits
-from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.editing import Editing, Fields, number_in, optional
+from hdplan.planner.view import scene_edits
+from hdplan.planner.view.edit_steps import Editing, Fields, number_in, optional
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, obstacle_of
 from hdplan.planner.view.uploads import MESHES
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.shapes import Mesh, Shape
-from hdplan.scenes.yaml_format.shapes import SHAPE_KEYS
+from hdplan.scenes.yaml_format.shape_fields import SHAPE_KEYS
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -32,7 +32,7 @@ class ObstacleFields:
         """Build them in the container at hand."""
         self._viewer, self._editing = viewer, editing
         gui = viewer.server.gui
-        new = gui.add_button_group("add", tuple(edits.NEW), hint="an obstacle, where there is room within reach")
+        new = gui.add_button_group("add", tuple(scene_edits.NEW), hint="an obstacle, where there is room within reach")
         mesh = gui.add_upload_button("Add a mesh", icon=viser.Icon.UPLOAD, mime_type=",".join(MESHES))
         self._buttons = gui.add_button_group("obstacle", ("duplicate", "delete"), visible=False)
         self._folder = gui.add_folder("obstacle", visible=False)
@@ -46,7 +46,7 @@ class ObstacleFields:
 
     def add(self, word: str) -> None:
         """Add an obstacle of a kind of shape, and select it."""
-        self._put(word, edits.NEW[word], word)
+        self._put(word, scene_edits.NEW[word], word)
 
     def add_mesh(self, file: Any) -> None:
         """Add an obstacle of a mesh file that a browser sent, and select it. Raises InputError for a file that is no
@@ -56,14 +56,14 @@ class ObstacleFields:
 
     def duplicate(self) -> None:
         """Put a second one beside the selected obstacle, and select it."""
-        edited, thing = edits.duplicated(self._viewer.edited, self._selected.name)
+        edited, thing = scene_edits.duplicated(self._viewer.edited, self._selected.name)
         self._editing.apply("duplicate", lambda _: edited)
         self._viewer.panel.handles.select(thing)
 
     def delete(self) -> None:
         """Delete the selected obstacle."""
         name = self._selected.name
-        self._editing.apply("delete", lambda edited: edits.deleted(edited, name))
+        self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, name))
 
     def update(self) -> None:
         """Show the selected obstacle."""
@@ -90,7 +90,7 @@ class ObstacleFields:
         return obstacle_of(self._viewer.edited, thing)
 
     def _put(self, field: str, shape: Shape, stem: str) -> None:
-        edited, thing = edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
+        edited, thing = scene_edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
         self._editing.apply(field, lambda _: edited)
         self._viewer.panel.handles.select(thing)
 
@@ -100,7 +100,7 @@ class ObstacleFields:
         vector = (0.0, 0.0, 0.0)
         named = gui.add_text("name", "")
         self._fields.add("name", named, lambda: self._selected.name, self._renamed)
-        self._vector("position [m]", lambda: self._selected.pose.position, edits.placed)
+        self._vector("position [m]", lambda: self._selected.pose.position, scene_edits.placed)
         word = type(obstacle.shape).__name__.lower()
         for key in SHAPE_KEYS.get(word, ()):  # what was seen has no sizes
             if key == "file":
@@ -127,7 +127,7 @@ class ObstacleFields:
             "clearance",
             clearance,
             lambda: optional(self._selected.clearance),
-            lambda edited, text: edits.kept_clear(edited, self._selected.name, number_in(text)),
+            lambda edited, text: scene_edits.kept_clear(edited, self._selected.name, number_in(text)),
         )
         if isinstance(obstacle.motion, TimedPoses):
             passes = gui.add_number(
@@ -137,18 +137,18 @@ class ObstacleFields:
                 "passes in",
                 passes,
                 lambda: _duration(self._selected),
-                lambda edited, new: edits.passing(edited, self._selected.name, new),
+                lambda edited, new: scene_edits.passing(edited, self._selected.name, new),
             )
             return
         self._vector(
             "velocity [m/s]",
             lambda: _rates(self._selected)[0],
-            lambda edited, name, new: edits.moving(edited, name, new, _rates(self._selected)[1]),
+            lambda edited, name, new: scene_edits.moving(edited, name, new, _rates(self._selected)[1]),
         )
         self._vector(
             "spin [rad/s]",
             lambda: _rates(self._selected)[1],
-            lambda edited, name, new: edits.moving(edited, name, _rates(self._selected)[0], new),
+            lambda edited, name, new: scene_edits.moving(edited, name, _rates(self._selected)[0], new),
         )
 
     def _vector(self, label: str, shown: Any, edit: Any) -> None:
@@ -157,7 +157,7 @@ class ObstacleFields:
         self._fields.add(label, handle, shown, lambda edited, new: edit(edited, self._selected.name, new))
 
     def _renamed(self, edited: Edited, new: str) -> Edited:
-        renamed = edits.renamed(edited, self._selected.name, new)
+        renamed = scene_edits.renamed(edited, self._selected.name, new)
         _ = renamed.contacts  # refused before another one is selected
         self._viewer.panel.handles.selected = Thing("obstacle", new)
         return renamed
@@ -166,13 +166,13 @@ class ObstacleFields:
         return getattr(self._selected.shape, key)
 
     def _resized(self, key: str, edited: Edited, new: Any) -> Edited:
-        return edits.resized(edited, self._selected.name, **{key: new})
+        return scene_edits.resized(edited, self._selected.name, **{key: new})
 
     def _with_points(self, edited: Edited, text: str) -> Edited:
         rows = [
             [number_in(word) for word in line.replace(",", " ").split()] for line in text.splitlines() if line.strip()
         ]
-        return edits.resized(edited, self._selected.name, points=rows)
+        return scene_edits.resized(edited, self._selected.name, points=rows)
 
 
 def _lines(shape: Any) -> str:

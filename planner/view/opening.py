@@ -14,8 +14,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import READERS
 from hdplan.planner.robot.scene_robot import are_alike
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.editing import Editing
+from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import SCENE_FILES
 from hdplan.scenes.yaml_format.reader import load_scene

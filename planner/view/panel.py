@@ -14,7 +14,7 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
-from hdplan.planner.view.editing import Editing
+from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.jogging import Jogging
 from hdplan.planner.view.keys import Keys
@@ -23,14 +23,14 @@ from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.obstacle_fields import ObstacleFields
 from hdplan.planner.view.opening import Opening
-from hdplan.planner.view.page import Page
+from hdplan.planner.view.page_script import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
-from hdplan.planner.view.uploads import LONGEST, check_size
+from hdplan.planner.view.uploads import LONGEST_NAME, check_size
 from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -202,7 +202,7 @@ class Panel:
     def _refuse(self, name: object, size: object) -> None:
         """Say that a file is too large to be sent."""
         if isinstance(size, int | float):
-            self.editing.do(lambda: check_size(str(name)[:LONGEST], size))
+            self.editing.do(lambda: check_size(str(name)[:LONGEST_NAME], size))
 
     def _seek(self, share: object) -> None:
         """Show the moment at a share of the timeline."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 EDGE = 0.3  # [m] of the square that is drawn
-THIN = 0.0005  # [m] at least, of the slab: as thick as the distance proven
+LEAST_THICKNESS = 0.0005  # [m] at least, of the slab: as thick as the distance proven
 LIMIT = 30.0  # [s] to write a proof
 WAIT = 5.0  # [s] for the thread at the end
 
@@ -47,7 +47,13 @@ class PlaneLayer:
         self._viewer = viewer
         scene = viewer.server.scene
         self.slab = scene.add_box(
-            "/plane", PLANE, (EDGE, EDGE, THIN), opacity=0.45, cast_shadow=False, receive_shadow=False, visible=False
+            "/plane",
+            PLANE,
+            (EDGE, EDGE, LEAST_THICKNESS),
+            opacity=0.45,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
         )
         self.label = scene.add_label("/plane_label", "", visible=False, font_screen_scale=0.9)
         self._said = viewer.server.gui.add_html("")
@@ -85,7 +91,7 @@ class PlaneLayer:
         middle = nearest.points.mean(axis=0)
         at = middle + plane.normal * (plane.normal @ (plane.point - middle))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), plane.normal).toRotationMatrix()
-        self.slab.dimensions = (EDGE, EDGE, max(min(plane.bound, plane.gap), THIN))
+        self.slab.dimensions = (EDGE, EDGE, max(min(plane.bound, plane.gap), LEAST_THICKNESS))
         self.slab.position, self.slab.wxyz = at, wxyz_of(turn)
         self.label.text, self.label.position = words, at + _lowest(turn)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
-KEPT = 5  # plans
+KEPT_PLANS = 5  # plans
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
 
@@ -179,7 +179,7 @@ class Planning:
             name, known = self._name(result), result.certificate if unmoved else None
             certificate = viewer.put(name, result.trajectory, known, result=result, step=False)
             viewer.panel.live.forget()
-            viewer.motions.make_room(KEPT)
+            viewer.motions.make_room(KEPT_PLANS)
             if not unmoved:
                 text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify

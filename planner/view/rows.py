@@ -16,7 +16,7 @@ import viser
 
 from hdplan.planner.view.drawing.colors import hex_of
 from hdplan.planner.view.motions import Shown
-from hdplan.planner.view.page import Page, Told, link, telling
+from hdplan.planner.view.page_script import Page, Told, link, telling
 from hdplan.planner.view.words import OUTDATED, figures
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.gate import UNGUARDED, Gate
-from hdplan.planner.view.page import WIDTH
+from hdplan.planner.view.page_script import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError

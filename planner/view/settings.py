@@ -6,9 +6,9 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.solvers import DEFAULT, SOLVERS
-from hdplan.planner.view import edits
-from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.editing import Editing, Fields, number_in, optional
+from hdplan.planner.view import scene_edits
+from hdplan.planner.view.edit_steps import Editing, Fields, number_in, optional
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.scenes.planner_settings import DISTANCES, OBJECTIVES, PlannerSettings
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Settings:
             "objective",
             objective,
             lambda: viewer.scene.planner.objective or USUAL,
-            lambda edited, word: edits.planned_by(edited, objective=None if word == USUAL else word),
+            lambda edited, word: scene_edits.planned_by(edited, objective=None if word == USUAL else word),
         )
         polish = gui.add_text(
             "polish", "", hint="rounds that try to better the first certified motion; empty: as usual"
@@ -44,14 +44,14 @@ class Settings:
             "polish",
             polish,
             lambda: optional(viewer.scene.planner.polish),
-            lambda edited, text: edits.planned_by(edited, polish=number_in(text, int)),
+            lambda edited, text: scene_edits.planned_by(edited, polish=number_in(text, int)),
         )
         duration = gui.add_text("duration [s]", "", hint="of the motion; empty: as long as it takes")
         self._fields.add(
             "duration",
             duration,
             lambda: optional(viewer.scene.end_time or None),
-            lambda edited, text: edits.lasting(edited, number_in(text)),
+            lambda edited, text: scene_edits.lasting(edited, number_in(text)),
         )
         self.seed = gui.add_number("seed", 0, step=1, hint="of the random guesses")
         self.time_limit = gui.add_number("time limit [s]", TIME_LIMIT, step=1.0, hint="for planning")
@@ -68,6 +68,6 @@ class Settings:
             return getattr(self._viewer.scene.planner, name)
 
         def edit(edited: Edited, value: Any) -> Edited:
-            return edits.planned_by(edited, **{name: value})
+            return scene_edits.planned_by(edited, **{name: value})
 
         self._fields.add(f"planner's {name}", handle, shown, edit)  # obstacles have a clearance, too

@@ -15,7 +15,7 @@ from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import GOAL as THE_GOAL
 from hdplan.planner.view.things import START as THE_START
 from hdplan.planner.view.things import Thing
@@ -51,7 +51,7 @@ class Stage:
         self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
         self.closest = ClosestNodes(server)
         self.clash = ClashNode(server)
-        image = edited.setup.own_image
+        image = edited.setup.filtered_points
         self.left_out = None if image is None or not len(image) else draw_left_out(server, image)
         self.take(edited)
 

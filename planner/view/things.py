@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.ends import jogged, with_target
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
@@ -23,7 +23,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
-REACHED = 1e-3  # [m] by which the tip may miss its handle without a message
+REACHED_DISTANCE = 1e-3  # [m] by which the tip may miss its handle without a message
 MEETS = "out of reach: {link} is {short:.0f} mm short"
 
 
@@ -90,7 +90,7 @@ def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | 
         return _goal_pose_dragged(edited, old, pose, begin)
     postures = [edited.start, begin.start] if thing.kind == "start" else [edited.goal, begin.goal]
     q, off = follow_tip(tip, postures, pin.SE3(pose.matrix))
-    words = MEETS.format(link="the tip", short=1e3 * off) if off > REACHED else ""
+    words = MEETS.format(link="the tip", short=1e3 * off) if off > REACHED_DISTANCE else ""
     return jogged(edited, thing.kind, q), words
 
 

@@ -13,7 +13,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import MOST_BYTES
 
 MESHES = tuple(f".{ending}" for ending in FORMATS)
-LONGEST = 100  # characters of a name
+LONGEST_NAME = 100  # characters of a name
 _UNSAFE = re.compile(r"[^\w .()+-]")
 
 
@@ -32,7 +32,7 @@ class Uploads:
     def take(self, name: str, content: bytes, endings: Collection[str]) -> Path:
         """Write a file under its own name, in place of an earlier one, and return where. Raises InputError for a name
         without one of the endings, and for a file that is empty or too large."""
-        bare = _UNSAFE.sub("_", Path(name.replace("\\", "/")).name)[-LONGEST:].lstrip(".")
+        bare = _UNSAFE.sub("_", Path(name.replace("\\", "/")).name)[-LONGEST_NAME:].lstrip(".")
         if not bare.lower().endswith(tuple(endings)):
             raise InputError(f"{name}: a file that ends with one of {', '.join(endings)} is needed")
         if not content:

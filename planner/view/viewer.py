@@ -15,7 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
@@ -24,7 +24,7 @@ from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.gate import Gate
 from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE

@@ -13,7 +13,7 @@ from hdplan.planner.certificate.verdict import Certificate, Contact, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 
 OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
 

@@ -23,7 +23,7 @@ from hdplan.scenes.moveit.fields import MESSAGES, is_filled
 from hdplan.scenes.moveit.frames import Frames
 from hdplan.scenes.moveit.messages import read_message_pose, read_orientation, read_point, read_primitive
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
-from hdplan.scenes.poses import EXACT, Pose, Quaternion, Vector3, compose
+from hdplan.scenes.poses import UNIT_ERROR, Pose, Quaternion, Vector3, compose
 from hdplan.scenes.shapes import Box, Shape, Sphere
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
@@ -209,7 +209,7 @@ def _upright(entry: Field, frames: Frames) -> Upright:
     index = AXES.index(turn.free)
     direction = Pose(quaternion_xyzw=turn.quaternion).matrix[:3, index]
     slant = math.atan2(math.hypot(direction[0], direction[1]), abs(direction[2]))
-    slant = 0.0 if slant <= EXACT else slant  # what the last decimals of a quaternion make of the vertical
+    slant = 0.0 if slant <= UNIT_ERROR else slant  # what the last decimals of a quaternion make of the vertical
     if slant > SLANT or slant >= turn.tolerance:
         x, y, z = (np.round(direction, 3) + 0.0).tolist()
         found = f"keeps the link's {turn.free} axis along ({x:g}, {y:g}, {z:g})"

@@ -18,7 +18,7 @@ from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.description import Tree
 
 WORLD = ("", "world")
-SAME = 1e-9  # largest entry by which two poses of one frame may differ
+SAME_POSE = 1e-9  # largest entry by which two poses of one frame may differ
 VARIABLE = re.compile(r"/(x|y|theta|trans_[xyz]|rot_[xyzw])$")  # MoveIt's names of a floating or planar joint's values
 
 
@@ -99,4 +99,4 @@ def _plain(name: object) -> str:
 
 def same_place(a: Pose, b: Pose) -> bool:
     """Tell whether two poses are equal up to rounding."""
-    return bool(abs(a.matrix - b.matrix).max() <= SAME)
+    return bool(abs(a.matrix - b.matrix).max() <= SAME_POSE)

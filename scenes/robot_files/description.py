@@ -24,9 +24,9 @@ from hdplan.scenes.robot_files.srdf_words import check_srdf_words
 from hdplan.scenes.robot_files.urdf_check import check_urdf, impossible_inertias, read_origin
 from hdplan.scenes.robot_files.urdf_text import read_description
 from hdplan.scenes.robot_files.urdf_words import check_shapes, check_soft_limits, check_urdf_words
-from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
+from hdplan.scenes.robot_files.xml_text import DEEPEST_LEVEL, parse
 
-KEPT = 8  # descriptions kept in memory
+KEPT_DESCRIPTIONS = 8  # descriptions kept in memory
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _read_words(source: Source, srdf: Path | None) -> tuple[Tree, Semantics]:
     return tree, Semantics() if srdf is None else read_semantics(srdf, tree)
 
 
-@made_once(KEPT)
+@made_once(KEPT_DESCRIPTIONS)
 def _kept_words(source: Source, srdf: Path | None, stamps: Stamps) -> tuple[Tree, Semantics]:
     return _read_words(source, srdf)
 
@@ -238,8 +238,8 @@ def _groups(root: ElementTree.Element, tree: Tree) -> dict[str, tuple[str, ...]]
     def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
         if name in known:
             return known[name]
-        if len(above) > DEEPEST:
-            raise InputError(f"group '{above[0]}': groups within groups, more than {DEEPEST} levels deep")
+        if len(above) > DEEPEST_LEVEL:
+            raise InputError(f"group '{above[0]}': groups within groups, more than {DEEPEST_LEVEL} levels deep")
         if name in above:
             circle = " contains ".join(f"'{each}'" for each in (*above[above.index(name) :], name))
             raise InputError(f"group '{name}': contains itself: {circle}")

@@ -15,8 +15,8 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed, nearest
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
@@ -28,8 +28,6 @@ from hdplan.scenes.robot_files.mjcf_masses import inertial_of, why_not_known
 from hdplan.scenes.robot_files.mjcf_values import Attributes, Settings, about, choice, flag, numbers, vector
 from hdplan.scenes.robot_files.mjcf_words import called, check_mjcf_words
 from hdplan.scenes.robot_files.urdf_writing import add_joint, words
-
-Array = NDArray[np.float64]
 
 UNLIMITED = 1e6  # [rad] or [m] a limit in a URDF that stands for none: it has no slides without limits
 WORLD = "world"

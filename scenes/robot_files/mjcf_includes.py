@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
-from hdplan.scenes.robot_files.xml_text import DEEPEST, check_depth, parse
+from hdplan.scenes.robot_files.xml_text import DEEPEST_LEVEL, check_depth, parse
 
 ROOTS = ("mujoco", "mujocoinclude")
 
@@ -31,8 +31,8 @@ def with_includes(root: ElementTree.Element, path: Path) -> tuple[Path, ...]:
 
 def _put_in(element: ElementTree.Element, within: Path, files: list[Path], level: int) -> None:
     """Replace every `include` below an element that stands in the file `within`; `files` have been read."""
-    if level > 2 * DEEPEST:  # of elements and of files
-        raise InputError(f"include: elements and files are nested more than {2 * DEEPEST} levels deep")
+    if level > 2 * DEEPEST_LEVEL:  # of elements and of files
+        raise InputError(f"include: elements and files are nested more than {2 * DEEPEST_LEVEL} levels deep")
     whole = []
     for below in element:
         if below.tag != "include":

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.mjcf_words import TURNS
 
-Array = NDArray[np.float64]
 Attributes = Mapping[str, str]
 
 SMALLEST = 1e-9  # length of a direction

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Collection
 
 from hdplan.scenes.errors import InputError, listed, nearest
-from hdplan.scenes.robot_files.urdf_words import MOST
+from hdplan.scenes.robot_files.urdf_words import LISTED_NAMES
 from hdplan.scenes.robot_files.xml_text import Element, split, stray_text
 
 PAIR = ("link1", "link2", "reason")
@@ -89,9 +89,11 @@ def check_srdf_words(root: Element, links: Collection[str], joints: Collection[s
     groups = {group.get("name", "") for group in root.findall("group")}
     for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]] + unknown[MOST:]
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:LISTED_NAMES]] + unknown[
+                LISTED_NAMES:
+            ]
             lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
-            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
+            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, LISTED_NAMES)}")
     return tuple(notes)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.number_text import read_numbers
 from hdplan.scenes.poses import Pose, from_rpy
-from hdplan.scenes.robot_files.xml_text import DEEPEST
+from hdplan.scenes.robot_files.xml_text import DEEPEST_LEVEL
 
 SIZES = {  # attributes of each shape with their number of values, all of which must be positive
     "box": {"size": 3},
@@ -30,9 +30,9 @@ BOUNDED = ("revolute", "prismatic")
 KINDS = (*BOUNDED, "continuous", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 ROUNDING = 1e-2, 1e-9  # of moments of inertia, relative and [kg m²]: descriptions give two to nine digits
-SHORTEST = 1e-9  # length of an axis: squares of shorter ones are lost, and the joint would stand still, or shear
+SHORTEST_AXIS = 1e-9  # length of an axis: squares of shorter ones are lost, and the joint would stand still, or shear
 WORLD = "universe"  # Pinocchio's name for the world: of a joint of this name it would find another one's limits
-LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
+LARGEST_NUMBER = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
 
 
 def check_urdf(root: ElementTree.Element) -> None:
@@ -136,13 +136,15 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
     for attribute in ("effort", "velocity") if limit is not None else ():
         _numbers(limit, attribute, 1, f"{where}: limit", largest=math.inf)
     moved = axis if joint.get("type") != "fixed" else None
-    if moved is not None and math.hypot(*_numbers(moved, "xyz", 3, f"{where}: axis")) < SHORTEST:
+    if moved is not None and math.hypot(*_numbers(moved, "xyz", 3, f"{where}: axis")) < SHORTEST_AXIS:
         raise InputError(f"{where}: axis: xyz must not be 0, found '{moved.get('xyz')}'")
     if limit is not None and joint.get("type") in BOUNDED:
         ends = [limit.get(key) for key in ("lower", "upper")]
         lower, upper = (_numbers(limit, key, 1, f"{where}: limit", "0", math.inf)[0] for key in ("lower", "upper"))
-        if joint.get("type") == "prismatic" and max(abs(lower), abs(upper)) > LARGEST:
-            raise InputError(f"{where}: limit: a prismatic joint has limits of at most {LARGEST:g} m, found {ends}")
+        if joint.get("type") == "prismatic" and max(abs(lower), abs(upper)) > LARGEST_NUMBER:
+            raise InputError(
+                f"{where}: limit: a prismatic joint has limits of at most {LARGEST_NUMBER:g} m, found {ends}"
+            )
         if lower > upper:
             raise InputError(f"{where}: limit: lower must not exceed upper, found {ends[0]} and {ends[1]}")
     seen: list[str] = []
@@ -150,8 +152,8 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
         followed = mimic.get("joint", "")
         if followed in seen or joints.get(followed) is joint:
             raise InputError(f"{where}: mimic: follows itself")
-        if len(seen) == DEEPEST:
-            raise InputError(f"{where}: mimic: follows through more than {DEEPEST} joints")
+        if len(seen) == DEEPEST_LEVEL:
+            raise InputError(f"{where}: mimic: follows through more than {DEEPEST_LEVEL} joints")
         for key in ("multiplier", "offset"):
             _numbers(mimic, key, 1, f"{where}: mimic", default="0")
         seen.append(followed)
@@ -190,7 +192,7 @@ def _numbers(
     count: int,
     where: str,
     default: str = "",
-    largest: float = LARGEST,
+    largest: float = LARGEST_NUMBER,
 ) -> tuple[float, ...]:
     if element is None:
         raise InputError(f"{where} is missing")

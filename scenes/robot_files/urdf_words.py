@@ -97,7 +97,7 @@ ZERO = (("link", "origin"), ("axis", "rpy"))  # harmless only where all of its n
 ROBOTS = ("robot", "link", "joint", "include")  # words that hold parts of robots, in whatever namespace
 UNNOTED = ("robot",)  # where vendors add elements of their own as a matter of course
 NEARLY, NEARLY_SHORT = 0.7, 0.6  # similarity from which a word is a misspelling; of at most four letters
-MOST = 4  # names in a note; further ones are counted
+LISTED_NAMES = 4  # names in a note; further ones are counted
 
 
 def check_urdf_words(root: Element) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ def check_urdf_words(root: Element) -> tuple[str, ...]:
     """
     ignored: dict[str, None] = {}
     _walk(root, "robot", "", ignored)
-    return (f"not part of URDF, ignored: {listed(ignored, MOST)}",) if ignored else ()
+    return (f"not part of URDF, ignored: {listed(ignored, LISTED_NAMES)}",) if ignored else ()
 
 
 def check_shapes(root: Element) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ def check_shapes(root: Element) -> tuple[str, ...]:
     ]
     if not seen or not root.findall("link/collision"):
         return ()
-    return (f"links without collision geometry, never checked: {listed(seen, MOST)}",)
+    return (f"links without collision geometry, never checked: {listed(seen, LISTED_NAMES)}",)
 
 
 def check_soft_limits(root: Element) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ def check_soft_limits(root: Element) -> tuple[str, ...]:
             least, most = (read_numbers([limit.get(end, "0")])[0] for end in ("lower", "upper"))
             if low < high and (low > least or high < most):
                 found.append(f"{joint.get('name')} [{low:g}, {high:g}]")
-    return (f"soft limits of safety controllers, not kept: {listed(found, MOST)}",) if found else ()
+    return (f"soft limits of safety controllers, not kept: {listed(found, LISTED_NAMES)}",) if found else ()
 
 
 def _walk(element: Element, tag: str, where: str, ignored: dict[str, None]) -> None:

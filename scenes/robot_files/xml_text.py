@@ -14,7 +14,7 @@ from hdplan.scenes.errors import InputError
 
 Element = ElementTree.Element
 
-DEEPEST = 64  # levels of elements
+DEEPEST_LEVEL = 64  # levels of elements
 _XACRO = re.compile(r"/xacro/?$")  # of the namespaces that xacro has had
 
 
@@ -63,7 +63,7 @@ def stray_text(element: Element) -> str:
 def check_depth(root: Element) -> None:
     """Raise InputError for elements that are nested too deeply: readers of them are recursive."""
     level = [root]
-    for _ in range(DEEPEST):
+    for _ in range(DEEPEST_LEVEL):
         level = [below for element in level for below in element]
     if level:
-        raise InputError(f"not well-formed XML: elements are nested more than {DEEPEST} levels deep")
+        raise InputError(f"not well-formed XML: elements are nested more than {DEEPEST_LEVEL} levels deep")

@@ -36,7 +36,7 @@ from hdplan.scenes.yaml_format.effects import (
 from hdplan.scenes.yaml_format.job import read_job
 from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.settings import read_settings
-from hdplan.scenes.yaml_format.shapes import read_shape
+from hdplan.scenes.yaml_format.shape_fields import read_shape
 from hdplan.scenes.yaml_format.targets import read_goal, read_target
 
 VERSION = 1

@@ -31,7 +31,7 @@ from hdplan.scenes.stage import touching
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import (
-    LARGEST,
+    LARGEST_NUMBER,
     SMALLEST,
     Check,
     Choice,
@@ -48,7 +48,7 @@ from hdplan.scenes.values import (
 )
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.scenes.yaml_format.reader import SECTIONS, VERSION
-from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
+from hdplan.scenes.yaml_format.shape_fields import CLASSES, SHAPE_KEYS
 
 Schema = dict[str, Any]
 
@@ -79,7 +79,7 @@ LISTS: Mapping[Check, Schema] = {  # what else holds of lists
     group_of: {"minItems": 1, "uniqueItems": True},
 }
 BASE64 = r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=|[A-Za-z0-9+/]{4})$"
-BEYOND = 1e308  # only infinity is greater
+BEYOND_NUMBERS = 1e308  # only infinity is greater
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
@@ -95,7 +95,12 @@ PLAIN: Mapping[Check, Schema] = {
         },
     },
     argument: {
-        "anyOf": [TEXT, {"const": ""}, {"type": "boolean"}, {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}]
+        "anyOf": [
+            TEXT,
+            {"const": ""},
+            {"type": "boolean"},
+            {"type": "number", "minimum": -LARGEST_NUMBER, "maximum": LARGEST_NUMBER},
+        ]
     },
 }
 
@@ -362,17 +367,20 @@ def _value(check: Check) -> Schema:
 
 def _number(check: Number) -> Schema:
     above = math.isfinite(check.above)
-    low = {"exclusiveMinimum": check.above} if above else {"minimum": max(check.low, -LARGEST)}
+    low = {"exclusiveMinimum": check.above} if above else {"minimum": max(check.low, -LARGEST_NUMBER)}
     if check.above == 0.0:
         low = {"minimum": SMALLEST}
     unit = {"description": f"[{check.unit}]"} if check.unit else {}
-    return {"type": "number", **low, "maximum": min(check.high, LARGEST), **unit}
+    return {"type": "number", **low, "maximum": min(check.high, LARGEST_NUMBER), **unit}
 
 
 def _edge() -> Schema:
     """Return an edge of a box: a length, or .inf, which JSON cannot write."""
     return {
-        "anyOf": [_number(Number(above=0.0, unit="m")), {"type": "number", "minimum": BEYOND, "description": ".inf"}]
+        "anyOf": [
+            _number(Number(above=0.0, unit="m")),
+            {"type": "number", "minimum": BEYOND_NUMBERS, "description": ".inf"},
+        ]
     }
 
 

@@ -27,7 +27,7 @@ from hdplan.scenes.values import require_fields
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.scenes.yaml_format.job import stage_entry
 from hdplan.scenes.yaml_format.seen import seen_entry
-from hdplan.scenes.yaml_format.shapes import shape_entry
+from hdplan.scenes.yaml_format.shape_fields import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1

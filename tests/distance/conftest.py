@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import c_library
+from hdplan.scenes.array_types import Array
 from tests.distance.hard_cases import HARD, Case, place
-
-Array = NDArray[np.float64]
 
 TOLERANCES = {
     "exact": 1e-12,  # two ways of computing one number in float64, relative to the size of the numbers

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.studies.random_poses import AXIS_TURNS
-from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
 from tests.distance import extended
 from tests.distance.conftest import BODIES

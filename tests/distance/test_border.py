@@ -22,8 +22,8 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.plan import plan
+from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.problem.lay_out import exactly
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")

@@ -21,7 +21,7 @@ from hdplan.distance import (
 from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.poses import check_poses
 from hdplan.distance.studies.random_poses import touching_poses
-from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.scenes.errors import InputError
 from tests.distance.conftest import BODIES

@@ -16,7 +16,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance import (
     ConvexBody,
@@ -34,13 +33,13 @@ from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.compiled.c_library import compiler
 from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.distance.studies.random_poses import paper_poses
-from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
 from tests.threads import THREADS, together
 
-Array = NDArray[np.float64]
 Asked = Callable[[Array], list[Array]]  # of some rows of the poses
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")

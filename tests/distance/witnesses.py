@@ -9,14 +9,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.normals import check_witnesses
 from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives, separation
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 ROUNDING = 32 * float(np.finfo(float).eps)
 

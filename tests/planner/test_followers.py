@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
@@ -24,6 +24,7 @@ from hdplan.planner.proof.proof import prove
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -33,8 +34,6 @@ from hdplan.verify.reading import read_world
 
 from .linkage import JOINTS, RULES, linkage_urdf
 from .proof.worlds import packed, unpacked
-
-Array = NDArray[np.float64]
 
 START, GOAL = [-1.0, 0.3, -0.5, 0.2, 0.4], [1.0, 0.6, -0.2, 0.5, -0.4]
 OBSTACLES: list[dict[str, Any]] = [

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics import forward
@@ -19,9 +18,8 @@ from hdplan.planner.problem import samples
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.solvers import newton_step
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 ODD = (5e-324, -5e-324, 1e-310, 0.0, -0.0, 1e150, -1e150)
 NOT_FINITE = (np.nan, np.inf, -np.inf)

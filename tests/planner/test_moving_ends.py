@@ -19,7 +19,7 @@ from hdplan.planner.batch.sample import sample
 from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control.follow import follow
-from hdplan.planner.control.replay import replay
+from hdplan.planner.control.simulation import replay
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
@@ -257,7 +257,7 @@ def test_problems_are_sampled_and_edited_at_rest_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="sampled problems begin and end at rest"):
         sample(tmp_path / "s.yaml", 1)
     pytest.importorskip("viser", reason="the viewer is optional")
-    from hdplan.planner.view.edited import Edited
+    from hdplan.planner.view.edited_scene import Edited
 
     with pytest.raises(InputError, match="the viewer edits scenes that begin and end at rest"):
         Edited.of(Setup.of(load_scene(tmp_path / "s.yaml")))

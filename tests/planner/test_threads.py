@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify
@@ -16,7 +15,7 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.collision import convex_pieces, link_bodies
 from hdplan.planner.control.barriers import BarrierSettings
 from hdplan.planner.control.controller import Controller, ControlSettings, Step
-from hdplan.planner.control.replay import replay
+from hdplan.planner.control.simulation import replay
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
@@ -32,8 +31,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
-
-Array = NDArray[np.float64]
 
 AMPLE = 300.0  # [s] that no plan here needs
 CHECKED = ("panda_cage", "panda_carry", "ur5_payload", "panda_conveyor", "panda_cup")

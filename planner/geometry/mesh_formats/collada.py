@@ -25,7 +25,7 @@ from hdplan.planner.geometry.mesh_formats.collada_elements import (
     shown,
     text_of,
 )
-from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, MOST_PARTS, joined, rotation
+from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST_NODE, MOST_PARTS, joined, rotation
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fan, fans, strip
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
@@ -148,8 +148,8 @@ class _Scene:
 
     def placed(self, node: Element, above: tuple[Element, ...]) -> Placed:
         """Return the geometries below a node, placed in the frame of what it stands in."""
-        if node in above or len(above) > DEEPEST:
-            words = "instances itself" if node in above else f"is nested more than {DEEPEST} levels deep"
+        if node in above or len(above) > DEEPEST_NODE:
+            words = "instances itself" if node in above else f"is nested more than {DEEPEST_NODE} levels deep"
             raise InputError(f"{shown(node)} {words}")
         if node not in self.known:
             found = _parts(node)

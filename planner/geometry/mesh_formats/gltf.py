@@ -13,7 +13,7 @@ import numpy as np
 from hdplan.planner.geometry.mesh_formats.gltf_container import listed, numbers, whole
 from hdplan.planner.geometry.mesh_formats.gltf_keys import ATTRIBUTES, Object, checked
 from hdplan.planner.geometry.mesh_formats.gltf_numbers import Beside, GltfFile
-from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST, joined
+from hdplan.planner.geometry.mesh_formats.scene_parts import DEEPEST_NODE, joined
 from hdplan.planner.geometry.mesh_formats.triangles import Triangles, fan, strip
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -48,8 +48,8 @@ def _parts(file: GltfFile) -> list[tuple[Array, Triangles]]:
     while waiting:
         above, index, depth = waiting.pop()
         node, place = file.item("nodes", index, "node", "a node or scene")
-        if depth > DEEPEST:
-            raise InputError(f"{place} is nested more than {DEEPEST} levels deep")
+        if depth > DEEPEST_NODE:
+            raise InputError(f"{place} is nested more than {DEEPEST_NODE} levels deep")
         if "skin" in node or "weights" in node:
             raise InputError(f"{place} has a skin or morph targets, which are not read: export it as it stands")
         here = above @ _transform(node, place)

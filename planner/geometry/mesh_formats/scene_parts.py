@@ -12,7 +12,7 @@ from hdplan.scenes.errors import InputError
 
 MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
 MOST_PARTS = 100_000
-DEEPEST = 100  # nodes within nodes
+DEEPEST_NODE = 100  # nodes within nodes
 
 
 def joined(parts: Sequence[tuple[Array, Triangles]]) -> Triangles:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.newton_step import newton_step
-from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver, SolverStatus
+from hdplan.planner.solvers.solution import EQUAL_COST, Budget, Progress, Solution, Solver, SolverStatus
 from hdplan.scenes.array_types import Array
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
@@ -33,7 +33,7 @@ def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
                 # have been too cautious.
                 trial = problem.clip(positions + newton_step(problem, positions, state, 0.0))
                 after = problem.evaluate(trial, progress.weight)
-                if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
+                if after.cost <= (1 + EQUAL_COST) * state.cost and progress.is_clear(after):
                     before, positions, state, damping = state.cost, trial, after, FIRST_DAMPING
                     progress.go_on(before, state, positions)
     return progress.solution(positions)

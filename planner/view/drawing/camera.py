@@ -18,7 +18,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 
 FOV = np.deg2rad(45.0)  # [rad] of the picture's height: less distorted than the browser's own 75°
-ROOM = 1.12  # size of the picture by that of what is framed
+FRAME_SIZE = 1.12  # size of the picture by that of what is framed
 AZIMUTHS = read_only(np.deg2rad(np.arange(0.0, 360.0, 15.0)))
 ELEVATIONS = read_only(np.deg2rad([18.0, 28.0, 40.0, 55.0]))
 USUAL = (np.deg2rad(-40.0), np.deg2rad(28.0))  # from the front and the side, a little from above
@@ -105,7 +105,7 @@ def view_from(azimuth: float, elevation: float, points: Array, aspect: float) ->
     right /= np.linalg.norm(right)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     x, y, z = ((points - middle) @ np.stack([right, np.cross(right, ahead), ahead], axis=1)).T
-    tangent = np.tan(0.5 * FOV) / ROOM
+    tangent = np.tan(0.5 * FOV) / FRAME_SIZE
     across, far = _fitted(x, z, tangent * aspect)
     upward, far_enough = _fitted(y, z, tangent)
     target = middle + across * right + upward * np.cross(right, ahead)

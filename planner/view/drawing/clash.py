@@ -8,7 +8,7 @@ import viser
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres, shortened
-from hdplan.planner.view.drawing.nodes import BESIDE
+from hdplan.planner.view.drawing.nodes import LABEL_HEIGHT
 from hdplan.scenes.array_types import Array
 
 
@@ -41,4 +41,4 @@ def clash_of(motion: ShownMotion, certifier: Certifier) -> tuple[str, Array] | N
     ]
     at = points[0].mean(axis=0) if points else Tip.of(certifier.robot).placement(q).translation
     words = shortened(f"{worst.link} – {worst.other}: {millimetres(worst.distance)}")
-    return words, np.asarray(at + [0.0, 0.0, BESIDE])
+    return words, np.asarray(at + [0.0, 0.0, LABEL_HEIGHT])

@@ -34,8 +34,8 @@ MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
     (150, 90, 50),
 )
 
-FAR = 0.1  # [m] clearance above which the colour stays the same
-SCALE = read_only(  # from contact to FAR, at equal steps
+FAR_CLEARANCE = 0.1  # [m] clearance above which the colour stays the same
+SCALE = read_only(  # from contact to FAR_CLEARANCE, at equal steps
     np.array(
         [[165, 0, 38], [215, 48, 39], [244, 109, 67], [245, 164, 70], [235, 205, 110], [130, 180, 212], [69, 117, 180]]
         + [[49, 54, 149]]
@@ -48,7 +48,7 @@ HEIGHTS = read_only(  # matplotlib's cividis without its ends, which a dark or a
 
 def clearance_colors(clearance: ArrayLike) -> NDArray[np.uint8]:
     """Return colours (..., 3) for clearances (...) [m]; contact and beyond is the first of the scale."""
-    return _along(SCALE, np.clip(np.asarray(clearance, dtype=np.float64) / FAR, 0.0, 1.0))
+    return _along(SCALE, np.clip(np.asarray(clearance, dtype=np.float64) / FAR_CLEARANCE, 0.0, 1.0))
 
 
 def height_colors(share: ArrayLike) -> NDArray[np.uint8]:
@@ -81,7 +81,7 @@ def clearance_legend() -> str:
     return (
         '<div class="hd" style="display:flex;gap:0.5em;align-items:center"><span>path: 0</span>'
         f'<div style="flex:1;height:0.6em;border-radius:3px;background:linear-gradient(to right, {stops})"></div>'
-        f"<span>≥ {FAR * 1000:g} mm clear</span></div>"
+        f"<span>≥ {FAR_CLEARANCE * 1000:g} mm clear</span></div>"
     )
 
 

@@ -39,7 +39,7 @@ PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
-BESIDE = 0.05  # [m] by which the label stands above the segment
+LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
 
 
 class RobotNodes:
@@ -284,7 +284,7 @@ class ClosestNodes:
         self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = shortened(f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}")
-            self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
+            self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, LABEL_HEIGHT]
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

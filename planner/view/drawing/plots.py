@@ -12,15 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
 from hdplan.planner.view.drawing.motion import ShownMotion, shortened
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.limits import QUANTITIES
 
-Array = NDArray[np.float64]
 Rows = tuple[Array, ...]
 
 HEIGHT = 165  # [px]

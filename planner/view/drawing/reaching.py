@@ -16,9 +16,9 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.scenes.array_types import Array
 
 STEPS = 60  # at most
-CLOSE = 1e-5  # [m] and [rad] at which it has converged
-ENOUGH = 0.75  # share of a goal's tolerance
-LONGEST = 0.3  # [rad] or [m] of one step of a joint
+CONVERGED = 1e-5  # [m] and [rad] at which it has converged
+TOLERANCE_SHARE = 0.75  # share of a goal's tolerance
+LONGEST_STEP = 0.3  # [rad] or [m] of one step of a joint
 
 
 def follow_tip(tip: Tip, postures: Sequence[Array], target: pin.SE3) -> tuple[Array, float]:
@@ -43,7 +43,7 @@ def follow_pose(aim: Aim, postures: Sequence[Array]) -> tuple[Array, bool, float
     arrives, whether it is within three quarters of the tolerances, and how far the farthest link's origin is off
     [m]."""
     q, error = _follow(aim.robot, lambda q: aim.linearized(q[None]), postures)
-    return q, bool(aim.within(error, ENOUGH)[0]), float(aim.sizes(error)[0, :, 0].max())
+    return q, bool(aim.within(error, TOLERANCE_SHARE)[0]), float(aim.sizes(error)[0, :, 0].max())
 
 
 def _follow(
@@ -58,7 +58,7 @@ def _follow(
             size = float(np.linalg.norm(error))
             if size < least:
                 best, least, left = q, size, error
-            if size < CLOSE:
+            if size < CONVERGED:
                 return best, left
-            q = damped_step(robot, q[None], error, jacobian, LONGEST)[0]
+            q = damped_step(robot, q[None], error, jacobian, LONGEST_STEP)[0]
     return best, left

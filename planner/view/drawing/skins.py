@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.mesh_files import mesh_stamps, read_mesh_file, read_scene
-from hdplan.planner.geometry.meshes import LARGEST
+from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
-from hdplan.planner.geometry.shapes import operations, shape_of
+from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.visuals import read_visuals
 from hdplan.scenes.array_types import Array, Rows
@@ -49,7 +49,7 @@ PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
-SAME = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
+SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
@@ -199,7 +199,7 @@ def _primitive(shape: Any) -> Sequence[_Part]:
 
 def _parts(link: str, file: Path, scale: Vector3) -> Sequence[_Part]:
     with naming(f"link '{link}': mesh {file}"):
-        if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST for factor in scale):
+        if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST_COORDINATE for factor in scale):
             raise InputError(f"scale must be three numbers other than 0, found {scale}")
         parts = _read(file, mesh_stamps([file]))
     turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
@@ -211,8 +211,8 @@ def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
     """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is; without them where trimesh,
     which reads colours, reads another geometry."""
     vertices, triangles = read_mesh_file(path)
-    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST:
-        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST:g}")
+    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST_COORDINATE:
+        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST_COORDINATE:g}")
     try:
         meshes: Iterable[Any] = read_scene(path.read_bytes(), path).dump()
         parts = tuple(
@@ -231,7 +231,7 @@ def _same(parts: Sequence[_Part], corners: Array) -> bool:
     if len(found) != len(corners):
         return False
     one, other = (np.concatenate([each.min(axis=(0, 1)), each.max(axis=(0, 1))]) for each in (found, corners))
-    return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
+    return bool(np.abs(one - other).max() <= SAME_REACH * np.abs(other).max())
 
 
 def _color_of(visual: Any) -> Color | None:

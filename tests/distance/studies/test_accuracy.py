@@ -21,7 +21,7 @@ from hdplan.distance.studies.accuracy import (
     pareto_front,
     study,
 )
-from hdplan.distance.studies.study_poses import NEAR, study_bodies, study_poses
+from hdplan.distance.studies.study_poses import NEAR_GAPS, study_bodies, study_poses
 
 TINY = Plan(
     ("capsule - box", "box - board"), (("paper", 2, "float64"), ("paper+centre", 2, "float64")), (1e-3, 1e-2),
@@ -149,7 +149,7 @@ def test_poses_near_contact_are_near_contact(name: str) -> None:
     body_a, body_b = study_bodies()[name]
     poses = study_poses(body_a, body_b, 100, 200, np.random.default_rng(0))
     near = poses.distances[poses.drawn :]
-    assert np.all(near <= NEAR[1] + 5e-3)
-    assert np.mean(near >= NEAR[0] - 5e-3) > 0.9
+    assert np.all(near <= NEAR_GAPS[1] + 5e-3)
+    assert np.mean(near >= NEAR_GAPS[0] - 5e-3) > 0.9
     assert min(np.sum(np.abs(near) < 0.05), np.sum(near < -0.05)) > 50
     assert np.array_equal(signed_distances(body_a, poses.poses_a, body_b, poses.poses_b), poses.distances)

@@ -10,15 +10,13 @@ import functools
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance import holder
 from hdplan.distance.baselines.coal import signed_distance
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.halfspaces import FAR, box_directions, halfspace_distance
-
-Array = NDArray[np.float64]
+from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions, halfspace_distance
+from hdplan.scenes.array_types import Array
 
 SLOTS, PLANES = 12, 48  # one function serves all bodies here: the rest are slots without effect
 LENGTH = 1e-3  # [m] shaping length, the default
@@ -255,17 +253,18 @@ def test_slots_of_weight_zero_change_nothing(bodies, random_poses) -> None:
 
 @pytest.mark.parametrize("gamma", [1, 2, 4])
 def test_planes_far_behind_change_next_to_nothing(bodies, random_poses, gamma: int) -> None:
-    """Each weighs (depth / FAR)^(gamma+1) in the maximum where bodies overlap, and exactly 0 where they are apart."""
+    """Each weighs (depth / FAR_OFFSET)^(gamma+1) in the maximum where bodies overlap, and exactly 0 where they are
+    apart."""
     body = bodies["capsule"]
     normals, supports = planes_of(bodies["box"])
     few, count = 26, PLANES - 26
     filled = np.vstack([normals[:few], np.tile([0.0, 0.0, 1.0], (count, 1))])
-    far = np.append(supports[:few], np.full(count, FAR))
+    far = np.append(supports[:few], np.full(count, FAR_OFFSET))
     poses_a, poses_b = random_poses(52, 40, 0.6), random_poses(53, 40, 0.6)
     plain = evaluate(body, poses_a, normals[:few], supports[:few], poses_b, gamma=gamma)
     padded = evaluate(body, poses_a, filled, far, poses_b, gamma=gamma)
     deepest = np.abs(plain[0]).max()
-    bound = 2 * (gamma + 2) * count * (2 * deepest / FAR) ** (gamma + 1) + 1e-14
+    bound = 2 * (gamma + 2) * count * (2 * deepest / FAR_OFFSET) ** (gamma + 1) + 1e-14
     for one, other in zip(plain, padded, strict=True):
         np.testing.assert_allclose(other, one, atol=bound * size_of(plain[1]))
     apart = plain[0] > 0

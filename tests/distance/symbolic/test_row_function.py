@@ -18,8 +18,7 @@ from hdplan.distance.compiled import c_library
 from hdplan.distance.compiled.c_library import compiler
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SAME = 1e-15  # relative; both ways run the same instructions in the same order
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from hdplan.planner.batch.crew import crew
 from hdplan.planner.batch.local_cluster import SETTINGS
+from hdplan.planner.batch.worker_pool import worker_pool
 
 HERE = Path(__file__).parent
 
@@ -51,7 +51,7 @@ def two_workers(cluster: str) -> Iterator[Any]:
     """Give a client of two workers, which can import `planted`."""
     sys.path.insert(0, str(HERE))
     try:
-        with crew(cluster) as client:
+        with worker_pool(cluster) as client:
             client.wait_for_workers(2)
             yield client
     finally:

@@ -64,7 +64,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def run_here(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
     """Do runs with the two workers that are there."""
-    monkeypatch.setattr(run, "crew", lambda *_: contextlib.nullcontext(two_workers))
+    monkeypatch.setattr(run, "worker_pool", lambda *_: contextlib.nullcontext(two_workers))
     return functools.partial(run.run_into, workers=2)
 
 

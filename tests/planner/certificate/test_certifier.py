@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.build import build
@@ -26,6 +25,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
@@ -36,8 +36,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 BRANCHED = """<robot name="branched">
   <link name="base"/>

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
@@ -19,6 +18,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
@@ -30,8 +30,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
-
-Array = NDArray[np.float64]
 
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
@@ -255,7 +253,7 @@ def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: p
         nodes_bounds = certifier.sweep.bounds
         assert nodes_bounds._grouped is not None
         found = certifier.certify(motion, check_ends=False, required=0.0)
-        monkeypatch.setattr("hdplan.planner.certificate.interval_bounds.MANY", 10**9)
+        monkeypatch.setattr("hdplan.planner.certificate.interval_bounds.GROUPED_FROM", 10**9)
         alone = Certifier(Setup.of(scene)).certify(motion, check_ends=False, required=0.0)
         monkeypatch.undo()
         statuses.add(found.status)

@@ -25,6 +25,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
@@ -32,9 +33,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
-
 
 # --- solids, and the judge --------------------------------------------------------------------------
 

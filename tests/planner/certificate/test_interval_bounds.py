@@ -42,7 +42,7 @@ def drifting(rng: np.random.Generator) -> tuple[SteadyMotion | TimedPoses, ...]:
 
 
 @pytest.fixture(scope="module", params=["panda_cage", "planar_arm", "kinova_shelf", "moving panda_cage"])
-def laid_out(request: pytest.FixtureRequest) -> LaidOut:
+def assembled(request: pytest.FixtureRequest) -> LaidOut:
     """A robot among its scene's obstacles and some more, on a random motion of 4 intervals: straight lines between
     waypoints, or quintics in time, and then some obstacles move."""
     scene, moving = load_scene(request.param.split()[-1]), request.param.startswith("moving")
@@ -88,8 +88,8 @@ def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
     return np.array(values).reshape(len(curve) - 1, LOOKS, -1)
 
 
-def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
-    certifier, intervals, curve = laid_out
+def test_no_bound_is_above_the_distance(assembled: LaidOut) -> None:
+    certifier, intervals, curve = assembled
     sweep = certifier.sweep
     bounds, count = Bounds(sweep.bodies, sweep.pairs), len(sweep.pairs.a)
     least = exact(certifier, curve).min(axis=1)  # (intervals, pairs)
@@ -103,8 +103,8 @@ def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
     assert np.median(least.ravel() - by_best) < np.median(least.ravel() - by_ball)
 
 
-def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
-    certifier, intervals, _ = laid_out
+def test_the_loop_in_c_is_the_one_in_numpy(assembled: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+    certifier, intervals, _ = assembled
     bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
     items = Items.all(4, np.arange(count))
     normal = np.random.default_rng(8).normal(size=(4 * count, 3))
@@ -119,8 +119,8 @@ def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytes
         assert np.isfinite(np.delete(found, np.s_[::7])).all()
 
 
-def test_no_items_have_no_bounds(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
-    certifier, intervals, _ = laid_out
+def test_no_items_have_no_bounds(assembled: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+    certifier, intervals, _ = assembled
     bounds, none = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), Items.all(4, np.arange(0))
     for _ in range(2):
         assert [len(found) for found in bounds.by_ball(intervals, none)] == [0, 0]
@@ -128,8 +128,8 @@ def test_no_items_have_no_bounds(laid_out: LaidOut, monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(interval_bounds, "library", lambda: None)
 
 
-def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
-    certifier, intervals, _ = laid_out
+def test_a_bound_over_all_is_no_better_than_over_one(assembled: LaidOut) -> None:
+    certifier, intervals, _ = assembled
     bounds = Bounds(certifier.sweep.bodies, certifier.sweep.pairs)
     whole = bounds.over_all(intervals)
     gathered = certifier.sweep.bodies
@@ -141,9 +141,9 @@ def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
     assert np.all(whole[~moving] <= by_ball.reshape(4, -1).min(axis=0)[~moving] + 1e-12)
 
 
-def test_balls_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_balls_in_c_are_those_in_numpy(assembled: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also with what drifts, a body inside another's box, and a place that is not a number."""
-    certifier, intervals, _ = laid_out
+    certifier, intervals, _ = assembled
     center, every = intervals.center.copy(), np.arange(len(certifier.sweep.bodies.bodies))
     center[intervals.row(2, every)] = center[intervals.row(2, 1)]
     center[intervals.row(1, certifier.sweep.bodies.moving[0])] = np.nan
@@ -159,8 +159,8 @@ def test_balls_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.Mo
     np.testing.assert_allclose(compiled[1][known], plain[1][known], rtol=0, atol=SAME)
 
 
-def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(laid_out: LaidOut) -> None:
-    certifier, intervals, curve = laid_out
+def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(assembled: LaidOut) -> None:
+    certifier, intervals, curve = assembled
     bodies = certifier.sweep.bodies
     still = np.setdiff1d(np.arange(len(bodies.bodies)), bodies.moving)
     assert len(intervals.rotation) == len(bodies.bodies) + 4 * len(bodies.moving)

@@ -27,6 +27,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
@@ -36,8 +37,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
-
-Array = NDArray[np.float64]
 
 SAME = 2e-6  # [m] as exact as coal's directions are
 

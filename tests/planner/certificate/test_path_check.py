@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
@@ -20,14 +19,13 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 LOOKS = 2000
 CRANE = """<robot name="crane">

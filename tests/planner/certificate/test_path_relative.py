@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
@@ -21,13 +20,12 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints, Relative
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 LOOKS = 1500
 FIELDS = ("path.relative.position_tolerance", "path.relative.orientation_tolerance")

@@ -17,6 +17,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
@@ -29,7 +30,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 
-Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
 
 # a turntable that turns without end, and a slide that reaches far

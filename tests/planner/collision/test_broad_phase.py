@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import library
@@ -21,12 +20,11 @@ from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.02  # [m]
 ROUNDING = 1e-9  # [m] by which a body may leave its ball: kinematics to 1e-12, amplified by nothing

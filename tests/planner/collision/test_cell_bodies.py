@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.collision import cell_bodies, convex_pieces
 from hdplan.planner.collision.cell_bodies import from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import opened
-from hdplan.planner.problem.lay_out import more_closely
+from hdplan.planner.problem.assemble import more_closely
 from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
@@ -28,8 +28,6 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 

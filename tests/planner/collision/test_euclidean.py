@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import coal
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 import hdplan
@@ -25,13 +24,12 @@ from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.02  # [m]
 EXACT = 1e-6  # [m]

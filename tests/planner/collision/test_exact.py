@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
@@ -23,15 +22,14 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.problem import clearance
+from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.problem.lay_out import exactly
 from hdplan.planner.problem.samples import Samples
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Box, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 from .test_euclidean import NO_JOINTS, clutter, convex, free_bodies, moved, placed, poses
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-7  # [m]
 WIDE = 10.0  # [m] a margin that nothing is beyond, so that every distance is exact

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.halfspaces import FAR, box_directions
+from hdplan.distance.symbolic.halfspaces import FAR_OFFSET, box_directions
 from hdplan.planner.collision.halfspace_bodies import (
     FEW,
     MANY,
@@ -23,11 +22,10 @@ from hdplan.planner.collision.halfspace_bodies import (
 )
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh
 from hdplan.planner.geometry.opened import with_content
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of the sizes here, about 1 m
 TOUCH = 3e-3  # relative to the size: how far from a plane the densest sampled surface may stay
@@ -115,7 +113,7 @@ def check(body: HalfspaceBody, points: Array, size: float, touches: bool = True,
     assert np.linalg.det(body.box[:3, :3]) > 0
     reached = (body.normals @ points.T).max(axis=1)
     assert np.all(reached <= body.supports + ROUNDING * max(1.0, size))
-    used = body.supports < FAR / 2
+    used = body.supports < FAR_OFFSET / 2
     assert used[:26].all()
     if touches:
         assert np.all(reached[used] >= body.supports[used] - TOUCH * size)
@@ -158,7 +156,7 @@ def test_round_shapes_are_themselves_and_no_polygons(name: str) -> None:
 def test_faces_of_a_polytope_are_among_its_planes() -> None:
     """The planes of a tetrahedron enclose nothing beside it: random points are inside all planes only if inside it."""
     body = from_shape("tetrahedron", SHAPES["tetrahedron"], np.eye(4))
-    used = body.supports < FAR / 2
+    used = body.supports < FAR_OFFSET / 2
     points = np.random.default_rng(6).uniform(-0.3, 0.3, (5000, 3))
     planes = np.all(points @ body.normals[used].T <= body.supports[used], axis=1)
     corners = np.array(TETRAHEDRON)
@@ -174,7 +172,7 @@ def test_spare_planes_never_cut_a_body_off() -> None:
         points = scale * np.array(PRISM)
         body = from_shape("prism", Points(tuple(map(tuple, points.tolist()))), np.eye(4))
         reached = (body.normals @ points.T).max(axis=1)
-        spare = body.supports - reached > FAR / 2
+        spare = body.supports - reached > FAR_OFFSET / 2
         assert 0 < spare.sum() < MANY - FEW
         assert np.all(reached <= body.supports + ROUNDING * scale)
 

@@ -19,8 +19,6 @@ from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.shapes import Box, Cylinder, Points
 
-Array = NDArray[np.float64]
-
 ORDERS = (1, 2, 3, 4, 5, 7, 12, 32)  # gamma; 2 is compiled as a constant, the root is found in four ways
 ROUNDING = 1e-12
 COUNT = 150  # poses

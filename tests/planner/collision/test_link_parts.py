@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.collision import link_parts as module
@@ -15,9 +14,8 @@ from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import enclosed, in_joint, link_bodies, link_triangles
 from hdplan.planner.collision.link_parts import link_parts
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # [m]
 

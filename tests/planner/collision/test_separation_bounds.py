@@ -13,7 +13,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from hdplan.distance.baselines.coal import coal_hull, signed_distance
@@ -28,14 +27,13 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import SelfCollision
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 ROBOTS = ("ur5", "kinova", "two arms", "gantry")
 MORE = ("panda", "ur3_gripper", "ur5_gripper", "ur10", "xarm7", "z1", "panda_carry")
@@ -200,24 +198,24 @@ def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
     arm, rng = named(name, folder), np.random.default_rng(4)
     witness = Witness(arm)
     model = witness.model
-    laid_out = body_pairs(
+    assembled = body_pairs(
         model.bodies,
         model.planes,
         model.self_pairs,
         0.0,
         model.kinematics.supports,
     )
-    distance = FclPairs(laid_out, model.bodies, model.planes)
+    distance = FclPairs(assembled, model.bodies, model.planes)
     search = separation_bounds._Search(arm, model.kinematics, model.bodies, model.self_pairs, distance)
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     tight = 0
     for _ in range(60):
         pair = int(rng.integers(len(model.self_pairs)))
-        between = laid_out.moves[pair] != 0
+        between = assembled.moves[pair] != 0
         half = np.where(between, (high - low) / 2 * rng.uniform(0, 1, arm.n) * 10.0 ** rng.uniform(-3, 0), 0.0)
         centre = rng.uniform(low + half, high - half)
         (exact,), (bound,), _ = search._look(pair, centre[None], half[None])
-        looped = by_loop(model, laid_out.moves[pair], pair, centre - half, centre + half)
+        looped = by_loop(model, assembled.moves[pair], pair, centre - half, centre + half)
         assert max(bound, looped) <= exact + EXACT
         inside = centre + half * np.vstack([rng.uniform(-1, 1, (20, arm.n)), rng.choice([-1.0, 1.0], (20, arm.n))])
         found = min(witness.at(q, pair) for q in inside)
@@ -294,7 +292,7 @@ def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest
         kept = separation_bounds.distances_kept(*given)
         assert sum(looked) <= budget + 2 * separation_bounds.BATCH * len(kept)
         assert (kept > 0.0).sum() <= (everything > 0.0).sum()
-        assert (kept <= everything / separation_bounds.TIGHT + EXACT).all()  # the least distance met is no less
+        assert (kept <= everything / separation_bounds.TIGHT_SHARE + EXACT).all()  # the least distance met is no less
 
 
 # --- obstacles out of reach -------------------------------------------------------------------------------------------

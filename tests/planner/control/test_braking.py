@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.braking import Command, Rates
@@ -26,8 +25,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 

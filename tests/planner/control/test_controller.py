@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
 from hdplan.distance.baselines.gdf import gdf
@@ -19,7 +18,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.collision.boxes import BoxPairs
+from hdplan.planner.collision.box_pairs import BoxPairs
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.control.barrier_safety import (
@@ -31,11 +30,11 @@ from hdplan.planner.control.barrier_safety import (
     unshaped,
 )
 from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control.braking import KEPT, Command
+from hdplan.planner.control.braking import USED_SHARE, Command
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.program_rows import NEAR
-from hdplan.planner.control.quadratic_program import Wishes, best_velocity
+from hdplan.planner.control.program_rows import NEAR_DISTANCE
+from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import PoseTask, TrackTask, standing
@@ -44,6 +43,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
@@ -52,8 +52,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget, PoseTarget
-
-Array = NDArray[np.float64]
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 DISTANCES = (
@@ -357,8 +355,8 @@ def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
         slack = step.rows.gradient @ step.velocity + rates * (step.rows.value - margins)
         scale = np.maximum(np.linalg.norm(step.rows.gradient, axis=1), 1e-9)
         assert (slack / scale).min() > -1e-6
-        lower = np.maximum(-KEPT * robot.model.velocityLimit, -settings.rate * (q - robot.lower))
-        upper = np.minimum(KEPT * robot.model.velocityLimit, settings.rate * (robot.upper - q))
+        lower = np.maximum(-USED_SHARE * robot.model.velocityLimit, -settings.rate * (q - robot.lower))
+        upper = np.minimum(USED_SHARE * robot.model.velocityLimit, settings.rate * (robot.upper - q))
         assert ((step.velocity >= lower - 1e-6) & (step.velocity <= upper + 1e-6)).all()
         hessian, linear = task.objective(q, 0.0)
         near = np.flatnonzero(slack / scale < 1.0)
@@ -402,20 +400,20 @@ def test_rows_that_cannot_be_met_are_met_as_well_as_can_be() -> None:
         )
         hessian, linear = jacobian.T @ jacobian + 0.01 * np.eye(7), rng.normal(size=7)
         low, high = -rng.uniform(0.0, 1.0, 7), rng.uniform(0.0, 1.0, 7)
-        wish = rng.normal(size=count) * np.linalg.norm(matrix, axis=1)
-        hold = np.where(rng.random(count) < 0.5, -np.inf, np.minimum(wish, 0.0))
-        price = rng.choice([30.0, 1e3], count)
-        found = best_velocity(hessian, linear, low, high, Wishes(matrix, wish, hold, price))
+        target = rng.normal(size=count) * np.linalg.norm(matrix, axis=1)
+        hold = np.where(rng.random(count) < 0.5, -np.inf, np.minimum(target, 0.0))
+        weight = rng.choice([30.0, 1e3], count)
+        found = best_velocity(hessian, linear, low, high, SoftConstraints(matrix, target, hold, weight))
         assert found is not None
         assert (found >= low).all()
         assert (found <= high).all()
         assert (matrix @ found >= hold - 1e-5).all()
-        missed = np.maximum(wish - matrix @ found, 0.0)
+        missed = np.maximum(target - matrix @ found, 0.0)
         if missed.max() < 1e-6:
             continue
         gave += 1
         # Karush, Kuhn and Tucker: the gradient is a sum, of positive parts, of what holds the command back
-        gradient = hessian @ found + linear - matrix.T @ (price**2 * missed)
+        gradient = hessian @ found + linear - matrix.T @ (weight**2 * missed)
         held = matrix[np.isfinite(hold) & (matrix @ found <= hold + 1e-6)]
         walls = np.concatenate([held, np.eye(7)[found <= low + 1e-7], -np.eye(7)[found >= high - 1e-7]])
         left = nnls(walls.T, gradient)[1] if len(walls) else np.linalg.norm(gradient)
@@ -676,7 +674,7 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
         near = nearness(q)
         for configuration in run.positions[::5]:
             now = nearness(configuration)
-            assert (now >= np.minimum(near, NEAR) - 1e-4).all()
+            assert (now >= np.minimum(near, NEAR_DISTANCE) - 1e-4).all()
         motion = Trajectory(robot.joint_names, run.positions, robot.locked)
         assert certifier.certify(motion, check_ends=False).certified
         moved += bool(np.abs(np.diff(run.positions, axis=0)).max() > 1e-6)

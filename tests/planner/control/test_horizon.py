@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
@@ -29,8 +28,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 HANGING = RobotSpec("panda", base=Pose((0.0, 0.0, 1.2), (1.0, 0.0, 0.0, 0.0)))

@@ -7,18 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.geometry.clouds import balls_in, read_cloud
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 CAMERA = (120.0, 110.0, 39.5, 29.5)
 SHAPE = (60, 80)

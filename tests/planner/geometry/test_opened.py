@@ -20,9 +20,9 @@ from hdplan.planner.geometry.coal_shapes import mesh_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, load_mesh
 from hdplan.planner.geometry.opened import opened, with_content
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.page.page import page_of
+from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.pictures.scene import Picture
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
@@ -101,7 +101,7 @@ def test_nothing_behind_the_door_opens_a_file(folder: Path) -> None:
     certificate = Certifier(setup).certify(motion, check_ends=False)
     assert certificate.clearance == before.clearance is not None
     assert certificate.text == before.text
-    problem = lay_out(setup, setup.query)
+    problem = assemble(setup, setup.query)
     assert {body.name for body in problem.halfspace_bodies} == {each.name for each in scene.obstacles}
     assert Picture.of(setup, motion).obstacle_points
     assert page_of(setup, [ShownMotion.of("swept", motion, Certifier(setup), certificate)])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, Status
-from hdplan.planner.control.replay import replay
+from hdplan.planner.control.simulation import replay
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.gravity_torque import GravityTorques, static_torque

@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.build import build
@@ -19,11 +18,10 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import whole_graph
-
-Array = NDArray[np.float64]
 
 SCENES: dict[str, dict[str, Any]] = {  # each with a term, a body or a joint of another kind
     "planar_arm": {},
@@ -62,8 +60,10 @@ def close(found: Array, expected: Array, tolerance: float) -> None:
 def at_samples(problem: Problem, term: Term, q: Array) -> tuple[Array, Array] | None:
     """The gradient (B, n) and the exact Hessian (B, n, n) of a term at configurations."""
     kinematics, samples = problem.kinematics.evaluate(q), Samples((len(q),))
-    found, bend = term.at_samples(kinematics, samples), term.bend(kinematics, samples)
-    return None if found is None else (found.gradient, found.curvature + (0.0 if bend is None else bend))
+    found, second_order = term.at_samples(kinematics, samples), term.second_order(kinematics, samples)
+    return (
+        None if found is None else (found.gradient, found.curvature + (0.0 if second_order is None else second_order))
+    )
 
 
 @every_scene
@@ -83,7 +83,7 @@ def test_differences_of_the_gradient_at_samples(name: str, seed: int) -> None:
             expected[:, j] = (ahead[0] - behind[0]) / (2 * STEP)
         close(hessian, expected, DIFFERENCE)
         close(hessian, hessian.swapaxes(1, 2), 1e-12)
-        seen = max(seen, float(np.abs(term.bend(problem.kinematics.evaluate(q), Samples((COUNT,)))).max()))
+        seen = max(seen, float(np.abs(term.second_order(problem.kinematics.evaluate(q), Samples((COUNT,)))).max()))
     assert seen > 1e-4 or name == "panda_cage"
 
 
@@ -103,7 +103,7 @@ def test_differences_of_the_gradient_of_the_motion(name: str) -> None:
     for term in problem.terms:
         alone = dataclasses.replace(problem, terms=Terms(own=(term,)))
         q = problem.clip(line + 0.3 * rng.normal(size=line.shape))
-        found, (diagonal, coupling) = alone.penalty(q), alone.bend(q)
+        found, (diagonal, coupling) = alone.penalty(q), alone.second_order(q)
         close(diagonal, diagonal.swapaxes(1, 2), 1e-12)
         for moved in rng.normal(size=(3, *q.shape)):
             ahead, behind = (alone.penalty(q + sign * STEP * moved).gradient for sign in (1, -1))

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
@@ -19,9 +18,8 @@ from hdplan.planner.problem import problem as problems
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.solvers import newton_step
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative to the largest number of its kind: sums of a few hundred terms, in another order
 WEIGHT = 1e4  # of the penalty [1/m²]

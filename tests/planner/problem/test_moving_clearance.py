@@ -219,8 +219,8 @@ def test_what_is_clear_of_the_velocity_penalty_is_executed_within_the_limits(pro
     rng = np.random.default_rng(8)
     keeper = Retimer(Setup.of(crossing, robot))
     for _ in range(5):
-        bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
-        rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)
+        second_order = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
+        rows = np.clip(np.linspace(problem.start, problem.goal, 32) + second_order, robot.lower, robot.upper)
         clear = penalty.over_motion(rows, problem.kinematics).depth.max() <= half
         timed = keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory
         (use,) = RateCheck(Setup.of(crossing, robot)).check(timed.curve).uses

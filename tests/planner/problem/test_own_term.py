@@ -8,15 +8,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 
-Array = NDArray[np.float64]
 WEIGHT, STEP = 1e4, 1e-6
 
 TERMS = (
@@ -43,7 +42,7 @@ def test_derivatives(term: hdplan.OwnTerm, seed: int) -> None:
     problem = small().with_term(term)
     (alone,) = (*problem.terms.costs, *problem.terms.own)
     q, n = drawn(problem, seed), len(problem.start)
-    found, (diagonal, coupling) = alone.planned(q), alone.planned_bend(q)
+    found, (diagonal, coupling) = alone.planned(q), alone.planned_second_order(q)
     whole = np.zeros((len(q), n, len(q), n))
     curved = whole.copy()
     exact = found.diagonal + diagonal, found.coupling + coupling

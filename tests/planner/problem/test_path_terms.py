@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
@@ -21,14 +20,13 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 LINKS = {"panda_carry": "panda_hand", "ur5_table": "tool0", "kinova_shelf": "j2s6s200_end_effector"}
 OTHERS = {"panda_carry": "panda_link2", "ur5_table": "upper_arm_link", "kinova_shelf": "j2s6s200_link_base"}

@@ -12,15 +12,15 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic import row_function
 from hdplan.planner.build import build
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.problem import SPACING, Problem
-from hdplan.planner.problem.samples import MOST, Samples
+from hdplan.planner.problem.samples import MOST_SAMPLES, Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import MotionPenalty, Penalty, Term
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
@@ -30,8 +30,6 @@ from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.planner.problem.whole_graph import WholeGraph, whole_graph
-
-Array = NDArray[np.float64]
 
 # Relative to the largest number compared, unless said.
 WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike
@@ -144,9 +142,9 @@ def test_smoothness_is_the_sum_that_it_says(count: int) -> None:
     smoothness = Smoothness(count, acceleration=0.03)
     q, h = np.random.default_rng(2).normal(size=(count, 3)), 1 / (count - 1)
     velocity = sum(0.5 * h * np.sum(((q[k + 1] - q[k]) / h) ** 2) for k in range(count - 1))
-    bend = sum(0.5 * h * np.sum(((q[k + 1] - 2 * q[k] + q[k - 1]) / h**2) ** 2) for k in range(1, count - 1))
+    second_order = sum(0.5 * h * np.sum(((q[k + 1] - 2 * q[k] + q[k - 1]) / h**2) ** 2) for k in range(1, count - 1))
     value, gradient = smoothness.value(q)
-    assert value == pytest.approx(velocity + 0.03 * bend, rel=EXACT)
+    assert value == pytest.approx(velocity + 0.03 * second_order, rel=EXACT)
     assert np.sum(0.5 * q * (smoothness.matrix @ q)) == pytest.approx(value, rel=EXACT)
     close(gradient, smoothness.matrix @ q, EXACT)
     close(smoothness.matrix, smoothness.matrix.T, EXACT)
@@ -384,7 +382,7 @@ def test_resampled_leaves_no_wide_gap_between_samples(panda: Problem) -> None:
             centre = body.body.vertices.mean(axis=0)
             places = batch.rotations[:, body.joint] @ centre + batch.translations[:, body.joint]
             steps = np.linalg.norm(np.diff(places, axis=0), axis=1) / counts
-            assert np.all((steps <= SPACING * (1 + EXACT)) | (counts == MOST))
+            assert np.all((steps <= SPACING * (1 + EXACT)) | (counts == MOST_SAMPLES))
 
 
 def test_a_robot_without_collision_geometry_is_planned_for(stick_scene: Callable[[Obstacle], Scene]) -> None:

@@ -11,16 +11,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.program import Program
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-11  # the same sums in another order; relative to the largest number
 STEP, DIFFERENCE = 1e-5, 1e-7  # [rad] fourth-order differences; the distance bends over 1 mm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdplan.planner.problem.samples import MOST, Samples
+from hdplan.planner.problem.samples import MOST_SAMPLES, Samples
 
 EXACT = 1e-13  # relative: sums of a few dozen products
 COUNTS = [(4, 4, 4), (1, 5, 2, 8), (3,), (32, 1)]
@@ -64,6 +64,6 @@ def test_curvatures_go_back_as_quadratic_forms(samples: Samples) -> None:
 
 def test_raised_has_at_least_the_counts_never_fewer_and_at_most_the_most() -> None:
     samples = Samples((4, 4, 4, 4))
-    assert samples.raised(np.array([1, 4, 7, 1000])).counts == (4, 4, 7, MOST)
+    assert samples.raised(np.array([1, 4, 7, 1000])).counts == (4, 4, 7, MOST_SAMPLES)
     assert samples.raised(np.zeros(4, np.int64)) == samples
     assert samples.counts == (4, 4, 4, 4)

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.gravity_torque import GravityTorques
@@ -19,9 +18,8 @@ from hdplan.planner.problem.hinge import Measure
 from hdplan.planner.problem.path_terms import LEVER, RelativeMeasure, UprightMeasure, WithinMeasure
 from hdplan.planner.problem.second_order import by_joints, point_along
 from hdplan.planner.robot.robot import load_robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
-
-Array = NDArray[np.float64]
 
 ROBOTS = ("panda", "pr2", "tree 1", "tree 2", "tree 3")
 COUNT, ROUNDING = 12, 1e-10
@@ -91,8 +89,8 @@ def test_any_function_of_a_relative_placement(name: str) -> None:
 
         placed = [ca.SX.sym(part, *size) for part, size in zip("RtSu", [(3, 3), (3, 1)] * 2, strict=True)]
         twist = ca.SX.sym("twist", 6)
-        bend, slope = ca.hessian(function(*moved(twist, *placed[:2]), *placed[2:]), twist)
-        zero = [ca.substitute(ca.densify(part), twist, ca.DM.zeros(6)) for part in (slope, bend)]
+        second_order, slope = ca.hessian(function(*moved(twist, *placed[:2]), *placed[2:]), twist)
+        zero = [ca.substitute(ca.densify(part), twist, ca.DM.zeros(6)) for part in (slope, second_order)]
         derivatives = ca.Function("derivatives", placed, zero)
         q, state = drawn(name, 3)
         each = [
@@ -156,7 +154,7 @@ def test_the_lengths_that_path_constraints_measure(name: str, kind: str) -> None
             lambda turns, origins: LEVER * angle_of(turns[last] @ (turns[other] @ frame).T),
         ]
     expected = np.stack([hessians(name, length, q) for length in lengths], axis=1)
-    close(found.bend(state), expected)
+    close(found.second_order(state), expected)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -175,9 +173,9 @@ def test_gravitys_torques(name: str) -> None:
         )
     ]
     potential = -sum(mass * ca.dot(torques.gravity, place) for mass, place in zip(torques.masses, places, strict=True))
-    bend = ca.hessian(ca.dot(weights, ca.gradient(potential, symbol)), symbol)[0]
-    each = ca.Function("bend", [symbol], [ca.densify(bend)])
-    close(np.einsum("j,bjkl->bkl", weights, torques.bend(state)), np.array([np.array(each(row)) for row in q]))
+    second_order = ca.hessian(ca.dot(weights, ca.gradient(potential, symbol)), symbol)[0]
+    each = ca.Function("bend", [symbol], [ca.densify(second_order)])
+    close(np.einsum("j,bjkl->bkl", weights, torques.second_order(state)), np.array([np.array(each(row)) for row in q]))
 
 
 def test_where_a_length_has_no_derivative_its_second_is_finite() -> None:
@@ -191,4 +189,4 @@ def test_where_a_length_has_no_derivative_its_second_is_finite() -> None:
         WithinMeasure(1, np.zeros(3), moves, np.zeros(3), np.eye(3), np.ones(3)),
         RelativeMeasure((1, 0), (own, own), (moves, ~moves), np.ones(2)),
     ):
-        assert np.isfinite(measure.bend(state)).all()
+        assert np.isfinite(measure.second_order(state)).all()

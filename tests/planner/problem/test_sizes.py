@@ -8,7 +8,6 @@ import functools
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.distance.compiled.c_library import WAITING
@@ -21,8 +20,6 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Shape
 from tests.planner.problem.whole_graph import agreed, graph_of, loops_at, motion
-
-Array = NDArray[np.float64]
 
 SHAPES: dict[str, Shape] = {
     "beam": hdplan.Box([0.3, 0.1, 0.2]),

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
@@ -16,11 +15,10 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 GAMMA, LENGTH = 2, 1e-3
 STEP = 1e-6  # [m, rad] of finite differences

@@ -12,7 +12,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -24,12 +23,11 @@ from hdplan.planner.problem.hinge import Hinge
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty, refuse_unwritten
 from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from tests.planner.problem.whole_graph import ROUNDING, agreed, close, graph_of, loops_at, motion
-
-Array = NDArray[np.float64]
 
 WEIGHT = 1e4  # of the penalty [1/m²]
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 ROUNDING = 1e-9  # relative to the largest number: the same sums in another order
 
@@ -66,8 +64,8 @@ def loops_at(problem: Problem, positions: Array, exact: bool = True) -> tuple[fl
     found, (count, n) = problem.penalty(positions), positions.shape
     diagonal, coupling = found.diagonal, found.coupling
     if exact:
-        bend = problem.bend(positions)
-        diagonal, coupling = diagonal + bend[0], coupling + bend[1]
+        second_order = problem.second_order(positions)
+        diagonal, coupling = diagonal + second_order[0], coupling + second_order[1]
     hessian = np.zeros((count, n, count, n))
     for k in range(count):
         hessian[k, :, k] = diagonal[k]

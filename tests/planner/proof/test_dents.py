@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.proof.rays import rays
+from hdplan.scenes.array_types import Array
 from hdplan.verify import RejectedError
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
@@ -25,7 +25,6 @@ from hdplan.verify.world import Piece, World
 from .test_forged import files
 from .worlds import packed, unpacked
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 Said = dict[str, Any]
 

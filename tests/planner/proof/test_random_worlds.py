@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof.planes import Planes
 from hdplan.planner.robot.robot import load_robot

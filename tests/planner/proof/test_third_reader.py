@@ -18,12 +18,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
 from hdplan.verify import RejectedError
@@ -35,7 +35,6 @@ from hdplan.verify.world import World
 
 from .worlds import kind_of
 
-Array = NDArray[np.float64]
 Random = np.random.Generator
 
 DATA = metadata.distribution("example-robot-data")

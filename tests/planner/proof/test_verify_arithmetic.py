@@ -217,7 +217,7 @@ def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind
     """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""
     import coal
 
-    from hdplan.planner.geometry.shapes import operations
+    from hdplan.planner.geometry.shape_table import operations
 
     world, curve, setup = random_motion(scene, kind, tmp_path)
     robot, rng = setup.robot, np.random.default_rng(5)

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -26,6 +25,7 @@ from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
@@ -42,7 +42,6 @@ from hdplan.verify.compare import check_equal, plain
 
 from ..linkage import linkage_urdf
 
-Array = NDArray[np.float64]
 World = dict[str, Any]
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -11,7 +11,7 @@ import pytest
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goal_slide import sliding
 from hdplan.planner.search.goals import goal_choice, may_end
@@ -39,7 +39,7 @@ def test_the_end_slides_within_the_goal_set_and_the_cost_falls(name: str) -> Non
     for goal in goal_choice(certifier).goals:
         slide = sliding(certifier, goal, 0.0)
         aim = setup.aiming_at(goal)
-        problem = lay_out(aim, aim.query)
+        problem = assemble(aim, aim.query)
         solution = solver_named("gauss_newton").solve(problem, problem.polyline(), Budget())
         push = problem.evaluate(solution.trajectory.positions, solution.weight).at_goal
         end = None if slide is None else slide(problem, solution, 0.05)
@@ -58,7 +58,7 @@ def test_the_end_slides_within_the_goal_set_and_the_cost_falls(name: str) -> Non
 def test_the_derivative_at_the_goal_is_that_of_the_cost() -> None:
     scene = load_scene("panda_cage")
     setup = Setup.of(scene)
-    problem = lay_out(setup, setup.query)
+    problem = assemble(setup, setup.query)
     motion = problem.polyline()
     found = problem.evaluate(motion, 1e5).at_goal
     for joint in range(setup.robot.n):

@@ -17,7 +17,7 @@ from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
@@ -60,7 +60,7 @@ def test_the_winner_is_the_best_by_its_own_measure_of_the_same_candidates(grasp:
         found[objective] = []
         for goal in goal_choice(certifier).goals:
             aim = setup.aiming_at(goal)
-            problem = lay_out(aim, aim.query, math.inf)
+            problem = assemble(aim, aim.query, math.inf)
             search = Search(
                 problem, certifier, Retimer(setup), solver, 0.0, math.inf, lambda event: None, lambda: False
             )

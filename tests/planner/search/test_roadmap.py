@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.search.retreat import retreats
+from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -24,8 +24,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-12  # [rad]
 COUNT = 9  # guesses looked at: every kind of draw comes up
@@ -128,7 +126,7 @@ def test_guesses_for_joints_without_limits_are_the_same_whole_turns_away(tmp_pat
 def test_ways_back_lead_to_where_nothing_is_near() -> None:
     """From beside an obstacle, in short steps within the limits; nowhere from where there is room."""
     problem = build(load_scene("panda_cage"))
-    back, _ = retreats(problem)
+    back, _ = escapes(problem)
     way = np.vstack([problem.start, back])
     assert len(back)
     assert np.all((way >= problem.robot.lower) & (way <= problem.robot.upper))
@@ -137,7 +135,7 @@ def test_ways_back_lead_to_where_nothing_is_near() -> None:
     distances = [place.distance for place in places if place is not None]
     assert distances[1] > 3 * distances[0]
     scene = load_scene("empty")
-    assert [len(way) for way in retreats(build(scene))] == [0, 0]
+    assert [len(way) for way in escapes(build(scene))] == [0, 0]
 
 
 def test_a_roadmap_grows_where_no_configuration_is_outside_all_margins() -> None:

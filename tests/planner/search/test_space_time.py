@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
@@ -19,10 +18,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.retreat import retreats
+from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DEPTH, seeds
-from hdplan.planner.search.space_time import PRICE, STEPS, TAKES, TimedRoadmap
+from hdplan.planner.search.space_time import PENALTY_WEIGHT, STEPS, TAKES, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
@@ -34,8 +34,6 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 import traffic
-
-Array = NDArray[np.float64]
 
 ACROSS = (0.5**0.5, 0.0, 0.0, 0.5**0.5)  # the quaternion of a quarter turn about x
 
@@ -64,7 +62,7 @@ def problem(gate: Scene) -> Problem:
 
 
 def roadmap(problem: Problem, seed: int = 0) -> TimedRoadmap:
-    first, last = retreats(problem)
+    first, last = escapes(problem)
     return TimedRoadmap(problem, np.random.default_rng(seed), first, last[::-1])
 
 
@@ -106,7 +104,7 @@ def test_time_never_goes_back_along_a_way(problem: Problem) -> None:
     for _ in range(4):
         found._extend()
         node, step = 0, 0
-        for move in found._cheapest(found._prices(np.arange(len(found.edges)))):
+        for move in found._cheapest(found._edge_costs(np.arange(len(found.edges)))):
             assert move.first == step
             assert move.last > step
             if move.edge is None:
@@ -162,14 +160,14 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
         found._extend()
         edges = np.arange(len(found.edges))
         found.penalties = found._penalties(edges)
-        prices, cost = found._prices(edges), 0.0
-        stay = PRICE / STEPS * (found.waits[:, 1:] + found.waits[:, :-1]) / 2
-        for move in found._cheapest(prices):
+        edge_costs, cost = found._edge_costs(edges), 0.0
+        stay = PENALTY_WEIGHT / STEPS * (found.waits[:, 1:] + found.waits[:, :-1]) / 2
+        for move in found._cheapest(edge_costs):
             if move.edge is None:
                 cost += stay[move.node, move.first]
             else:
                 back = int(found.edges[move.edge, 0] == move.node)
-                cost += prices[move.edge, back, move.first, list(TAKES).index(move.last - move.first)]
+                cost += edge_costs[move.edge, back, move.first, list(TAKES).index(move.last - move.first)]
         costs.append(cost)
     assert costs[0] == pytest.approx(costs[1], rel=1e-3)  # time at the steps is interpolated, from either end
 

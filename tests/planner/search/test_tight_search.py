@@ -13,11 +13,11 @@ import pytest
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.problem.lay_out import closer, exactly
+from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.search import search as searching
-from hdplan.planner.search.retreat import retreats
+from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
-from hdplan.planner.search.search import GUESSES, LATE, Search, _guesses
+from hdplan.planner.search.search import EXACT_AFTER, GUESSES, Search, _guesses
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -44,7 +44,7 @@ def test_the_first_guesses_are_as_ever_and_later_ones_exact(overlap: bool, monke
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None)
     under_way.best = failing(Status.IN_CONTACT)
-    for _ in range(GUESSES + (0 if overlap else LATE)):
+    for _ in range(GUESSES + (0 if overlap else EXACT_AFTER)):
         np.testing.assert_array_equal(next(guesses).positions, next(ever))
         assert under_way.problem is problem
     exact = seeds(exactly(problem), 5)
@@ -84,7 +84,7 @@ def test_what_is_laid_out_anew_stays_exact() -> None:
 def test_ways_back_and_nodes_are_free_by_the_exact_distance() -> None:
     problem = exactly(build(load_scene("panda_cage")))
     certifier = Certifier(problem.setup)
-    first, last = retreats(problem)
+    first, last = escapes(problem)
     for way in (first, last):
         if len(way):
             assert problem.depth(way[-1:])[0] <= problem.depth(np.array([problem.start, problem.goal])).max()

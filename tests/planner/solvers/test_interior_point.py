@@ -7,9 +7,7 @@ import signal
 import time
 from collections.abc import Callable
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.kinematics.forward import Kinematics
@@ -19,9 +17,8 @@ from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.solvers import solve
 from hdplan.planner.solvers.interior_point import STEPS
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, Budget, Solution, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 each = pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 

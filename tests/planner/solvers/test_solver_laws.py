@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
@@ -26,6 +25,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -33,8 +33,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 # Derivatives, relative to the largest number compared. Fourth-order differences with steps of STEP: the distance bends
 # over its shaping length of 1 mm, so their error is about (STEP / 1 mm)⁴; rounding adds 1e-16 / STEP.

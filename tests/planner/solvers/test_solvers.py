@@ -11,12 +11,12 @@ import time
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import SOLVERS, solve
-from hdplan.planner.solvers.solution import SAME, Budget, Iteration, Solution, SolverStatus
+from hdplan.planner.solvers.solution import EQUAL_COST, Budget, Iteration, Solution, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -24,8 +24,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 MINIMUM = 1e-8  # [rad] from the closed-form minimum
 # Iterations that show what a law asks for; those of the last two are runs.
@@ -112,7 +110,7 @@ def test_cost_falls(problem: Problem, solver: str) -> None:
     assert [step.iteration for step in steps] == list(range(1, len(steps) + 1))
     for before, after in itertools.pairwise(steps):
         assert after.weight >= before.weight
-        assert after.weight > before.weight or after.cost <= before.cost * (1 + SAME)
+        assert after.weight > before.weight or after.cost <= before.cost * (1 + EQUAL_COST)
     first, last = (problem.evaluate(q, steps[-1].weight) for q in (line(problem), solution.trajectory.positions))
     assert last.penalty < 0.5 * first.penalty
     assert last.cost < first.cost

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.control.barriers import BarrierSettings
 from hdplan.planner.control.controller import Controller
@@ -32,10 +31,9 @@ from hdplan.planner.studies.corridor_experiment import (
     sweep,
     tool_task,
 )
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from hdplan.planner.studies import planning_runs
 from hdplan.planner.studies.planning import FILES, label, study_planning, summaries
 from hdplan.planner.studies.planning_runs import (
     DEFAULTS,
-    NEAR,
+    NEAR_CONTACT,
     VALUES,
     Run,
     Runs,
@@ -119,7 +119,7 @@ def test_every_variant_is_measured_and_no_clearance_is_invented(planar: Runs) ->
         assert run.kernel > 0
         assert len(run.lost) == 20
         assert np.all(run.lost >= -ROUNDING), "D̃ is a lower bound"
-        assert np.all(run.lost < NEAR + 0.2)
+        assert np.all(run.lost < NEAR_CONTACT + 0.2)
         assert np.isfinite(run.off).all()
 
 

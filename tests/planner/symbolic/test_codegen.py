@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import symbolic
@@ -20,13 +19,12 @@ from hdplan.planner.commands.codegen import run_codegen
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.symbolic.c_code import c_files, c_name
 from hdplan.planner.symbolic.pairs import all_movable
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.output import write_folder
 from tests.threads import together
 
 from ..linkage import linkage_urdf
-
-Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[3]
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1"]

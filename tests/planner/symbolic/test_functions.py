@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -25,12 +24,11 @@ from hdplan.planner.problem.second_order import by_joints
 from hdplan.planner.robot.loads import carrying
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_files.library import robot_names
 from tests.threads import together
 
 from ..linkage import linkage_urdf
-
-Array = NDArray[np.float64]
 
 SHIPPED = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 EXACT = 1e-10  # [m], [Nm], [kg m²] agreement with Pinocchio

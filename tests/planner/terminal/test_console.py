@@ -22,7 +22,7 @@ BUILDING = "hdplan: building the problem (the first time with a robot takes some
 
 @pytest.fixture
 def long_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "LONG", 0.0)
+    monkeypatch.setattr(console, "LONG_WAIT", 0.0)
 
 
 def until(said: Callable[[], str], words: str) -> list[str]:
@@ -61,10 +61,10 @@ def test_what_a_step_is_at_is_named(errors: io.StringIO) -> None:
 
 
 def test_one_line_a_while_names_what_a_step_is_at(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "LONG", 0.01)
+    monkeypatch.setattr(console, "LONG_WAIT", 0.01)
     with console.waiting("building"):
         until(errors.getvalue, "building")
-        monkeypatch.setattr(console, "LONG", threading.TIMEOUT_MAX)
+        monkeypatch.setattr(console, "LONG_WAIT", threading.TIMEOUT_MAX)
         for link in range(50):
             tell(f"fitting bodies to link {link}")
     assert errors.getvalue().splitlines() == ["hdplan: building ..."]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
@@ -15,8 +14,6 @@ from hdplan.planner.timing.least_time import least_times
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Array = NDArray[np.float64]
 
 NAMES = ("velocity", "acceleration", "jerk")
 

@@ -141,9 +141,9 @@ def test_the_smooth_path_stays_within_the_hull_of_the_polyline() -> None:
 @pytest.mark.parametrize("law", ["minimum jerk", "averaged"])
 def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
     knots = np.cumsum([0.0, 0.3, 0.5, 0.2, 0.4])
-    paces = np.array([0.0, 0.9, 1.1, 0.4, 0.0])
-    values = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (paces[1:] + paces[:-1]) / 2)])
-    stepwise = Stepwise(knots, values / values[-1], paces / values[-1])
+    path_speeds = np.array([0.0, 0.9, 1.1, 0.4, 0.0])
+    values = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (path_speeds[1:] + path_speeds[:-1]) / 2)])
+    stepwise = Stepwise(knots, values / values[-1], path_speeds / values[-1])
     found = MinimumJerk(1.7) if law == "minimum jerk" else Averaged(stepwise, 0.25)
     times = np.linspace(0.01, found.duration - 0.01, 400)
     step = 1e-6
@@ -160,9 +160,12 @@ def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
 def test_an_averaged_law_is_the_average_of_the_law_over_its_window() -> None:
     rng = np.random.default_rng(8)
     for window in (0.02, 0.3, 1.5):
-        knots, paces = np.cumsum([0.0, *rng.uniform(0.1, 0.5, 5)]), np.array([0.0, *rng.uniform(0.2, 2.0, 4), 0.0])
-        values = np.cumsum([0.0, *(np.diff(knots) * (paces[1:] + paces[:-1]) / 2)])
-        stepwise = Stepwise(knots, values / values[-1], paces / values[-1])
+        knots, path_speeds = (
+            np.cumsum([0.0, *rng.uniform(0.1, 0.5, 5)]),
+            np.array([0.0, *rng.uniform(0.2, 2.0, 4), 0.0]),
+        )
+        values = np.cumsum([0.0, *(np.diff(knots) * (path_speeds[1:] + path_speeds[:-1]) / 2)])
+        stepwise = Stepwise(knots, values / values[-1], path_speeds / values[-1])
         for time in rng.uniform(-0.2, knots[-1] + window + 0.2, 20):
             within = time - window * (np.arange(20_000) + 0.5) / 20_000
             for order in (1, 2):

@@ -49,26 +49,26 @@ def test_it_is_toppras_own_law_within_the_limits() -> None:
         limits, velocity, acceleration = constraints(rng, n)
         law = time_optimal(spline, limits)
         own = TOPPRA(limits, module._Path(spline), gridpoints=grid())
-        _, paces, _ = own.compute_parameterization(0.0, 0.0)
-        assert law.paces.tobytes() == paces.tobytes()
-        assert law.paces[0] == law.paces[-1] == 0.0
-        assert np.all(np.abs(spline(grid(), 1)) * law.paces[:, None] <= (1 + ROUNDING) * velocity)
-        middle = 0.5 * (law.paces[1:] ** 2 + law.paces[:-1] ** 2)[:, None]
+        _, path_speeds, _ = own.compute_parameterization(0.0, 0.0)
+        assert law.path_speeds.tobytes() == path_speeds.tobytes()
+        assert law.path_speeds[0] == law.path_speeds[-1] == 0.0
+        assert np.all(np.abs(spline(grid(), 1)) * law.path_speeds[:, None] <= (1 + ROUNDING) * velocity)
+        middle = 0.5 * (law.path_speeds[1:] ** 2 + law.path_speeds[:-1] ** 2)[:, None]
         bend, slope = (0.5 * (values[1:] + values[:-1]) for values in (spline(grid(), 2), spline(grid(), 1)))
-        change = (np.diff(law.paces**2) * GRID / 2)[:, None]
+        change = (np.diff(law.path_speeds**2) * GRID / 2)[:, None]
         assert np.mean(np.abs(bend * middle + slope * change) <= 1.05 * acceleration) > 0.95
 
 
 def test_where_there_is_no_law_it_is_said() -> None:
     spline = smooth(np.linspace(np.zeros(1), np.ones(1), 5))
     limits, _, _ = constraints(np.random.default_rng(1), 1)
-    assert time_optimal(spline, limits).paces.max() > 0.0
+    assert time_optimal(spline, limits).path_speeds.max() > 0.0
     with pytest.raises(HdplanError, match="no time law was found"):
         time_optimal(spline, [*limits, Impossible()])
 
 
 def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
-    """The squares of such paces are 0: dividing by them would warn, or give a motion that never ends."""
+    """The squares of such path_speeds are 0: dividing by them would warn, or give a motion that never ends."""
     spline = smooth(np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 0.3], [1.0, 1.0]]))
     limit = RateLimit(1, np.array([1e-200, 1.0])).constraint(spline, grid())
     with pytest.raises(HdplanError, match="no time law"):

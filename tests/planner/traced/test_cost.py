@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdplan
 from hdplan import symbolic
 from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array
 
 jax: Any = pytest.importorskip("jax")
 
-Array = NDArray[np.float64]
 WEIGHT, CLOSE = 1e4, 1e-9
 quick = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})  # to compile, not to run
 

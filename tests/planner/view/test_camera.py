@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.view.drawing.camera import FOV, ROOM, SIDES, Boxes, View, best_view, view_from
+from hdplan.planner.view.drawing.camera import FOV, FRAME_SIZE, SIDES, Boxes, View, best_view, view_from
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 NONE = Boxes.around([], [])
 
 
@@ -38,7 +37,7 @@ def test_everything_is_in_the_picture_and_fills_it(seed: int, aspect: float) -> 
     directions = [*SIDES.values(), (rng.uniform(-np.pi, np.pi), rng.uniform(0.1, 1.2))]
     for azimuth, elevation in directions:
         at = np.abs(seen_at(view_from(azimuth, elevation, points, aspect), points, aspect))
-        assert at.max() == pytest.approx(1.0 / ROOM)
+        assert at.max() == pytest.approx(1.0 / FRAME_SIZE)
 
 
 def test_the_sides_look_along_the_axes() -> None:

@@ -10,8 +10,8 @@ import pytest
 
 import hdplan
 from hdplan.planner.view.drawing import clouds
-from hdplan.planner.view.edits import placed
 from hdplan.planner.view.layers import BOXES, LEFT_OUT
+from hdplan.planner.view.scene_edits import placed
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.clouds import Cloud

@@ -12,8 +12,8 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view.edits import NEW
 from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.scene_edits import NEW
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion

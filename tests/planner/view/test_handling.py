@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view import edits
+from hdplan.planner.view import scene_edits
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, START, Thing, things
 from hdplan.planner.view.uploads import Uploads
@@ -73,11 +73,11 @@ def file(path: Path, name: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(name=name or path.name, content=path.read_bytes())
 
 
-@pytest.mark.parametrize("word", edits.NEW)
+@pytest.mark.parametrize("word", scene_edits.NEW)
 def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewer, word: str) -> None:
     first = viewer.scene
     sent(viewer, field(viewer, "add"), word)
-    assert selected(viewer).shape == edits.NEW[word]
+    assert selected(viewer).shape == scene_edits.NEW[word]
     sent(viewer, field(viewer, "name"), "thing")
     assert selected(viewer).name == "thing"
     assert viewer.panel.handles.choice.value == "obstacle thing"
@@ -148,7 +148,7 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
 def test_a_field_keeps_the_digits_that_it_does_not_show(viewer: Viewer) -> None:
     exact = (0.123456789, -0.3, 0.111111111)
     by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
-    by_worker(viewer, lambda: viewer.panel.editing.apply("", lambda now: edits.placed(now, "box", exact)))
+    by_worker(viewer, lambda: viewer.panel.editing.apply("", lambda now: scene_edits.placed(now, "box", exact)))
     handle = field(viewer, "position [m]")
     assert handle.value == (0.1235, -0.3, 0.1111)
     sent(viewer, handle, (0.1235, -0.4, 0.1111))

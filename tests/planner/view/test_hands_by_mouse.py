@@ -11,7 +11,7 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.gate import WATCH
-from hdplan.planner.view.page import ENDED, WATCHING
+from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer

@@ -14,7 +14,7 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.view import live as module
-from hdplan.planner.view.planning import KEPT, NAME
+from hdplan.planner.view.planning import KEPT_PLANS, NAME
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
@@ -142,13 +142,13 @@ def test_what_is_planned_late_takes_no_other_motion_s_place(
 
 
 def test_plans_that_made_room_come_back(viewer: Viewer) -> None:
-    for k in range(KEPT):
+    for k in range(KEPT_PLANS):
         by_worker(viewer, lambda k=k: planned(viewer, f"more {k}"))
     before = seen(viewer)
 
     def one_more() -> None:
         planned(viewer, "last")
-        viewer.motions.make_room(KEPT)
+        viewer.motions.make_room(KEPT_PLANS)
 
     by_worker(viewer, one_more)
     assert NAME not in [shown.motion.name for shown in viewer.motions.shown]

@@ -16,7 +16,7 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import live as module
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, START, Thing, dragged, place_of, things

@@ -13,7 +13,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors, intensities
+from hdplan.planner.view.drawing.colors import FAR_CLEARANCE, SCALE, clearance_colors, intensities
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
 from hdplan.planner.view.drawing.plots import SHOWN, joint_table, with_bar, within_sight
 from hdplan.planner.view.drawing.reaching import follow_tip
@@ -150,7 +150,7 @@ def test_the_bar_rises_where_the_slider_stands_and_bends_no_curve() -> None:
 
 
 def test_clearance_colours_run_from_contact_to_far() -> None:
-    colors = clearance_colors([-0.1, 0.0, FAR, 9.0, np.inf])
+    colors = clearance_colors([-0.1, 0.0, FAR_CLEARANCE, 9.0, np.inf])
     assert (colors[:2] == SCALE[0]).all()
     assert (colors[2:] == SCALE[-1]).all()
 

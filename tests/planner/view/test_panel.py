@@ -13,11 +13,11 @@ import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view import edits
+from hdplan.planner.view import scene_edits
 from hdplan.planner.view.drawing.motion import shortened
 from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
-from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.page import NARROWEST, WIDTH
+from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.page_script import NARROWEST, WIDTH
 from hdplan.planner.view.things import START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
@@ -105,17 +105,17 @@ def test_esc_selects_nothing_also_while_something_is_dragged(viewer: Viewer) -> 
 def test_new_shapes_stand_on_the_eyes_side_where_there_is_room(angle: float) -> None:
     empty = Edited.of(Setup.of(load_scene("planar_arm"))).changed(obstacles=())
     eye = 3.0 * np.array([np.cos(angle), np.sin(angle), 0.3])
-    ends = [place_of(empty, Thing(end), edits.Tip.of(empty.robot)).position for end in ("start", "goal")]
+    ends = [place_of(empty, Thing(end), scene_edits.Tip.of(empty.robot)).position for end in ("start", "goal")]
 
     def placed(*eyes: np.ndarray) -> tuple[float, float]:
         """How much room there is, and how far it is from the eye."""
-        after, _ = edits.added(empty, Box((0.05, 0.05, 0.05)), "box", *eyes)
+        after, _ = scene_edits.added(empty, Box((0.05, 0.05, 0.05)), "box", *eyes)
         at = np.array(after.scene.obstacles[-1].pose.position)
         return min(float(np.linalg.norm(at - end)) for end in ends), float(np.linalg.norm(at - eye))
 
     (most, farther), (room, near) = placed(), placed(eye)
     assert near <= farther
-    assert edits.ROOMY * most < room <= most
+    assert scene_edits.ROOMY * most < room <= most
 
 
 @pytest.mark.parametrize("length", [1, 79, 80, 81, 300])

@@ -14,8 +14,8 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.view.drawing.colors import MOTIONS
-from hdplan.planner.view.motions import LONGEST
-from hdplan.planner.view.planning import KEPT, NAME
+from hdplan.planner.view.motions import LONGEST_NAME
+from hdplan.planner.view.planning import KEPT_PLANS, NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 
@@ -76,7 +76,7 @@ def test_a_name_is_any_text_that_no_other_motion_has(viewer: Viewer) -> None:
     assert names(viewer) == ["found", wanted]
     assert html.escape(wanted) in viewer.panel.rows.content
     assert wanted not in viewer.panel.rows.content
-    for refused in ("found", "", " \n", "x" * (LONGEST + 1)):
+    for refused in ("found", "", " \n", "x" * (LONGEST_NAME + 1)):
         tell(viewer, {"do": "rename", "motion": second.number, "answer": refused})
         assert names(viewer) == ["found", wanted]
         assert "motion" in viewer.panel.verdict.split("</div>")[0]
@@ -133,7 +133,7 @@ def test_plans_that_follow_each_other_are_kept_but_not_for_ever(opened: Opener, 
     viewer = opened(scene)
     results = [
         plan(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=0.002 * k)))
-        for k in range(KEPT + 2)
+        for k in range(KEPT_PLANS + 2)
     ]
 
     def finish(result: object) -> None:
@@ -142,10 +142,10 @@ def test_plans_that_follow_each_other_are_kept_but_not_for_ever(opened: Opener, 
 
     for result in results:
         finish(result)
-    assert len(viewer.motions.shown) == KEPT
+    assert len(viewer.motions.shown) == KEPT_PLANS
     assert viewer.motions.active is viewer.motions.shown[-1]
-    assert len({shown.color for shown in viewer.motions.shown}) == min(KEPT, len(MOTIONS))
-    assert len(set(names(viewer))) == KEPT
+    assert len({shown.color for shown in viewer.motions.shown}) == min(KEPT_PLANS, len(MOTIONS))
+    assert len(set(names(viewer))) == KEPT_PLANS
     finish(results[-1])  # found once more: the same motion, the same line
-    assert len(viewer.motions.shown) == KEPT
+    assert len(viewer.motions.shown) == KEPT_PLANS
     assert all(name.startswith(NAME) for name in names(viewer))

@@ -11,7 +11,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.words import OUTDATED, SHORT, badge, figures, whats_next
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose
@@ -21,8 +21,6 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.writer import scene_text
-
-Array = NDArray[np.float64]
 
 HALF = math.sqrt(0.5)
 DOWN = [1.0, 0.0, 0.0, 0.0]  # turned about x: z points down

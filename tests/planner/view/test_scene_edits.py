@@ -12,8 +12,8 @@ import pytest
 
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view import edits, ends
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view import ends, scene_edits
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -24,7 +24,7 @@ from hdplan.scenes.shapes import Box, Mesh, Sphere
 from hdplan.scenes.targets import Goals, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
-from hdplan.scenes.yaml_format.shapes import CLASSES
+from hdplan.scenes.yaml_format.shape_fields import CLASSES
 from hdplan.scenes.yaml_format.writer import scene_text
 
 ROD = Obstacle("rod", Box((0.02, 0.3, 0.02)), Pose((0.5, 0.2, 0.1), (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))))
@@ -46,16 +46,16 @@ def saved_and_read(scene: Scene, folder: Path) -> Scene:
 
 
 def test_every_shape_of_the_format_can_be_added() -> None:
-    assert {type(shape) for shape in edits.NEW.values()} | {Mesh} == set(CLASSES.values())
-    assert all(isinstance(shape, CLASSES[word]) for word, shape in edits.NEW.items())
+    assert {type(shape) for shape in scene_edits.NEW.values()} | {Mesh} == set(CLASSES.values())
+    assert all(isinstance(shape, CLASSES[word]) for word, shape in scene_edits.NEW.items())
 
 
 def test_what_is_added_is_free_and_saved_with_the_scene(edited: Edited, tmp_path: Path) -> None:
     now = edited
-    shapes = [*edits.NEW.items(), ("hook", Mesh(shipped_scenes()["panda_vase"].parent / "hook.obj", 0.2))]
+    shapes = [*scene_edits.NEW.items(), ("hook", Mesh(shipped_scenes()["panda_vase"].parent / "hook.obj", 0.2))]
     for word, shape in [*shapes, *shapes]:
         before = now
-        now, thing = edits.added(before, shape, word)
+        now, thing = scene_edits.added(before, shape, word)
         assert now.scene.obstacles[:-1] == before.scene.obstacles
         assert now.scene.obstacles[-1].name == thing.name
         assert now.contacts == ((), ())
@@ -64,39 +64,43 @@ def test_what_is_added_is_free_and_saved_with_the_scene(edited: Edited, tmp_path
 
 
 def test_a_duplicate_stands_beside_and_keeps_all_but_name_and_place(edited: Edited) -> None:
-    now, thing = edits.duplicated(edits.kept_clear(edited, "rod", 0.01), "rod")
+    now, thing = scene_edits.duplicated(scene_edits.kept_clear(edited, "rod", 0.01), "rod")
     first, second = obstacles(now)["rod"], obstacles(now)[thing.name]
     assert (second.shape, second.clearance) == (first.shape, 0.01)
     away = np.subtract(second.pose.position, first.pose.position)
     np.testing.assert_allclose(away, [-0.36, 0.0, 0.0], atol=1e-12)  # 1.2 of its length, along its own y
-    assert edits.duplicated(now, thing.name)[1].name == "rod3"
+    assert scene_edits.duplicated(now, thing.name)[1].name == "rod3"
 
 
 def test_an_edit_changes_its_field_alone(edited: Edited) -> None:
     cases: list[tuple[str, Any, Callable[[], Edited]]] = [
-        ("shape", Box((0.1, 0.3, 0.02)), lambda: edits.resized(edited, "rod", size=(0.1, 0.3, 0.02))),
-        ("pose", dataclasses.replace(ROD.pose, position=(1, 2, 3)), lambda: edits.placed(edited, "rod", (1, 2, 3))),
-        ("clearance", 0.02, lambda: edits.kept_clear(edited, "rod", 0.02)),
-        ("name", "bar", lambda: edits.renamed(edited, "rod", "bar")),
+        ("shape", Box((0.1, 0.3, 0.02)), lambda: scene_edits.resized(edited, "rod", size=(0.1, 0.3, 0.02))),
+        (
+            "pose",
+            dataclasses.replace(ROD.pose, position=(1, 2, 3)),
+            lambda: scene_edits.placed(edited, "rod", (1, 2, 3)),
+        ),
+        ("clearance", 0.02, lambda: scene_edits.kept_clear(edited, "rod", 0.02)),
+        ("name", "bar", lambda: scene_edits.renamed(edited, "rod", "bar")),
     ]
     for field, value, edit in cases:
         changed = edit()
         assert changed.scene.obstacles == (*edited.scene.obstacles[:-1], dataclasses.replace(ROD, **{field: value}))
         assert dataclasses.replace(changed.scene, obstacles=edited.scene.obstacles) == edited.scene
-    assert "rod" not in obstacles(edits.deleted(edited, "rod"))
-    assert edits.planned_by(edited, clearance=0.01, waypoints=20, polish=3).scene.planner.waypoints == 20
+    assert "rod" not in obstacles(scene_edits.deleted(edited, "rod"))
+    assert scene_edits.planned_by(edited, clearance=0.01, waypoints=20, polish=3).scene.planner.waypoints == 20
 
 
 def test_an_obstacle_gets_a_speed_where_times_are_known(edited: Edited) -> None:
     with pytest.raises(InputError, match=r"timing\.duration is missing"):
-        edits.moving(edited, "rod", (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
-    timed = edits.lasting(edited, 2.0)
-    now = edits.moving(timed, "rod", (0.1, 0.0, 0.0), (0.0, 0.0, 0.5))
+        scene_edits.moving(edited, "rod", (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    timed = scene_edits.lasting(edited, 2.0)
+    now = scene_edits.moving(timed, "rod", (0.1, 0.0, 0.0), (0.0, 0.0, 0.5))
     np.testing.assert_allclose(ObstacleMotion.of(obstacles(now)["rod"]).velocity, [[0.1, 0.0, 0.0]])
     with pytest.raises(InputError, match=r"timing\.duration is missing"):
-        edits.lasting(now, None)
-    assert edits.moving(now, "rod", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).scene == timed.scene
-    assert edits.lasting(timed, None).scene == edited.scene
+        scene_edits.lasting(now, None)
+    assert scene_edits.moving(now, "rod", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).scene == timed.scene
+    assert scene_edits.lasting(timed, None).scene == edited.scene
 
 
 def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
@@ -105,16 +109,16 @@ def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
         edited.scene, obstacles=(dataclasses.replace(ROD, motion=way),), timing=Timing(duration=2.0)
     )
     begin = Edited.of(Setup.of(scene))
-    now = edits.passing(begin, "rod", 1.0)
+    now = scene_edits.passing(begin, "rod", 1.0)
     motion = obstacles(now)["rod"].motion
     assert isinstance(motion, TimedPoses)
     assert motion.times == (0.5, 0.75, 1.5)
     assert motion.poses == way.poses
     with pytest.raises(InputError, match="greater than 0"):
-        edits.passing(begin, "rod", 0.0)
+        scene_edits.passing(begin, "rod", 0.0)
     with pytest.raises(InputError, match="timed poses"):
-        edits.passing(edited, "rod", 1.0)
-    second, _ = edits.duplicated(begin, "rod")
+        scene_edits.passing(edited, "rod", 1.0)
+    second, _ = scene_edits.duplicated(begin, "rod")
     assert len({tuple(obstacle.pose.position) for obstacle in second.scene.obstacles}) == 2
 
 
@@ -122,19 +126,24 @@ def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
     ("edit", "words"),
     [
         (
-            lambda e: edits.resized(e, "rod", size=(0.0, 0.3, 0.02)),
+            lambda e: scene_edits.resized(e, "rod", size=(0.0, 0.3, 0.02)),
             r"obstacle rod: .*size\[0\]: must be .*greater",
         ),
-        (lambda e: edits.resized(e, "rod", size=(float("nan"), 0.3, 0.02)), "finite"),
-        (lambda e: edits.resized(edits.added(e, edits.NEW["points"], "p")[0], "p", points=((0, 0, 0),)), "volume"),
-        (lambda e: edits.renamed(e, "rod", "ball"), "'ball' is taken"),
-        (lambda e: edits.renamed(e, "rod", ""), "name"),
-        (lambda e: edits.kept_clear(e, "rod", -0.1), "clearance"),
-        (lambda e: edits.placed(e, "rod", (0.0, float("inf"), 0.0)), "position"),
-        (lambda e: edits.planned_by(e, waypoints=2), "planner: .*waypoints"),
-        (lambda e: edits.planned_by(e, distance="l2"), "distance"),
-        (lambda e: edits.planned_by(e, objective="time"), "objective"),
-        (lambda e: edits.lasting(e, -1.0), "timing: .*duration"),
+        (lambda e: scene_edits.resized(e, "rod", size=(float("nan"), 0.3, 0.02)), "finite"),
+        (
+            lambda e: scene_edits.resized(
+                scene_edits.added(e, scene_edits.NEW["points"], "p")[0], "p", points=((0, 0, 0),)
+            ),
+            "volume",
+        ),
+        (lambda e: scene_edits.renamed(e, "rod", "ball"), "'ball' is taken"),
+        (lambda e: scene_edits.renamed(e, "rod", ""), "name"),
+        (lambda e: scene_edits.kept_clear(e, "rod", -0.1), "clearance"),
+        (lambda e: scene_edits.placed(e, "rod", (0.0, float("inf"), 0.0)), "position"),
+        (lambda e: scene_edits.planned_by(e, waypoints=2), "planner: .*waypoints"),
+        (lambda e: scene_edits.planned_by(e, distance="l2"), "distance"),
+        (lambda e: scene_edits.planned_by(e, objective="time"), "objective"),
+        (lambda e: scene_edits.lasting(e, -1.0), "timing: .*duration"),
     ],
 )
 def test_what_no_file_could_say_is_refused(edited: Edited, edit: Callable[[Edited], Edited], words: str) -> None:
@@ -155,9 +164,9 @@ def test_any_edits_can_be_undone_and_redone(edited: Edited) -> None:
         if turn < 0.5:
             names = list(obstacles(now))
             step = [
-                lambda now, names: edits.added(now, Sphere(0.01), "s")[0],
-                lambda now, names: edits.duplicated(now, names[0])[0] if names else now.changed(),
-                lambda now, names: edits.deleted(now, names[-1]) if names else now.changed(),
+                lambda now, names: scene_edits.added(now, Sphere(0.01), "s")[0],
+                lambda now, names: scene_edits.duplicated(now, names[0])[0] if names else now.changed(),
+                lambda now, names: scene_edits.deleted(now, names[-1]) if names else now.changed(),
                 lambda now, names: ends.fixed(now, "start", ends.random_free(now, "start", rng)),
             ][rng.integers(4)]
             history.step(now)
@@ -203,7 +212,7 @@ def test_random_configurations_and_states_are_valid_ends(edited: Edited) -> None
             now = ends.fixed(edited, end, q)
             assert now.contacts[end == "goal"] == ()
     assert set(ends.states(edited.robot)) == {"right", "folded"}
-    full = edits.added(edited, Sphere(50.0), "everywhere")[0]
+    full = scene_edits.added(edited, Sphere(50.0), "everywhere")[0]
     with pytest.raises(InputError, match="none of 2000"):
         ends.random_free(full, "goal", rng)
 

@@ -2,7 +2,7 @@
 
 A gripper that holds its fingers beside a can has to leave straight back, and a straight line to anywhere else leads the
 can through a finger. The way back is steepest descent, by damped Gauss-Newton steps, on the penalty of bodies that come
-closer than ROOM; it is a guess like any other, and the certificate decides.
+closer than FREE_AROUND; it is a guess like any other, and the certificate decides.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
 
-ROOM = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
+FREE_AROUND = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
 STEPS, LONGEST, LEAST = 40, 0.15, 1e-3  # steps at most, and how far the joint that moves most goes [rad or m]
 DAMPING = 1e-2  # share of the mean curvature
 CORNERS = 3  # of a way back, at most
 
 
-def retreats(problem: Problem) -> tuple[Array, Array]:
+def escapes(problem: Problem) -> tuple[Array, Array]:
     """The ways back (C, n) from the start, and from the goal, without the ends themselves; empty where there is room
     already, and where a path constraint says how to move."""
     none = np.empty((0, len(problem.start)))
@@ -33,9 +33,12 @@ def retreats(problem: Problem) -> tuple[Array, Array]:
 
 
 def _with_room(problem: Problem) -> tuple[Clearance, ...]:
-    """The clearance of links and standing obstacles, obstacles at ROOM."""
+    """The clearance of links and standing obstacles, obstacles at FREE_AROUND."""
     settings, found = problem.scene.planner, []
-    for term, more in ((problem.terms.obstacles, ROOM - settings.activation), (problem.terms.self_collision, 0.0)):
+    for term, more in (
+        (problem.terms.obstacles, FREE_AROUND - settings.activation),
+        (problem.terms.self_collision, 0.0),
+    ):
         if term is None:
             continue
         if isinstance(term.distance, ExactPairs):

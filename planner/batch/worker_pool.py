@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ONE_BY_ONE = {"_data_producer": True}  # dask: the scheduler keeps what waits, so that a worker's death is its problem's
-AHEAD = 3  # problems that wait for each worker
+QUEUED_PROBLEMS = 3  # problems that wait for each worker
 RECOUNT = 1.0  # [s] after which workers are counted again: those of a cluster come and go
 ENDING = 10.0  # [s] in which workers may end by themselves
 
@@ -39,7 +39,7 @@ def cores() -> int:
 
 
 @contextlib.contextmanager
-def crew(workers: Workers) -> Iterator[Client]:
+def worker_pool(workers: Workers) -> Iterator[Client]:
     """Yield a client of workers. Raises InputError if their scheduler does not answer."""
     import dask
     from distributed import Client
@@ -127,7 +127,7 @@ def outcomes(client: Client, jobs: Iterable[tuple[int, Job]], options: Options) 
         nonlocal count, counted
         if time.monotonic() - counted >= RECOUNT:
             count, counted = client.scheduler_info(n_workers=0)["total_threads"], time.monotonic()
-        while len(given) < AHEAD * max(1, count) and (following := next(waiting, None)) is not None:
+        while len(given) < QUEUED_PROBLEMS * max(1, count) and (following := next(waiting, None)) is not None:
             number, job = following
             key = f"hdplan-{number}-{time.monotonic_ns()}"
             future = client.submit(solve, job, options, key=key, pure=False, **ONE_BY_ONE)

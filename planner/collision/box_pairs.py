@@ -13,7 +13,7 @@ import numpy as np
 
 from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.box_kernel import box_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody

@@ -16,7 +16,7 @@ import numpy as np
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.skins import obstacle_mesh
-from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, moved, obstacle_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
@@ -38,7 +38,7 @@ NEW: Mapping[str, Shape] = MappingProxyType(  # what is added by a word; meshes 
 )
 AROUND = 12  # places around the robot at which a new obstacle may appear
 ROOMY = 0.6  # of the most room there is that serves as well
-BESIDE = 1.2  # times its width from an obstacle to its duplicate
+DUPLICATE_SHIFT = 1.2  # times its width from an obstacle to its duplicate
 NO_TIMES = "obstacles.{name}.motion: only a motion through timed poses has a time that it takes"
 
 
@@ -54,7 +54,7 @@ def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
     """Return it with a second obstacle of the same shape, clearance and motion, beside the first."""
     first = obstacle_of(edited, Thing("obstacle", name))
     width = float(obstacle_mesh(with_content(first, "obstacles")).extents[1])
-    place = first.pose.matrix[:3, 3] + BESIDE * width * first.pose.matrix[:3, 1]
+    place = first.pose.matrix[:3, 3] + DUPLICATE_SHIFT * width * first.pose.matrix[:3, 1]
     second = moved(replace(first, name=free_name(edited, name)), replace(first.pose, position=tuple(place.tolist())))
     return edited.changed(obstacles=(*edited.scene.obstacles, second)), Thing("obstacle", second.name)
 

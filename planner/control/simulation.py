@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, execute
@@ -22,12 +21,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-Array = NDArray[np.float64]
-
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
-LONGEST = 3600.0  # [s] that a motion may take: the rows of all steps are kept
+LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
 SATURATED = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
@@ -144,8 +142,10 @@ def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
 
 def _check_steps(times: Array) -> None:
     """Refuse times (N,) with too many steps between them to keep, or too large to resolve a step."""
-    if not times[-1] - times[0] <= LONGEST:
-        raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
+    if not times[-1] - times[0] <= LONGEST_MOTION:
+        raise InputError(
+            f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST_MOTION:g} s are simulated"
+        )
     latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # resolves 0.001 steps
     if not latest <= most:
         raise InputError(
@@ -158,7 +158,7 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
 
     Raises:
         InputError: as `fitting`; loads or limits of the scene that do not match the robot; a motion that takes longer
-            than LONGEST, or at times so large that steps are lost in rounding.
+            than LONGEST_MOTION, or at times so large that steps are lost in rounding.
     """
     robot, curve = setup.robot, fitting(setup, trajectory)
     if curve.times is not None:

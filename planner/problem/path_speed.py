@@ -1,4 +1,4 @@
-"""Pace of a motion: the cost that makes it quick where joint velocities are limited.
+"""PathSpeed of a motion: the cost that makes it quick where joint velocities are limited.
 
 A step d takes joint j at least |d_j|/v_j, and all joints together the largest of these. So a path through waypoints q_k
 takes at least Σ_k max_j |q_{k+1,j} − q_{k,j}|/v_j, whatever its timing; the joints that are not the slowest may go a
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     import casadi as ca
 
 P = 16  # of the norm
-FASTEST = 1e6  # [rad/s] or [m/s] the largest limit that a scene may give; a URDF's larger one counts as none
+FASTEST_JOINT = 1e6  # [rad/s] or [m/s] the largest limit that a scene may give; a URDF's larger one counts as none
 
 
 @dataclass(frozen=True, eq=False)
-class Pace:
+class PathSpeed:
     """The cost of the steps between waypoints."""
 
-    limits: Array  # (n,) v [rad/s] or [m/s]; at least one is not above FASTEST
+    limits: Array  # (n,) v [rad/s] or [m/s]; at least one is not above FASTEST_JOINT
 
     @cached_property
     def shares(self) -> Array:
         """V/v_j (n,), 0 for a joint without a limit."""
-        limited = self.limits <= FASTEST
+        limited = self.limits <= FASTEST_JOINT
         return np.where(limited, np.sqrt(np.mean(self.limits[limited] ** 2)) / self.limits, 0.0)
 
     def value(self, positions: Array) -> MotionPenalty:
@@ -56,16 +56,16 @@ class Pace:
         direction = slender * ratio * np.sign(x)
         outer = total ** (2 / P - 1)
         slope = (count - 1) * largest * outer * direction * self.shares
-        bend = (2 - P) / total[..., None] * direction[:, :, None] * direction[:, None, :]
-        bend[:, range(n), range(n)] += (P - 1) * slender
-        bend *= (count - 1) * outer[..., None] * self.shares[:, None] * self.shares
+        second_order = (2 - P) / total[..., None] * direction[:, :, None] * direction[:, None, :]
+        second_order[:, range(n), range(n)] += (P - 1) * slender
+        second_order *= (count - 1) * outer[..., None] * self.shares[:, None] * self.shares
         gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
         gradient[1:] += slope
         gradient[:-1] -= slope
-        diagonal[1:] += bend
-        diagonal[:-1] += bend
+        diagonal[1:] += second_order
+        diagonal[:-1] += second_order
         return MotionPenalty(
-            0.5 * (count - 1) * float(np.sum(length**2)), gradient, diagonal, -bend, np.zeros(count - 1)
+            0.5 * (count - 1) * float(np.sum(length**2)), gradient, diagonal, -second_order, np.zeros(count - 1)
         )
 
     def expression(self, steps: ca.MX) -> ca.MX:

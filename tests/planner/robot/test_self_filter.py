@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 import hdplan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
@@ -27,8 +27,6 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Mesh, Sphere
-
-Array = NDArray[np.float64]
 
 START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
 TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))

@@ -18,7 +18,7 @@ import pinocchio as pin
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.clouds import balls_in, left_out_words
 from hdplan.planner.geometry.coal_shapes import mesh_of
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
@@ -30,7 +30,9 @@ from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene, derived
 
 SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
-DOUBTFUL = 1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
+DOUBTFUL_DIFFERENCE = (
+    1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
+)
 
 Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4, 4)
 
@@ -53,7 +55,7 @@ class Ignoring:
     points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) left out, in the world [m]
 
 
-def without_own_image(asked: Scene, scene: Scene, robot: Robot) -> Ignoring:
+def self_filtered(asked: Scene, scene: Scene, robot: Robot) -> Ignoring:
     """Leave the points out that the clouds of a scene, as it was asked for and with its files read, ask to ignore.
     Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
@@ -203,6 +205,6 @@ def _distances(geometry: Any, points: Array) -> tuple[Array, Array]:
         result.clear()
         value = coal.distance(geometry, here, point, coal.Transform3s(np.eye(3), place), request, result)
         away = float(np.linalg.norm(result.getNearestPoint1() - place))
-        sure = abs(away - abs(value)) <= DOUBTFUL  # false for what is not a number, too
+        sure = abs(away - abs(value)) <= DOUBTFUL_DIFFERENCE  # false for what is not a number, too
         least[row], most[row] = (max(value, 0.0), max(value, 0.0)) if sure else (0.0, np.inf)
     return least, most

@@ -29,7 +29,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.camera import FOV, Boxes, best_view
 from hdplan.planner.view.drawing.colors import (
     CONTACT,
-    FAR,
+    FAR_CLEARANCE,
     GOAL,
     LINKS,
     MOTIONS,
@@ -117,8 +117,8 @@ def page_of(
         "GOOD": GOOD[0],
         "GOODDARK": GOOD[1],
         "SCALE": ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE),
-        "HALF": f"{FAR * 500:g}",
-        "FAR": f"{FAR * 1000:g}",
+        "HALF": f"{FAR_CLEARANCE * 500:g}",
+        "FAR_CLEARANCE": f"{FAR_CLEARANCE * 1000:g}",
         "DATA": json.dumps(data, allow_nan=False, default=_rounded, separators=(",", ":")).replace("<", "\\u003c"),
         "MESHES": base64.b64encode(gzip.compress(packed.data(), 6, mtime=0)).decode(),
         "SCRIPT": "\n".join(_part(name) for name in ("stage.js", "page.js")),

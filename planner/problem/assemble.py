@@ -22,12 +22,12 @@ from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.scene_pairs import all_pairs, pairs_of_links, pairs_within_reach, with_frames
 from hdplan.planner.problem.clearance import Clearance, PairTerm
-from hdplan.planner.problem.pace import FASTEST, Pace
+from hdplan.planner.problem.path_speed import FASTEST_JOINT, PathSpeed
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.robot.own_image import without_own_image
+from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, listed, naming, nearest
@@ -39,7 +39,7 @@ from hdplan.scenes.values import require_fields
 
 SAMPLES_PER_INTERVAL = 2  # at least
 PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
-QUICK, EVEN = 0.03, 0.1  # weights of acceleration and velocity beside the pace [–]
+QUICK, EVEN = 0.03, 0.1  # weights of acceleration and velocity beside the path_speed [–]
 
 require_fields(
     Scene,
@@ -54,7 +54,7 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: bool = False) -> Problem:
+def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bool = False) -> Problem:
     """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
     robot.
 
@@ -83,9 +83,9 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = pairs_within_reach(model, halfspace_bodies, margins)
     if len(pairs):
-        laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
-        distance = _distance(laid_out, bodies, halfspace_bodies, settings)
-        terms = replace(terms, obstacles=_clearance(laid_out, distance, settings))
+        assembled = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
+        distance = _distance(assembled, bodies, halfspace_bodies, settings)
+        terms = replace(terms, obstacles=_clearance(assembled, distance, settings))
     if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.problem.moving_clearance import moving_clearance
         from hdplan.planner.problem.velocity_penalty import velocity_penalty
@@ -104,9 +104,9 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf, closely: boo
     margin = self_margin(scene)
     own, apart = pairs_of_links(model, margin)
     if own:
-        laid_out = _between_links(model, own, margin)
-        distance = _distance(laid_out, bodies, model.planes, settings)
-        terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
+        assembled = _between_links(model, own, margin)
+        distance = _distance(assembled, bodies, model.planes, settings)
+        terms = replace(terms, self_collision=Clearance("self-collision", assembled, distance))
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
@@ -145,9 +145,9 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
     shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
     setup = problem.setup.changed(obstacles=obstacles)
-    seen = without_own_image(setup.asked, setup.scene, problem.robot)
-    setup = replace(setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
-    found = lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely)
+    seen = self_filtered(setup.asked, setup.scene, problem.robot)
+    setup = replace(setup, scene=seen.scene, ignored=seen.notes, filtered_points=seen.points)
+    found = assemble(setup, Query(problem.start, problem.goal), closely=problem.closely)
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
     terms = replace(problem.terms, obstacles=standing, moving_obstacles=moving)
     return replace(problem, setup=setup, halfspace_bodies=bodies, terms=terms, notes=found.notes)
@@ -166,8 +166,8 @@ def on_frames(problem: Problem) -> Problem:
         return problem
     margins = np.array([scene.clearances[piece.name] + settings.activation for piece in pieces])
     supports = with_frames(problem.kinematics.supports, len(scene.obstacles))
-    laid_out = body_pairs(bodies, pieces, pairs, margins, supports)
-    obstacles = _clearance(laid_out, _distance(laid_out, bodies, pieces, settings), settings, pieces)
+    assembled = body_pairs(bodies, pieces, pairs, margins, supports)
+    obstacles = _clearance(assembled, _distance(assembled, bodies, pieces, settings), settings, pieces)
     return replace(problem, terms=replace(problem.terms, obstacles=obstacles))
 
 
@@ -178,15 +178,15 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
 
 def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
-    [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
+    [m], and, where the motion is to be quick within limits of velocity, with `PathSpeed` in place of most of the
     smoothness. Exact distances keep where it sets in: they leave nothing for what happens between the samples."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     activation = scene.planner.activation if problem.exact else activation
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
-    laid_out = _with_own(problem, lay_out(setup, Query(problem.start, problem.goal), closely=problem.closely))
-    if not quick or limits is None or not (limits <= FASTEST).any():
-        return laid_out
-    return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
+    assembled = _with_own(problem, assemble(setup, Query(problem.start, problem.goal), closely=problem.closely))
+    if not quick or limits is None or not (limits <= FASTEST_JOINT).any():
+        return assembled
+    return replace(assembled, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), path_speed=PathSpeed(limits))
 
 
 def more_closely(problem: Problem) -> Problem:
@@ -195,7 +195,7 @@ def more_closely(problem: Problem) -> Problem:
     if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
     query, now = Query(problem.start, problem.goal), time.perf_counter()  # nothing more is split
-    return _with_own(problem, lay_out(problem.setup, query, deadline=now, closely=True))
+    return _with_own(problem, assemble(problem.setup, query, deadline=now, closely=True))
 
 
 def exactly(problem: Problem) -> Problem:

@@ -30,7 +30,7 @@ else:
 
 SECTIONS = 48  # of a round body, for drawing
 ROUND_SIDES = 16  # of the prism around a cylinder
-FINE = 3  # subdivisions of an icosphere
+SPHERE_SUBDIVISIONS = 3  # subdivisions of an icosphere
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
 
 def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
     """Return the hull of two small balls; trimesh's own capsule has its origin at the lower end."""
-    ball = trimesh.creation.icosphere(subdivisions=FINE, radius=radius)
+    ball = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS, radius=radius)
     ends = [ball.vertices + [0.0, 0.0, end * length / 2] for end in (-1, 1)]
     return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball
 
@@ -174,7 +174,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"sphere, radius {shape.radius:g} m",
         coal=lambda shape, _: coal.Sphere(shape.radius),
         inertia=lambda shape, mass, _: pin.Inertia.FromSphere(mass, shape.radius),
-        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=FINE, radius=shape.radius),
+        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS, radius=shape.radius),
         outline=Outline(
             half_size=lambda shape: np.full(3, shape.radius),
             support=lambda shape, n: np.full(len(n), shape.radius),
@@ -191,7 +191,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"ellipsoid, radii {', '.join(f'{radius:g}' for radius in shape.radii)} m",
         coal=lambda shape, _: coal.Ellipsoid(*shape.radii),
         inertia=lambda shape, mass, _: pin.Inertia.FromEllipsoid(mass, *shape.radii),
-        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=FINE).apply_scale(shape.radii),
+        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS).apply_scale(shape.radii),
         outline=Outline(
             half_size=lambda shape: np.array(shape.radii),
             support=lambda shape, n: np.linalg.norm(n * shape.radii, axis=1),

@@ -22,14 +22,14 @@ import pytest
 
 import hdplan
 from hdplan.distance.compiled.cache import write_whole
-from hdplan.planner.batch import crew as crew_module
 from hdplan.planner.batch import many
 from hdplan.planner.batch import outcome as outcome_module
+from hdplan.planner.batch import worker_pool as crew_module
 from hdplan.planner.batch.caches import packed
 from hdplan.planner.batch.cluster_file import ClusterFile
-from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
+from hdplan.planner.batch.worker_pool import outcomes, worker_pool
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.progress import listening
 
@@ -87,7 +87,7 @@ def test_dask_says_nothing_of_its_own(two_workers: Any) -> None:
 
 
 def test_plan_many_tells_how_far_it_has_come(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(many, "crew", lambda *_: contextlib.nullcontext(two_workers))
+    monkeypatch.setattr(many, "worker_pool", lambda *_: contextlib.nullcontext(two_workers))
     told: list[str] = []
     with listening(told.append):
         found = list(hdplan.plan_many(arms(4), workers=2))
@@ -124,7 +124,7 @@ def test_problems_are_taken_as_workers_get_free(two_workers: Any) -> None:
     for _ in range(3):
         assert next(found)[1].problem == "arm 0"
     found.close()
-    assert next(taken) <= 3 + 2 * crew_module.AHEAD + 1
+    assert next(taken) <= 3 + 2 * crew_module.QUEUED_PROBLEMS + 1
 
 
 def children(process: int) -> set[int]:
@@ -205,7 +205,7 @@ def test_the_same_with_one_two_and_four_workers() -> None:
     jobs = arms(40)
     runs = []
     for workers in (1, 2, 4):
-        with crew(workers) as client:
+        with worker_pool(workers) as client:
             runs.append(dict(outcomes(client, enumerate(jobs), Options())))
     assert all(same(run[i], runs[0][i]) for run in runs for i in range(40))
 
@@ -254,7 +254,7 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         command = [sys.executable, "-P", str(Path(crew_module.__file__).with_name("local_cluster.py")), "1"]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         server = stack.enter_context(subprocess.Popen(command, text=True, **pipes))  # type: ignore[call-overload]
-        client = stack.enter_context(crew(server.stdout.readline().strip()))
+        client = stack.enter_context(worker_pool(server.stdout.readline().strip()))
         found = outcomes(client, enumerate(itertools.cycle(arms(1))), Options())
         next(found)
         server.kill()

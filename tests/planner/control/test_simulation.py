@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate import certifier
 from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.control.computed_torque import Arm, execute
-from hdplan.planner.control.replay import Simulation, replay
+from hdplan.planner.control.simulation import Simulation, replay
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -242,7 +242,7 @@ def test_times_are_asked_for_where_they_matter() -> None:
 def test_the_picture_has_a_panel_for_each_quantity(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     from hdplan.planner.pictures.plot import plot_simulation
-    from hdplan.planner.pictures.replay import simulation_sheet
+    from hdplan.planner.pictures.simulation_sheet import simulation_sheet
 
     motion = _reach(load_robot(PANDA), 1.4)
     with_torques = _scene(limits=Limits(torque="urdf"), payload=LOAD)

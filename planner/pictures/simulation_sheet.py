@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from hdplan.planner.control.replay import Simulation
+from hdplan.planner.control.simulation import Simulation
 from hdplan.planner.pictures.style import CONTACT, CURVES, FIXED, GOOD, RC, plain
 from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES
 
-Array = NDArray[np.float64]
-
 PANEL, HEAD = 1.35, 0.9  # [in] height of a panel, and of the head above them
-MOST = 110  # characters of the verdict in a line
+LINE_LENGTH = 110  # characters of the verdict in a line
 SHOWN = 1.25  # times a limit: the axis ends there if the limit is exceeded by more
 
 
@@ -36,9 +34,9 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(8.6, height), dpi=150, facecolor="white")
         top = 1 - HEAD / height
-        figure.text(0.02, 1 - 0.22 / height, plain(title, MOST), fontsize=13, weight="bold", va="center")
+        figure.text(0.02, 1 - 0.22 / height, plain(title, LINE_LENGTH), fontsize=13, weight="bold", va="center")
         colour = GOOD if simulation.succeeded else CONTACT
-        figure.text(0.02, 1 - 0.46 / height, plain(simulation.text, MOST), color=colour, va="center")
+        figure.text(0.02, 1 - 0.46 / height, plain(simulation.text, LINE_LENGTH), color=colour, va="center")
         rows = figure.add_gridspec(count, 1, left=0.1, right=0.8, bottom=0.42 / height, top=top, hspace=0.32)
         panels = [figure.add_subplot(rows[row]) for row in range(count)]
         free = iter(panels)
