@@ -25,6 +25,7 @@ from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
+from hdplan.planner.certificate.sizes import Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.certificate.verdict import (
     Certificate,
@@ -118,7 +119,7 @@ class Certifier:
         # those that never touch need no proof, but how close they come counts in what is claimed
         pairs = (*robot.self_pairs, *(robot.never_touching if scene.self_collision.checked else ()))
         own = [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
-        gathered = Bodies(_chain(robot), bodies, robot.unfolded.pin_q)
+        gathered = Bodies(_chain(robot), bodies, robot.unfolded.pin_q, Sizes.of(setup, bodies, count))
         self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
         self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
         with naming(scene.source):
@@ -205,7 +206,10 @@ class Certifier:
             departures,
             limits,
         )
-        certified = Status.CERTIFIED, proven(clearance, self_clearance, limits, kept)
+        certified = (
+            Status.CERTIFIED,
+            proven(clearance, self_clearance, limits, kept, self.sweep.bodies.sizes is not None),
+        )
         status, message = next(complaints(found), certified)
         remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
         return Certificate(
@@ -244,7 +248,7 @@ class Certifier:
             if place.other in self._lenient:
                 less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
                 return less, (
-                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: {less * 1e3:.3g} mm are required "
+                    f"{field} is {place.words} from {place.other}: {less * 1e3:.3g} mm are required "
                     f"over the whole motion instead of the {asked * 1e3:g} mm of planner.clearance"
                 )
         return required, ""
@@ -252,6 +256,9 @@ class Certifier:
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""
         moving = self.scene.moving
+        speedy = [each.name for each in self.scene.obstacles if each.uncertainty and each.uncertainty.speed]
+        if curve.times is None and speedy:
+            raise InputError(f"trajectory: has no times, and obstacle '{speedy[0]}' may move (uncertainty.speed)")
         if curve.times is None and (moving or self.scene.timed):
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
@@ -289,11 +296,11 @@ class Certifier:
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return the places where one configuration, at a time [s], is closer to obstacles or itself than it must keep,
-        each with that clearance [m]; the closest first."""
+        less what is unknown, each with that clearance [m]; the closest first."""
         floor = self._floor(required)
         found = []
         within = float(floor.max(initial=0.0))
-        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True):
+        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True, unknown=True):
             if spot.touching or spot.distance < floor[spot.pair]:
                 found.append((self._standing(spot), float(floor[spot.pair])))
         return tuple(sorted(found, key=lambda each: each[0].distance))
@@ -326,11 +333,12 @@ class Certifier:
     def _place(self, spot: Spot, curve: Curve) -> Place:
         parameter = (spot.interval + spot.fraction) / (len(curve) - 1)
         seconds = None if curve.times is None else float(curve.time_of(parameter))
-        return Place(spot.interval, spot.fraction, parameter, seconds, *self._names(spot.pair), spot.distance)
+        names = self._names(spot.pair)
+        return Place(spot.interval, spot.fraction, parameter, seconds, *names, spot.distance, spot.unknown)
 
     def _standing(self, spot: Spot) -> Place:
         """Name the bodies of a place at a single configuration, without a motion."""
-        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
+        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance, spot.unknown)
 
 
 @made_once(8)
