@@ -84,6 +84,11 @@ class Obstacle(Checked):
             uncertainty: Uncertainty | None = None,
         ) -> None: ...
 
+    @property
+    def moves(self) -> bool:
+        """Whether it may be elsewhere at another time."""
+        return self.motion is not None or (self.uncertainty is not None and self.uncertainty.speed > 0.0)
+
     def _check_whole(self) -> None:
         check_unplaced(self.shape, "obstacle")
         if self.uncertainty == Uncertainty():  # nothing is unknown

@@ -7,7 +7,7 @@ made, whether by a file's reader or by a program (`values`); one that is not all
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -253,13 +253,13 @@ class Scene(Checked):
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:
-        """The static obstacles."""
-        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is None)
+        """The obstacles that stay where they are."""
+        return tuple(obstacle for obstacle in self.obstacles if not obstacle.moves)
 
     @property
     def moving(self) -> tuple[Obstacle, ...]:
-        """The moving obstacles."""
-        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is not None)
+        """The obstacles that move, or may."""
+        return tuple(obstacle for obstacle in self.obstacles if obstacle.moves)
 
     @property
     def end_time(self) -> float:
@@ -273,6 +273,15 @@ class Scene(Checked):
             obstacle.name: self.planner.clearance if obstacle.clearance is None else obstacle.clearance
             for obstacle in self.obstacles
         }
+
+
+def unknown_in(scene: Scene) -> Iterator[str]:
+    """Yield the fields of a scene that say how large something unknown is, where it is more than 0."""
+    given = {f"obstacles[{i}].uncertainty": each.uncertainty for i, each in enumerate(scene.obstacles)}
+    given |= {"robot.tracking": scene.robot.tracking, "robot.calibration": scene.robot.calibration}  # type: ignore[dict-item]
+    for where, sizes in given.items():
+        names = () if sizes is None else [each.name for each in dataclasses.fields(sizes)]
+        yield from (f"{where}.{name}" for name in names if getattr(sizes, name) != 0.0)
 
 
 def derived(scene: Scene, **changes: Any) -> Scene:

@@ -256,9 +256,6 @@ class Certifier:
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""
         moving = self.scene.moving
-        speedy = [each.name for each in self.scene.obstacles if each.uncertainty and each.uncertainty.speed]
-        if curve.times is None and speedy:
-            raise InputError(f"trajectory: has no times, and obstacle '{speedy[0]}' may move (uncertainty.speed)")
         if curve.times is None and (moving or self.scene.timed):
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")

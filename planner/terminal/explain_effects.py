@@ -100,7 +100,7 @@ def _self_collision(problem: Problem) -> Effect:
         held = " or held objects" if problem.robot.attached else ""
         clearance = problem.scene.self_collision.clearance
         why = f"clearance {clearance:g} m" if clearance else "by default"
-        words = f"{why}; grows where two links{held} come within {self_margin(problem.scene):g} m"
+        words = f"{why}; grows where two links{held} come within {self_margin(problem.setup):g} m"
         return Effect("self-collision", words)
     if not problem.bodies:
         why = "no link has collision geometry"
