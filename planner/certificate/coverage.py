@@ -235,7 +235,7 @@ def _of_sizes(scene: Scene, robot: Robot, bodies: Bodies) -> Iterator[str]:
         return
     if lag is not None and lag.position and (sizes.joints >= tracking_of_all(scene, robot)).all():
         yield "robot.tracking.position"
-    if calibration and sizes.position >= calibration.position and sizes.turn >= chord(calibration.orientation):
+    if calibration and sizes.base[0] >= calibration.position and sizes.base[1] >= chord(calibration.orientation):
         yield "robot.calibration"
 
 
@@ -243,9 +243,8 @@ def _are_known(bodies: Bodies, pieces: Sequence[int], unknown: Uncertainty) -> b
     """Whether pieces of an obstacle may be as far from where they are said to be as the scene says."""
     if (sizes := bodies.sizes) is None:
         return False
-    turned = [chord(unknown.orientation) * sizes.levers[piece] for piece in pieces]
-    far = (sizes.still[pieces] >= unknown.position + np.array(turned)).all()
-    return bool(far and (sizes.speed[pieces] >= unknown.speed).all())
+    far = (sizes.position[pieces] >= unknown.position) & (sizes.turn[pieces] >= chord(unknown.orientation))
+    return bool((far & (sizes.speed[pieces] >= unknown.speed)).all())
 
 
 def _of_self_pairs(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Array, own: int) -> Iterator[str]:

@@ -1,14 +1,17 @@
 """What a scene does not know, in lengths: how much closer two bodies may be in a world within the scene's sizes.
 
-Let x be a point of an obstacle, R its distance from the obstacle's origin, and t a time. It is within
+An obstacle is off by a shift of at most its `position`, a turn about its origin by at most its `orientation` θ, and
+`speed` times the time t more. A turn moves a point by a chord, 2 sin(½ θ) times its distance from the origin. To turn
+the obstacle is to turn the link the other way, so of obstacle and link the one whose points are closer to that origin
+counts: with R the smaller of the two greatest distances, the two may be closer by
 
-    position + 2 sin(½ orientation) R + speed |t|
+    position + 2 sin(½ θ) R + speed |t|.
 
-of where the scene has it: a turn by an angle moves it by a chord of that. A point of the robot is moved by its joints,
-which may be off by p_j: a deviation like those of a curve from its straight line (`motion_bounds`), up to Σ_j p_j ρ_j.
-The base may be off besides, by position + 2 sin(½ orientation) times the point's distance from the base's origin. All
-of it is taken off the bounds on the distance of two bodies in the scene as it is said to be. It holds for solids that
-would lie inside one another, too: let what is unknown grow from nothing, and no surfaces meet on the way there.
+The robot's base is off by a shift and a turn about its origin, to which the same applies, of the obstacle as it may
+have turned itself. The joints may be off by p_j:
+a deviation like that of a curve from its straight line (`motion_bounds`), up to Σ_j p_j ρ_j. All of it is taken off the
+bounds on the distance of two bodies in the scene as it is said to be. Nor is one solid within another: let what is
+unknown grow from nothing to what it is, and no surfaces meet on the way.
 
 Balls about the origin do not turn, so the radius of a ball that sweeps a body is not in its R.
 """
@@ -16,7 +19,7 @@ Balls about the origin do not turn, so the radius of a ball that sweeps a body i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,13 +41,14 @@ UPWARD = 1.0 + 1e-12  # what is unknown is rounded up
 class Sizes:
     """The sizes of one scene, for its g bodies and the m joints of its robot's model."""
 
-    still: Array  # (g,) how far points of each body may be from where they are said to be at time 0 [m]
-    speed: Array  # (g,) and how much farther after each second [m/s]
-    levers: Array  # (g,) of each body about its obstacle's origin [m]
+    position: Array  # (g,) how far each obstacle's body may be shifted [m]
+    turn: Array  # (g,) the chord of its turn, over the distance from its origin
+    speed: Array  # (g,) [m/s]
+    lever: Array  # (g,) greatest distance of its points from its obstacle's origin [m]
+    origin: Array  # (g, 3) of its obstacle at time 0, in the world
     joints: Array  # (m,) by how much each joint may be off [rad or m]
-    position: float = 0.0  # of the robot's base [m]
-    turn: float = 0.0  # of the robot's base: chord of a point, over its distance from the origin
-    origin: Array = field(default_factory=lambda: np.zeros(3))  # of the base (3,)
+    base: tuple[float, float]  # shift [m] and chord of the robot's base
+    stand: Array  # (3,) where the base is
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -55,29 +59,34 @@ class Sizes:
         """Resolve a scene's sizes for bodies, the robot's `own` first; None for a scene that knows all."""
         scene = setup.scene
         given = {each.name: each for each in scene.obstacles if each.uncertainty is not None}
-        joints = tracking_of_all(scene, setup.robot)
-        if not given and scene.robot.calibration is None and not joints.any():
+        joints, base = tracking_of_all(scene, setup.robot), scene.robot.calibration or Calibration()
+        if not given and base == Calibration() and not joints.any():
             return None
-        still, speed, levers = np.zeros((3, len(bodies)))
+        position, turn, speed, levers = np.zeros((4, len(bodies)))
+        origin = np.zeros((len(bodies), 3))
         for g, body in enumerate(bodies[own:], own):
-            if (obstacle := given.get(body.name)) is not None:
-                levers[g] = lever(body, obstacle)
-                parts = lengths(obstacle.uncertainty, float(levers[g]))
-                still[g], speed[g] = UPWARD * (parts[0] + parts[1]), UPWARD * parts[2]
-        base = scene.robot.calibration or Calibration()
-        position, turn = UPWARD * base.position, UPWARD * chord(base.orientation)
-        return cls(still, speed, levers, UPWARD * joints, position, turn, np.array(setup.robot.base.position))
+            if (obstacle := given.get(body.name)) is not None and (sizes := obstacle.uncertainty) is not None:
+                position[g], turn[g], speed[g] = sizes.position, chord(sizes.orientation), sizes.speed
+                levers[g], origin[g] = lever(body, obstacle), obstacle.pose.position
+        about = UPWARD * base.position, UPWARD * chord(base.orientation)
+        stand = np.array(setup.robot.base.position)
+        return cls(position, UPWARD * turn, speed, UPWARD * levers, origin, UPWARD * joints, about, stand)
 
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
         base, is not where it is said to be (i,) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
-        found = self.still[b] + self.speed[b] * nodes.latest[node]
-        if self.position or self.turn:
-            row = nodes.row(node, a)
-            away = np.linalg.norm(nodes.center[row] - self.origin, axis=1) + nodes.bodies.radius[a] + nodes.moved[row]
-            found = found + np.where(pairs.group[pair] == 0, self.position + UPWARD * self.turn * away, 0.0)
-        return np.asarray(found)
+        one, other = nodes.row(node, a), nodes.row(node, b)
+        drifting, moved = nodes.bodies.drifting[b], nodes.moved[one] + nodes.moved[other]
+        origin = np.where(drifting[:, None], nodes.origin[other], self.origin[b])
+        lever = np.minimum(self.lever[b], _away(nodes, a, one, origin) + moved)
+        found = self.position[b] + UPWARD * self.turn[b] * lever + self.speed[b] * nodes.latest[node]
+        if any(self.base):
+            beside = _away(nodes, b, other, self.stand) + self.turn[b] * self.lever[b]  # as it may be turned itself
+            lever = np.minimum(_away(nodes, a, one, self.stand), beside) + moved
+            base = self.base[0] + UPWARD * self.base[1] * lever
+            found = found + np.where(pairs.group[pair] == 0, base, 0.0)
+        return np.asarray(UPWARD * found)
 
     def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) may be at the midpoints of intervals (i,) [m], what the joints may be off
@@ -89,14 +98,19 @@ class Sizes:
 
     def most(self, nodes: Intervals, pairs: Pairs) -> Array:
         """Return a bound (P,) [m] on `elsewhere` for all pairs over all of these intervals."""
-        found = self.still[pairs.b] + self.speed[pairs.b] * float(nodes.latest.max())
-        if self.position or self.turn:
+        found = (self.position + UPWARD * self.turn * self.lever + self.speed * float(nodes.latest.max()))[pairs.b]
+        if any(self.base):
             links, first = np.unique(pairs.a, return_inverse=True)
             rows = nodes.row(np.arange(len(nodes.interval))[:, None], links)  # (k, links)
-            away = np.linalg.norm(nodes.center[rows] - self.origin, axis=2) + nodes.moved[rows]
-            away = away.max(axis=0) + nodes.bodies.radius[links]
-            found = found + np.where(pairs.group == 0, (self.position + UPWARD * self.turn * away)[first], 0.0)
-        return np.asarray(found)
+            away = (np.linalg.norm(nodes.center[rows] - self.stand, axis=2) + nodes.moved[rows]).max(axis=0)
+            base = self.base[0] + UPWARD * self.base[1] * (away + nodes.bodies.radius[links])
+            found = found + np.where(pairs.group == 0, base[first], 0.0)
+        return np.asarray(UPWARD * found)
+
+
+def _away(nodes: Intervals, body: Index, row: Index, origin: Array) -> Array:
+    """Return how far points of bodies (i,), at these rows of their places, are from origins at most [m]."""
+    return np.asarray(np.linalg.norm(nodes.center[row] - origin, axis=1) + nodes.bodies.radius[body])
 
 
 def lengths(uncertainty: Uncertainty | None, lever: float) -> tuple[float, float, float]:
