@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.planner.motion.motion_bounds import Array
+from hdplan.planner.motion.motion_bounds import Array, Mask
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking_of_all
 from hdplan.scenes.obstacles import Obstacle
@@ -45,7 +45,8 @@ class Sizes:
     turn: Array  # (g,) the chord of its turn, over the distance from its origin
     speed: Array  # (g,) [m/s]
     lever: Array  # (g,) greatest distance of its points from its obstacle's origin [m]
-    origin: Array  # (g, 3) of its obstacle at time 0, in the world
+    origin: Array  # (g, 3) of its obstacle, in the world, if that stands
+    framed: Mask  # (g,) whether the body's frame is its obstacle's own, whose origin is then there
     joints: Array  # (m,) by how much each joint may be off [rad or m]
     base: tuple[float, float]  # shift [m] and chord of the robot's base
     stand: Array  # (3,) where the base is
@@ -70,15 +71,16 @@ class Sizes:
                 levers[g], origin[g] = lever(body, obstacle), obstacle.pose.position
         about = UPWARD * base.position, UPWARD * chord(base.orientation)
         stand = np.array(setup.robot.base.position)
-        return cls(position, UPWARD * turn, speed, UPWARD * levers, origin, UPWARD * joints, about, stand)
+        framed = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)
+        return cls(position, UPWARD * turn, speed, UPWARD * levers, origin, framed, UPWARD * joints, about, stand)
 
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
         base, is not where it is said to be (i,) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
         one, other = nodes.row(node, a), nodes.row(node, b)
-        drifting, moved = nodes.bodies.drifting[b], nodes.moved[one] + nodes.moved[other]
-        origin = np.where(drifting[:, None], nodes.origin[other], self.origin[b])
+        moved = nodes.moved[one] + nodes.moved[other]
+        origin = np.where(self.framed[b, None], nodes.origin[other], self.origin[b])
         lever = np.minimum(self.lever[b], _away(nodes, a, one, origin) + moved)
         found = self.position[b] + UPWARD * self.turn[b] * lever + self.speed[b] * nodes.latest[node]
         if any(self.base):
