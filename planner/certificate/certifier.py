@@ -25,7 +25,7 @@ from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
-from hdplan.planner.certificate.sizes import Sizes
+from hdplan.planner.certificate.sizes import FIELDS, Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.certificate.verdict import (
     Certificate,
@@ -227,7 +227,14 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
-            notes=(*reductions, *self.holes, *self.weightless, *self.setup.units, *self.setup.ignored),
+            notes=(
+                *reductions,
+                *self._unknown(moved, proof),
+                *self.holes,
+                *self.weightless,
+                *self.setup.units,
+                *self.setup.ignored,
+            ),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
@@ -252,6 +259,16 @@ class Certifier:
                     f"over the whole motion instead of the {asked * 1e3:g} mm of planner.clearance"
                 )
         return required, ""
+
+    def _unknown(self, moved: Curve, proof: Proof) -> tuple[str, ...]:
+        """A note on what is unknown where robot and obstacles come closest; empty where nothing is."""
+        spot = proof.closest[0]
+        if spot is None or not spot.unknown:
+            return ()
+        costs = zip(FIELDS, self.sweep.shares(moved, spot).tolist(), strict=True)
+        said = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
+        whose = " and ".join(self._names(spot.pair))
+        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {said}",)
 
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""

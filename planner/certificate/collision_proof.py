@@ -91,6 +91,15 @@ class Sweep:
         """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
         return self._standing(q, time).witnesses_at_start(pair)
 
+    def shares(self, curve: Curve, spot: Spot) -> Array:
+        """Return what each of the scene's sizes takes of the distance at a place (6,) [m], by `sizes.FIELDS`."""
+        sizes = self.bodies.sizes
+        assert sizes is not None
+        run = _Run(self, curve, np.zeros(len(self.pairs.a)))
+        nodes = Intervals.of(self.bodies, curve, run.rho, *map(np.array, ([spot.interval], [spot.fraction], [0.0])))
+        none = np.zeros(1, dtype=np.int64)
+        return np.asarray(sizes.at_middle(nodes, self.pairs, none, none + spot.pair)[:, 0])
+
     def prove(self, curve: Curve, required: Array | float = 0.0, suspect: tuple[int, float] | None = None) -> Proof:
         """Prove a motion, or find where it cannot be proven.
 

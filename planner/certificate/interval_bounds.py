@@ -169,7 +169,9 @@ class Bounds:
     def unknown(self, nodes: Intervals, items: Items) -> Array:
         """Return the same at the midpoints (i,), what the joints may be off included."""
         sizes = self.bodies.sizes
-        return np.zeros(len(items)) if sizes is None else sizes.at_middle(nodes, self.pairs, items.node, items.pair)
+        if sizes is None:
+            return np.zeros(len(items))
+        return np.asarray(sizes.at_middle(nodes, self.pairs, items.node, items.pair).sum(axis=0))
 
     def by_best_plane(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         """Return the hulls' signed distance at the midpoints, the bound over the intervals, how far the bodies move at

@@ -35,6 +35,11 @@ if TYPE_CHECKING:
     from hdplan.planner.certificate.intervals import Body, Index, Intervals, Pairs
 
 UPWARD = 1.0 + 1e-12  # what is unknown is rounded up
+FIELDS = (  # of a scene, in the order of what they cost
+    *(f"obstacles[].uncertainty.{name}" for name in ("position", "orientation", "speed")),
+    *(f"robot.calibration.{name}" for name in ("position", "orientation")),
+    "robot.tracking.position",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,26 +82,30 @@ class Sizes:
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
         base, is not where it is said to be (i,) [m]."""
+        return np.asarray(UPWARD * self._shares(nodes, pairs, node, pair).sum(axis=0))
+
+    def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
+        """Return how much closer pairs (i,) may be at the midpoints of intervals (i,) [m], what the joints may be off
+        included: how much of it is for each of `FIELDS`, (6, i)."""
+        there = nodes.instants
+        one, other = (there.reach[there.row(node, body[pair])] for body in (pairs.a, pairs.b))
+        moves = one * pairs.moves_a[pair] + other * pairs.moves_b[pair]
+        return np.concatenate([self._shares(there, pairs, node, pair), [UPWARD * (moves @ self.joints)]])
+
+    def _shares(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
+        """Return what `elsewhere` sums up (5, i) [m]."""
         a, b = pairs.a[pair], pairs.b[pair]
         one, other = nodes.row(node, a), nodes.row(node, b)
         moved = nodes.moved[one] + nodes.moved[other]
         origin = np.where(self.framed[b, None], nodes.origin[other], self.origin[b])
         lever = np.minimum(self.lever[b], _away(nodes, a, one, origin) + moved)
-        found = self.position[b] + UPWARD * self.turn[b] * lever + self.speed[b] * nodes.latest[node]
+        found = [self.position[b], self.turn[b] * lever, self.speed[b] * nodes.latest[node]]
         if any(self.base):
             beside = _away(nodes, b, other, self.stand) + self.turn[b] * self.lever[b]  # as it may be turned itself
             lever = np.minimum(_away(nodes, a, one, self.stand), beside) + moved
-            base = self.base[0] + UPWARD * self.base[1] * lever
-            found = found + np.where(pairs.group[pair] == 0, base, 0.0)
-        return np.asarray(UPWARD * found)
-
-    def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
-        """Return how much closer pairs (i,) may be at the midpoints of intervals (i,) [m], what the joints may be off
-        included."""
-        there = nodes.instants
-        one, other = (there.reach[there.row(node, body[pair])] for body in (pairs.a, pairs.b))
-        moves = one * pairs.moves_a[pair] + other * pairs.moves_b[pair]
-        return np.asarray(self.elsewhere(there, pairs, node, pair) + UPWARD * (moves @ self.joints))
+            outside = pairs.group[pair] == 0
+            found += [np.where(outside, self.base[0], 0.0), np.where(outside, self.base[1] * lever, 0.0)]
+        return np.stack([*found, *np.zeros((5 - len(found), len(pair)))])
 
     def most(self, nodes: Intervals, pairs: Pairs) -> Array:
         """Return a bound (P,) [m] on `elsewhere` for all pairs over all of these intervals."""

@@ -1,7 +1,7 @@
 """How far the planner stays from what it does not quite know: the clearance, and what the scene's sizes take of it.
 
-What is proven is the certificate's; here bounds over all configurations do, as they are only to keep the motion where
-it can be proven. A body that may leave at some speed needs room that grows with time: in each of some spans of the
+What is proven is the certificate's; here what holds at the motion's ends does, as it is only to keep the motion where it
+can be proven. A body that may leave at some speed needs room that grows with time: in each of some spans of the
 motion it is enlarged by what it may have gone at the end of that span, and elsewhere in the others.
 """
 
@@ -21,7 +21,8 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
-from hdplan.scenes.sizes import Calibration, chord
+from hdplan.scenes.sizes import chord
+from hdplan.scenes.targets import JointTarget
 
 STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
 AWAY = 1e4  # [m] where a body is in spans that are not its own
@@ -47,47 +48,59 @@ def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:
 
 def of_robot(setup: Setup) -> tuple[float, float]:
     """Return how far points of links may be from where they are said to be, in the world and from other links [m]."""
-    scene, robot = setup.scene, setup.robot
-    off, base = tracking_of_all(scene, robot), scene.robot.calibration or Calibration()
-    if not off.any() and base == Calibration():
-        return 0.0, 0.0
-    reach, far, carried = _reach(robot)
-    moved = base.position + chord(base.orientation) * far.max(initial=0.0) + (reach @ off).max(initial=0.0)
+    robot, off = setup.robot, tracking_of_all(setup.scene, setup.robot)
+    moved = sum(of_base(setup)) + float(by_joints(setup).sum(axis=1).max(initial=0.0))
+    if not off.any():
+        return moved, 0.0
+    reach, _, carried = _reach(setup)
     links = {link: row for row, link in enumerate(robot.links)}
     apart = 0.0
     for one, other in robot.self_pairs:
         a, b = links[one], links[other]
         apart = max(apart, float((reach[a] * (carried[a] & ~carried[b]) + reach[b] * (carried[b] & ~carried[a])) @ off))
-    return float(moved), apart
+    return moved, apart
+
+
+def of_base(setup: Setup) -> tuple[float, float]:
+    """Return how far points of links may be for the base's position and its turn [m]."""
+    base = setup.scene.robot.calibration
+    if base is None:
+        return 0.0, 0.0
+    return base.position, chord(base.orientation) * float(_reach(setup)[1].max(initial=0.0))
+
+
+def by_joints(setup: Setup) -> Array:
+    """Return how far points of each link may be for what each joint may be off (L, m) [m]."""
+    off = tracking_of_all(setup.scene, setup.robot)
+    return _reach(setup)[0] * off if off.any() else np.zeros((0, len(off)))
+
+
+def _reach(setup: Setup) -> tuple[Array, Array, Mask]:
+    """Return for each link (L,) how far it may be from each joint's axis (L, m), and from the base's origin (L,) [m],
+    at the ends that the scene names by joint values; and which joints carry it (L, m)."""
+    scene, robot = setup.scene, setup.robot
+    ends = [end for end in (scene.start, scene.goal) if isinstance(end, JointTarget)]
+    return _reach_at(robot, tuple(tuple(robot.configuration(end, scene.from_request).tolist()) for end in ends))
 
 
 @made_once(8)
-def _reach(robot: Robot) -> tuple[Array, Array, Mask]:
-    """Return for each link (L,) how far it may be from each joint's axis (L, m), and from the base's origin (L,) [m],
-    and which joints carry it (L, m)."""
-    chain = Chain.of(robot.model)
-    low, high = robot.unfolded.lower, robot.unfolded.upper
-    travel = np.clip(np.stack([low, high], axis=1), -1e3, 1e3)
-    slid = np.where(chain.revolute, 0.0, np.abs(travel).max(axis=1))
-    offset = np.zeros(robot.model.njoints)
-    for joint in range(1, robot.model.njoints):
-        parent = int(robot.model.parents[joint])
-        placed = np.array(robot.model.jointPlacements[joint].translation)
-        if not parent:
-            placed = placed - np.array(robot.base.position)
-        offset[joint] = offset[parent] + float(np.linalg.norm(placed)) + slid[joint - 1]
-    reach = np.zeros((len(robot.links), len(chain.axes)))
-    far = np.zeros(len(robot.links))
-    rows = {link: row for row, link in enumerate(robot.links)}
-    for body in link_bodies(robot):
-        row, place = rows[body.name], body.placement
-        points = body.piece.vertices @ place[:3, :3].T + place[:3, 3]
-        reach[row] = np.maximum(reach[row], chain.reach(body.joint, points, body.piece.sweep, travel))
-        own = points if body.joint else points - np.array(robot.base.position)
-        most = float(np.linalg.norm(own, axis=1).max()) + body.piece.sweep
-        far[row] = max(far[row], offset[body.joint] + most)
-    carried = chain.carried_by[[robot.link_joint[link] for link in robot.links]]
-    return reach, far, carried
+def _reach_at(robot: Robot, ends: tuple[tuple[float, ...], ...]) -> tuple[Array, Array, Mask]:
+    chain, bodies = Chain.of(robot.model), link_bodies(robot)
+    q = robot.expand(np.array(ends))
+    turned, moved = chain.frames(robot.unfolded.pin_q(q))
+    joint = np.array([body.joint for body in bodies])
+    local = np.array([(body.placement @ [*body.piece.center, 1.0])[:3] for body in bodies])
+    radius = np.array([body.piece.radius for body in bodies])
+    center = np.einsum("kgij,gj->kgi", turned[:, joint], local) + moved[:, joint]
+    axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), np.ascontiguousarray(moved[:, 1:])
+    everywhere, still = np.full((len(bodies), len(chain.axes)), np.inf), np.zeros(q.shape)
+    near = chain.local_reach(everywhere, joint, center, radius, axes, points, still).max(axis=0)  # (g, m)
+    away = (np.linalg.norm(center - np.array(robot.base.position), axis=2) + radius).max(axis=0)
+    reach, far = np.zeros((len(robot.links), len(chain.axes))), np.zeros(len(robot.links))
+    rows = [robot.links.index(body.name) for body in bodies]
+    np.maximum.at(reach, rows, near)
+    np.maximum.at(far, rows, away)
+    return reach, far, chain.carried_by[[robot.link_joint[link] for link in robot.links]]
 
 
 @dataclass(frozen=True, eq=False)

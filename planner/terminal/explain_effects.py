@@ -17,7 +17,7 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, unknown_in
 from hdplan.scenes.targets import AllOf, Goals, JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import require_fields
@@ -44,6 +44,7 @@ def effects(problem: Problem) -> tuple[Effect, ...]:
         *_joint_limits(problem),
         _standing(problem),
         _moving(problem),
+        _unknown(problem),
         _self_collision(problem),
         *_carried(problem),
         *_ends(problem.scene),
@@ -93,6 +94,13 @@ def _moving(problem: Problem) -> Effect:
         words if problem.terms.moving_obstacles else "",
         "no link has collision geometry" if count else "needs obstacles[].motion, with timing.duration",
     )
+
+
+def _unknown(problem: Problem) -> Effect:
+    fields = ", ".join(unknown_in(problem.scene))
+    words = f"{fields}: planned and proven for every world within these sizes"
+    needs = "needs obstacles[].uncertainty, robot.tracking or robot.calibration"
+    return Effect("unknown", words if fields else "", needs)
 
 
 def _self_collision(problem: Problem) -> Effect:

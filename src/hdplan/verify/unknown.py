@@ -1,8 +1,8 @@
 """What a world does not know: how far obstacles, joints and the robot's base may be from where it has them.
 
 An obstacle is shifted by at most `shift`, turned about its frame's origin by at most `turn`, and after a time t it may
-be `speed` times |t| farther. A turn moves a point by at most 2 sin(angle / 2) times its distance from the origin; and to
-turn the obstacle is to turn the piece of the robot the other way. So the two are closer by no more than
+be `speed` times |t| farther. A turn moves a point by at most 2 sin(angle / 2) times its distance from the origin, and
+to turn the obstacle is to turn the piece of the robot the other way. So the two are closer by no more than
 
     shift + 2 sin(turn / 2) R + speed |t|,
 
