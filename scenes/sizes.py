@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 
@@ -43,8 +43,22 @@ class JointSize:
         return size(value)
 
 
+class Sized(Checked):
+    """Sizes that can be made smaller together."""
+
+    def times(self, share: float) -> Self:
+        """Return so much of every size."""
+        return type(self)(**{each.name: _times(getattr(self, each.name), share) for each in fields(self)})  # type: ignore[arg-type]
+
+
+def _times(size: JointSizes, share: float) -> JointSizes:
+    if isinstance(size, Mapping):
+        return {name: share * value for name, value in size.items()}
+    return tuple(share * value for value in size) if isinstance(size, tuple) else share * size
+
+
 @dataclass(frozen=True, repr=False)
-class Uncertainty(Checked):
+class Uncertainty(Sized):
     """An obstacle is not quite where the scene says: each of its points may be up to `position` away from where the
     pose, turned by up to `orientation` about the obstacle's origin, has it, and up to `speed` times the time more."""
 
@@ -58,7 +72,7 @@ class Uncertainty(Checked):
 
 
 @dataclass(frozen=True, repr=False)
-class Tracking(Checked):
+class Tracking(Sized):
     """By how much the joints may be off the motion while the controller executes it."""
 
     position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
@@ -81,7 +95,7 @@ class Tracking(Checked):
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration(Checked):
+class Calibration(Sized):
     """The robot's base may stand up to `position` away from `robot.base`, turned by up to `orientation` about it."""
 
     position: Distance = 0.0  # [m]

@@ -90,7 +90,7 @@ def certify(
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
     """Return the contacts at configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with
-    itself and with the obstacles as they are at time 0.
+    itself and with the obstacles where they are said to be at time 0, whatever the scene's sizes.
 
     Raises InputError for a wrong number of values, or one that is not finite.
     """

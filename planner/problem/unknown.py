@@ -1,8 +1,8 @@
 """How far the planner stays from what it does not quite know: the clearance, and what the scene's sizes take of it.
 
-What is proven is the certificate's; here what holds at the motion's ends does, as it is only to keep the motion where it
-can be proven. A body that may leave at some speed needs room that grows with time: in each of some spans of the
-motion it is enlarged by what it may have gone at the end of that span, and elsewhere in the others.
+What is proven is the certificate's; here what holds at the motion's ends does, as it only has to keep the motion where
+that can be proven. A body that may leave at some speed needs room that grows with time: in each of some spans of the
+motion it is enlarged by what it may have gone at the end of that span, and far away in the others.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ In: a built `Problem`. Out: `Effect`s in reading order.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, assert_never
 
@@ -97,7 +98,8 @@ def _moving(problem: Problem) -> Effect:
 
 
 def _unknown(problem: Problem) -> Effect:
-    fields = ", ".join(unknown_in(problem.scene))
+    found = (re.sub(r"\[\d+\]", "[]", field) for field in unknown_in(problem.scene))
+    fields = ", ".join(dict.fromkeys(found))
     words = f"{fields}: planned and proven for every world within these sizes"
     needs = "needs obstacles[].uncertainty, robot.tracking or robot.calibration"
     return Effect("unknown", words if fields else "", needs)
