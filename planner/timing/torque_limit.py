@@ -6,17 +6,15 @@ Torques are sampled here, not bounded; the certificate bounds them.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from toppra.constraint import LinearConstraint
 
-from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
+from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
+from hdplan.planner.timing.time_optimal import PathRows
 
 Array = NDArray[np.float64]
 
@@ -32,11 +30,13 @@ class TorqueLimit:
         """Build the dynamics. Raises InputError for loads that do not match the robot."""
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
 
-    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return the torque constraint on a path; None if gravity alone exceeds a limit: then no time law helps, and
-        the certificate says where."""
+    def rows(self, spline: BSpline, grid: Array) -> PathRows | None:
+        """Return it on a path at the points of a grid; None if gravity alone exceeds a limit: then no time law helps,
+        and the certificate says where."""
         torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-        return None if self._too_heavy(torques.c) else _TorqueConstraint(torques, (1 - MARGIN) * self.limit)
+        if self._too_heavy(torques.c):
+            return None
+        return PathRows.both(torques.a, torques.b, torques.c, (1 - MARGIN) * self.limit)
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it at the samples."""
@@ -63,20 +63,3 @@ class TorqueLimit:
     def _too_heavy(self, gravity: Array) -> bool:
         """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
         return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
-
-
-class _TorqueConstraint(LinearConstraint):  # type: ignore[misc]
-    """−limits ≤ a ü + b u̇² + c ≤ limits at the points of a grid on one path; toppra's own constraint would compute the
-    torques one point at a time."""
-
-    def __init__(self, torques: PathTorques, limits: Array) -> None:
-        """Take the torques at the grid's points and limits (n,)."""
-        super().__init__()
-        self.torques, self.limits = torques, limits
-        self.dof = len(limits)
-        self.identical = True  # F and g are the same at all points
-
-    def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-        """Return a, b, c, F, g of F (a ü + b u̇² + c) ≤ g; the path and its grid are those of the torques."""
-        both = np.vstack([np.eye(self.dof), -np.eye(self.dof)])
-        return self.torques.a, self.torques.b, self.torques.c, both, np.tile(self.limits, 2), None, None

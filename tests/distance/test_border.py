@@ -24,6 +24,7 @@ from hdplan.planner.collision import separation_loop
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.lay_out import exactly
+from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -86,6 +87,8 @@ def run_scenes() -> None:
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)
     hulls = (n, corners), (1, corners + 3.0)
+    slope = np.ones((GRID + 1, n))
+    time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
 
 
