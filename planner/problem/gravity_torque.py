@@ -16,16 +16,20 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.distance.symbolic.closed import closed_function
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, band_below
+from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
+from hdplan.planner.problem.terms import Penalty
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
 
@@ -194,6 +198,35 @@ class StaticTorque(Hinge):
     """Keeps a motion away from configurations in which gravity alone overloads a joint."""
 
     measure: GravityMeasure
+
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """As every hinge's."""
+        if loops := library():
+            return self._by_loop(loops, kinematics, None).depth
+        return super().depth(kinematics, parameter)
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
+        """As every hinge's."""
+        if loops := library():
+            found = self._by_loop(loops, kinematics, samples.weight)
+            return found if found.depth.any() else None
+        return super().at_samples(kinematics, samples)
+
+    def _by_loop(self, loops: ModuleType, kinematics: KinematicsBatch, weight: Array | None) -> Penalty:
+        """The penalty at samples; without weights (B,) only the depth."""
+        batch, n = kinematics.columns.shape[:2]
+        asked = 0 if weight is None else batch
+        found = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
+        given = kinematics.placements, kinematics.columns, weight
+        return Penalty(loops.gravity_hinge(self._record.struct, *given, *found), *found)
+
+    @cached_property
+    def _record(self) -> Record:
+        """The C struct `gravity`."""
+        measure, torques, band = self.measure, self.measure.torques, float(band_below(np.array(ARM)))
+        supports, scale = torques.supports.astype(np.int64), ARM / measure.limits
+        bodies = torques.gravity, torques.masses, torques.centres, supports
+        return Record("gravity", *bodies, measure.joints, scale, ARM - band, band, self.activation)
 
     def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
         """Σ ½ max(|v| − (t − b), 0)², with the torques' closed derivatives."""

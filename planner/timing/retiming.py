@@ -9,8 +9,8 @@ twice differentiable, with the polyline's ends, and within its hull, so within t
 
 *The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window,
 then stretched in time until every limit holds on the executed curve (`limits`). Of several windows the one with the
-shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no obstacle
-moves, it is the fastest law, stretched to the duration.
+shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
+obstacle moves, it is the fastest law, stretched to the duration.
 
 *Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
 (`moving_ends`).
