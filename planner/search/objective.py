@@ -107,7 +107,7 @@ class Time(Objective):
 
     def hopeless(self, path: Array, value: float) -> bool:
         """Whether even the fastest law takes HOPELESS times as long, whatever its jerk."""
-        return self.retimer.quickest_along(path) > HOPELESS * value
+        return self.least_along(path) > HOPELESS * value
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""
@@ -122,8 +122,8 @@ class Time(Objective):
         return self.retimer.shortest(problem.start, problem.goal)
 
     def least_along(self, path: Array) -> float:
-        """Return the time that it takes with every joint at its limit of velocity."""
-        return self.retimer.shortest_along(path)
+        """Return the time of the fastest law, whatever its jerk."""
+        return self.retimer.quickest_along(path)
 
 
 class Smoothness(Objective):

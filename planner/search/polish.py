@@ -27,7 +27,7 @@ from hdplan.planner.search.touches import NOTHING_LEFT
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT
 from hdplan.scenes.array_types import Array
 
-CLOSER = (0.5, 0.3, 0.2)  # of the activation
+CLOSER = (0.5, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 SAME = 1e-4  # [rad] or [m] by which a motion changes at most that does not

@@ -46,7 +46,6 @@ WINDOWS = 20  # lengths of the averaging window that are tried
 COARSE = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
-CHORDS = 100  # of a path, to bound its time
 SAMPLES = 400  # of a law, to compare windows
 STRETCHES = 20  # at most, each a little longer than needed
 TRIED = 8  # shorter durations that are tried
@@ -95,14 +94,6 @@ class Retimer:
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
         return least_time(goal - start, self.rates)
-
-    def shortest_along(self, path: Array) -> float:
-        """A time [s] that no motion along waypoints (N, n) undercuts, by the joints' velocities alone: a chord of the
-        path is not longer than its arc, whatever the norm."""
-        if "velocity" not in self.rates:
-            return 0.0
-        chords = np.diff(smooth(path)(np.linspace(0.0, 1.0, CHORDS + 1)), axis=0)
-        return float((np.abs(chords) / self.rates["velocity"]).max(axis=1).sum())
 
     def quickest_along(self, path: Array) -> float:
         """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
