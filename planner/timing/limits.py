@@ -14,7 +14,7 @@ from scipy.interpolate import BSpline
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.time_optimal import MOST, PathRows
+from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
 
 Array = NDArray[np.float64]
 
@@ -33,8 +33,8 @@ class PathSamples(NamedTuple):
 class TimingLimit(Protocol):
     """One limit of a scene."""
 
-    def rows(self, spline: BSpline, grid: Array) -> PathRows | None:
-        """Return it on a path at the points of a grid; None if the fastest law does not know this limit."""
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it on a path at the points of `grid`; None if the fastest law does not know this limit."""
         ...
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
@@ -54,13 +54,13 @@ class RateLimit:
         """Take the order of the derivative and its greatest absolute values."""
         self.order, self.limit = order, limit
 
-    def rows(self, spline: BSpline, grid: Array) -> PathRows | None:
-        """Return it for velocities and accelerations."""
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it, for velocities and accelerations."""
         if self.order > 2:
             return None
-        slope = spline(grid, 1)
+        slope = spline(grid(), 1)
         if self.order == 2:
-            return PathRows.both(slope, spline(grid, 2), np.zeros_like(slope), self.limit)
+            return PathRows.both(slope, spline(grid(), 2), np.zeros_like(slope), self.limit)
         with np.errstate(divide="ignore"):
             most = np.minimum(self.limit / np.abs(slope), MOST).min(axis=1, keepdims=True) ** 2
         return PathRows(np.zeros_like(most), np.ones_like(most), most)

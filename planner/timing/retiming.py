@@ -33,7 +33,7 @@ from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
-from hdplan.planner.timing.time_optimal import grid, time_optimal
+from hdplan.planner.timing.time_optimal import time_optimal
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
@@ -238,7 +238,7 @@ class Retimer:
 
     def _time_optimal(self, spline: BSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
-        asked = [limit.rows(spline, grid()) for limit in self.limits]
+        asked = [limit.rows(spline) for limit in self.limits]
         return time_optimal([rows for rows in asked if rows is not None])
 
     def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:

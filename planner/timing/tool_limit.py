@@ -15,7 +15,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
-from hdplan.planner.timing.time_optimal import PathRows
+from hdplan.planner.timing.time_optimal import PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
@@ -41,9 +41,9 @@ class ToolLimit:
         given = {1: follow.speed, 2: follow.acceleration}
         self.most = {order: (1.0 - MARGINS[order]) * value for order, value in given.items() if value is not None}
 
-    def rows(self, spline: BSpline, grid: Array) -> PathRows:
-        """Return it on a path at the points of a grid."""
-        slope, bend = self._slopes(spline, grid)
+    def rows(self, spline: BSpline) -> PathRows:
+        """Return it on a path at the points of `grid`."""
+        slope, bend = self._slopes(spline, grid())
         size = np.linalg.norm(slope, axis=1)
         way = slope / np.maximum(size, STANDS)[:, None]
         along = (bend * way).sum(axis=1)

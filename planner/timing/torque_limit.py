@@ -6,19 +6,21 @@ Torques are sampled here, not bounded; the certificate bounds them.
 
 from __future__ import annotations
 
+import functools
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
+from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
-from hdplan.planner.timing.time_optimal import PathRows
+from hdplan.planner.timing.time_optimal import GRID, PathRows, grid
 
 Array = NDArray[np.float64]
 
-SAMPLES = 2  # per interval between two rows
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
 ROOM = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
 
@@ -29,27 +31,36 @@ class TorqueLimit:
     def __init__(self, setup: Setup) -> None:
         """Build the dynamics. Raises InputError for loads that do not match the robot."""
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
+        self._along = functools.lru_cache(maxsize=1)(self._at_grid)
 
-    def rows(self, spline: BSpline, grid: Array) -> PathRows | None:
-        """Return it on a path at the points of a grid; None if gravity alone exceeds a limit: then no time law helps,
+    def _at_grid(self, spline: BSpline) -> PathTorques:
+        return self.dynamics.coefficients(*(spline(grid(), order) for order in range(3)))
+
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
         and the certificate says where."""
-        torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-        if self._too_heavy(torques.c):
-            return None
-        return PathRows.both(torques.a, torques.b, torques.c, (1 - MARGIN) * self.limit)
+        along = self._along(spline)
+        return None if self._too_heavy(along.c) else PathRows.both(along.a, along.b, along.c, (1 - MARGIN) * self.limit)
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Compute it at the samples."""
-        (slope, bend, _), (first, second, _) = samples.slopes, samples.rates
-        drive = self.dynamics.coefficients(samples.path(samples.u), slope, bend)
-        return self._stretch(drive.a * second + drive.b * first**2, drive.c)
+        """Compute it at the samples, from torques at the path's grid and even between them."""
+        along = self._along(samples.path)
+        where = np.clip(samples.u, 0.0, 1.0) * GRID
+        before = np.minimum(where.astype(np.int64), GRID - 1)
+        share = (where - before)[:, None]
+        a, b, c = ((1.0 - share) * each[before] + share * each[before + 1] for each in (along.a, along.b, along.c))
+        first, second, _ = samples.rates
+        return self._stretch(a * second + b * first**2, c)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""
-        parameters = np.linspace(0.0, 1.0, SAMPLES * (len(curve) - 1) + 1)
-        q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
-        gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
-        return float(self._stretch(self.dynamics.torques(q, v, a) - gravity, gravity).max(initial=0.0))
+        q, v, a = (evenly(curve.over_time(order)) for order in range(3))
+        count = len(q)
+        both = self.dynamics.torques(
+            *(np.concatenate([each, rest]) for each, rest in ((q, q), (v, 0.0 * v), (a, 0.0 * a)))
+        )
+        moving, gravity = both[:count], both[count:]
+        return float(self._stretch(moving - gravity, gravity).max(initial=0.0))
 
     def _stretch(self, moving: Array, gravity: Array) -> Array:
         """Return the k (m,) by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); 0 if
@@ -63,3 +74,10 @@ class TorqueLimit:
     def _too_heavy(self, gravity: Array) -> bool:
         """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
         return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
+
+
+def evenly(curve: Curve) -> Array:
+    """Return the values of a curve (2 N − 1, n) at its rows and half way between them."""
+    weights = np.array([math.comb(curve.degree, i) for i in range(curve.degree + 1)]) / 2.0**curve.degree
+    values = np.stack([curve.control[:, 0], np.einsum("d,kdn->kn", weights, curve.control)], axis=1)
+    return np.concatenate([values.reshape(-1, values.shape[2]), curve.control[-1:, -1]])

@@ -81,7 +81,7 @@ def test_it_is_toppras_law_within_the_limits() -> None:
         velocity, acceleration = rng.uniform(0.5, 3.0, n), rng.uniform(0.5, 15.0, n)
         both = [np.stack([-each, each], axis=1) for each in (velocity, acceleration)]
         theirs = [constraint.JointVelocityConstraint(both[0]), constraint.JointAccelerationConstraint(both[1])]
-        ours = [RateLimit(order, each).rows(spline, grid()) for order, each in ((1, velocity), (2, acceleration))]
+        ours = [RateLimit(order, each).rows(spline) for order, each in ((1, velocity), (2, acceleration))]
         if trial % 2:
             ours.append(as_torques(rng, spline))
             theirs.append(AsRows(ours[-1], n))
@@ -105,7 +105,7 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
     for trial in range(12):
         spline = any_path(rng, trial)
         n = spline.c.shape[1]
-        given = [RateLimit(order, rng.uniform(0.5, 15.0, n)).rows(spline, grid()) for order in (1, 2)]
+        given = [RateLimit(order, rng.uniform(0.5, 15.0, n)).rows(spline) for order in (1, 2)]
         given += [as_torques(rng, spline)] * (trial % 2)
         rows = [each for each in given if each is not None]
         if trial % 4 == 3:  # hardly any law
@@ -142,7 +142,7 @@ def test_where_there_is_no_law_it_is_said(monkeypatch: pytest.MonkeyPatch, loops
 def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
     """The squares of such paces are 0: dividing by them would warn, or give a motion that never ends."""
     spline = smooth(np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 0.3], [1.0, 1.0]]))
-    rows = RateLimit(1, np.array([1e-200, 1.0])).rows(spline, grid())
+    rows = RateLimit(1, np.array([1e-200, 1.0])).rows(spline)
     assert rows is not None
     with pytest.raises(HdplanError, match="no time law"):
         time_optimal([rows])
