@@ -30,8 +30,13 @@ from hdplan.planner.problem.hinge import BAND, Hinge, band_below
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.planner.problem.terms import Penalty
+from hdplan.planner.robot.loads import with_loads
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.errors import naming
+from hdplan.scenes.once import freeze, made_once, read_only
 
 ARM = 0.1  # [m] stands for a torque at its limit: with the hinge's band, the penalty sets in at 80 % of it
 
@@ -44,6 +49,10 @@ class GravityTorques:
     masses: Array  # (nj,) of the bodies
     centres: Array  # (nj, 3) in their joints' frames [m]
     supports: Mask  # (nj, n) whether a body moves with a coordinate
+
+    def __post_init__(self) -> None:
+        """Share the arrays read-only."""
+        freeze(self)
 
     @cached_property
     def before(self) -> Mask:
@@ -246,6 +255,14 @@ class StaticTorque(Hinge):
         )
 
 
+@made_once(8)
+def _loaded(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> tuple[GravityTorques, Array]:
+    """Gravity's torques of a robot with loads, and bounds on them: the same for all goals, and closer to obstacles."""
+    model = with_loads(robot, payload, attached)
+    torques = GravityTorques.of(model)
+    return torques, read_only(torques.most(model, np.stack([robot.lower, robot.upper], axis=1)))
+
+
 def static_torque(setup: Setup) -> StaticTorque | None:
     """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
@@ -254,9 +271,8 @@ def static_torque(setup: Setup) -> StaticTorque | None:
     robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
         return None
-    model = setup.loaded_model
-    torques = GravityTorques.of(model)
-    bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
+    with naming(setup.scene.source):
+        torques, bound = _loaded(robot, setup.scene.payload, setup.scene.attached)
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is NaN proves nothing
     if not len(joints):
         return None

@@ -58,8 +58,8 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
-    def hopeless(self, path: Array, value: float) -> bool:
-        """Whether a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
+    def hopeless(self, least: float, value: float) -> bool:
+        """Whether a motion whose `least_along` is known is hardly ever improved to less than `value`."""
         return False
 
     def longest(self, value: float) -> float:
@@ -105,9 +105,9 @@ class Time(Objective):
         assert motion.duration is not None
         return motion.duration
 
-    def hopeless(self, path: Array, value: float) -> bool:
+    def hopeless(self, least: float, value: float) -> bool:
         """Whether even the fastest law takes HOPELESS times as long, whatever its jerk."""
-        return self.least_along(path) > HOPELESS * value
+        return least > HOPELESS * value
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""

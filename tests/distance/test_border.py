@@ -26,6 +26,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.gravity_torque import static_torque
 from hdplan.planner.problem.lay_out import exactly
+from hdplan.planner.problem.pace import Pace
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.limits import Limits
@@ -96,6 +97,7 @@ def run_scenes() -> None:
     assert heavy is not None
     heavy.at_samples(problem.placed(problem.samples.configurations(problem.polyline())), problem.samples)
     heavy.depth(kinematics)
+    Pace(np.ones(n)).value(problem.polyline())
     slope = np.ones((GRID + 1, n))
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
