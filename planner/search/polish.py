@@ -30,6 +30,7 @@ from hdplan.scenes.array_types import Array
 
 CLOSER = (0.5, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
+AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 SAME = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
@@ -84,11 +85,14 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
 
 def _improve(search: Search, stages: Sequence[Problem], path: Array, value: float) -> bool:
     """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
-    led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less than
+    led, and its end slid to where that helps, the last again where much was gained; keep the most promising motion that is certified, if it costs less than
     `value`."""
     promise, goal, farthest = search.objective.least_along, path[-1], FARTHEST
     found: list[tuple[float, Array]] = []
-    for stage in stages:
+    led = [np.inf]  # what each stage promised
+    for turn, stage in enumerate([*stages, *stages[-1:] * AGAIN]):
+        if turn >= len(stages) and led[-1] > (1.0 - MUCH) * led[-2]:
+            break
         problem = replace(stage, goal=goal)
         solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED)
         if solution is None:
@@ -107,6 +111,7 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
                 goal = end
             else:
                 farthest *= SHORTER
+        led.append(found[-1][0])
     enough = (1.0 - GAIN) * value
     for least, path in sorted(found, key=lambda each: each[0]):
         if least >= enough:
