@@ -85,12 +85,12 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
 
 def _improve(search: Search, stages: Sequence[Problem], path: Array, value: float) -> bool:
     """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
-    led, and its end slid to where that helps, the last again where much was gained; keep the most promising motion that is certified, if it costs less than
-    `value`."""
+    led, and its end slid to where that helps, the last again where much was gained; keep the most promising motion that
+    is certified, if it costs less than `value`."""
     promise, goal, farthest = search.objective.least_along, path[-1], FARTHEST
     found: list[tuple[float, Array]] = []
     led = [np.inf]  # what each stage promised
-    for turn, stage in enumerate([*stages, *stages[-1:] * AGAIN]):
+    for turn, stage in enumerate([*stages, *AGAIN * [stages[-1]]]):
         if turn >= len(stages) and led[-1] > (1.0 - MUCH) * led[-2]:
             break
         problem = replace(stage, goal=goal)
