@@ -1,0 +1,199 @@
+"""Stages that are blended, as one path from rest to rest.
+
+Each stage was planned by itself, from rest to rest, so that there is a joint path q_k(λ) along the whole of it. Between
+two of them the arm goes over from q₁ to q₂ as `blends` says it of poses, in joint values; between two curves these are
+brought to the blended poses then, so that the link is where it is to be.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hdplan.planner.job.blends import Blend, Leg, UnblendedError, eased, quintic
+from hdplan.planner.job.following import CORNER, NotFollowedError, brought, lengths_of
+from hdplan.planner.job.places import pose_of
+from hdplan.planner.kinematics.inverse import Aim
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.link_frame import link_poses, links_of
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.lazy_imports import scipy
+from hdplan.scenes.targets import PoseTarget
+
+LOOKS = 1500  # of a planned motion
+APART = 2e-3  # share of a path between the configurations that it is drawn through
+FINE = 200  # configurations in a part of the path
+ROWS = 24  # in the shortest blend
+FEWEST, MOST = 48, 3000  # rows of a whole path
+STANDS = 1e-12  # [rad] or [m]
+
+Way = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """The path of one stage, from rest to rest."""
+
+    robot: Robot
+    motion: Trajectory
+    leg: Leg | None = None  # its curve; None of a move
+    link: str = ""  # that follows the curve
+    way: Way = field(init=False)  # joint values (k, n) at shares (k,) of it
+
+    def __post_init__(self) -> None:
+        """Draw the path through some configurations of the motion."""
+        rows = curve_of(self.robot, self.motion).at_parameter(np.linspace(0.0, 1.0, LOOKS))
+        if self.leg is None:
+            steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
+        else:
+            steps = lengths_of(link_poses(self.robot, rows, links_of(self.robot)[self.link]), self.leg.free)[0]
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        along /= max(along[-1], STANDS)
+        chosen = [0]
+        for k, share in enumerate(along.tolist()):
+            if share - along[chosen[-1]] >= APART and 1.0 - share >= APART:
+                chosen.append(k)
+        chosen.append(len(along) - 1)
+        object.__setattr__(self, "way", scipy.interpolate.CubicSpline(along[chosen], rows[chosen]))
+
+    def within(self, link: str, radius: float, at_end: bool) -> float:
+        """Return the share of the path up to which, or from which on, a link is so close to where it begins, or ends.
+        Raises UnblendedError for a path that is never farther away."""
+        shares = np.linspace(0.0, 1.0, FINE + 1)
+        leg = Leg(link_poses(self.robot, self.way(shares), links_of(self.robot)[link]), "none")
+        leaves = (leg.backwards if at_end else leg).leaves(radius)
+        return float(np.interp(1.0 - leaves if at_end else leaves, leg.places, shares))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a path: its joint values (k, n) at shares (k,) of it, and the poses of a link there, if it has some."""
+
+    way: Way
+    poses: Way | None = None
+    link: str = ""
+    free: str = "none"
+    corners: Array = field(default_factory=lambda: np.zeros(0))  # shares at which it may change its direction
+
+
+def parts_of(driven: Sequence[Driven], radii: Sequence[tuple[str, float]]) -> list[Part]:
+    """Return the parts of a path: stages and, between two of them, a blend within a radius of a link. Raises
+    UnblendedError."""
+    pairs = zip(itertools.pairwise(driven), radii, strict=True)
+    blends = [_blend(one, other, *radius) for (one, other), radius in pairs]
+    found: list[Part] = []
+    for k, each in enumerate(driven):
+        first = blends[k - 1].leaves if k else 0.0
+        last = blends[k].enters if k < len(blends) else 1.0
+        if first > last:
+            raise UnblendedError("its radius and that of the stage before it overlap on this stage")
+        found.append(_stage(each, first, last))
+        if k < len(blends):
+            found.append(_between(each, driven[k + 1], blends[k]))
+    return found
+
+
+@dataclass(frozen=True)
+class _Joints:
+    """A blend in joint values."""
+
+    enters: float
+    leaves: float
+
+    def shares(self, s: Array) -> tuple[Array, Array]:
+        return eased(self.enters, self.leaves, s)
+
+
+def _blend(one: Driven, other: Driven, link: str, radius: float) -> Blend | _Joints:
+    if one.leg is not None and other.leg is not None:
+        return Blend.of(one.leg, other.leg, radius)
+    return _Joints(one.within(link, radius, at_end=True), other.within(link, radius, at_end=False))
+
+
+def _stage(each: Driven, first: float, last: float) -> Part:
+    def shares(at: Array) -> Array:
+        return np.asarray(first + at * (last - first))
+
+    leg = each.leg
+    if leg is None:
+        return Part(lambda at: each.way(shares(at)))
+    inner = leg.places[(leg.places > first) & (leg.places < last)]
+    corners = (inner - first) / max(last - first, STANDS)
+    return Part(lambda at: each.way(shares(at)), lambda at: leg.at(shares(at)), each.link, leg.free, corners)
+
+
+def _between(one: Driven, other: Driven, blend: Blend | _Joints) -> Part:
+    def way(s: Array) -> Array:
+        first, second = blend.shares(s)
+        begins = one.way(first)
+        return np.asarray(begins + quintic(s)[:, None] * (other.way(second) - begins))
+
+    return Part(way, blend.at, one.link, blend.first.free) if isinstance(blend, Blend) else Part(way)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A path of parts one after the other, over a length in joint values."""
+
+    robot: Robot
+    parts: Sequence[Part]
+    at: list[Array] = field(init=False)  # shares of each part
+    length: list[Array] = field(init=False)  # of the path up to there
+
+    def __post_init__(self) -> None:
+        """Measure it."""
+        at = [np.union1d(np.linspace(0.0, 1.0, FINE + 1), part.corners) for part in self.parts]
+        length, gone = [], 0.0
+        for part, shares in zip(self.parts, at, strict=True):
+            steps = np.linalg.norm(np.diff(part.way(shares), axis=0), axis=1)
+            length.append(gone + np.concatenate([[0.0], np.cumsum(steps)]))
+            gone = float(length[-1][-1])
+        object.__setattr__(self, "at", at)
+        object.__setattr__(self, "length", length)
+
+    @property
+    def middles(self) -> list[float]:
+        """The lengths up to the middles of its blends, which are every other part."""
+        return [float(np.interp(0.5, self.at[k], self.length[k])) for k in range(1, len(self.parts), 2)]
+
+    @property
+    def shortest(self) -> float:
+        """The length of its shortest blend."""
+        return min(float(np.ptp(self.length[k])) for k in range(1, len(self.parts), 2))
+
+    @property
+    def cuts(self) -> list[float]:
+        """The lengths at which it begins, changes its direction abruptly, and ends."""
+        rows = np.concatenate(
+            [part.way(at)[min(k, 1) :] for k, (part, at) in enumerate(zip(self.parts, self.at, strict=True))]
+        )
+        length = np.concatenate([each[min(k, 1) :] for k, each in enumerate(self.length)])
+        steps = np.diff(rows, axis=0)
+        moving = np.flatnonzero(np.linalg.norm(steps, axis=1) > STANDS)
+        ways = steps[moving] / np.linalg.norm(steps[moving], axis=1)[:, None]
+        sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
+        return [0.0, *length[moving[1:][sharp]].tolist(), float(length[-1])]
+
+    def rows(self, first: float, last: float, count: int) -> Array:
+        """Return configurations (count, n) evenly between two lengths of it. Raises NotFollowedError."""
+        return np.array([self.row(length) for length in np.linspace(first, last, count).tolist()])
+
+    def row(self, length: float) -> Array:
+        """Return the configuration (n,) at a length. Raises NotFollowedError."""
+        number = next((k for k, each in enumerate(self.length) if length <= each[-1]), len(self.parts) - 1)
+        part = self.parts[number]
+        share = np.array([np.interp(length, self.length[number], self.at[number])])
+        (q,) = part.way(share)
+        if part.poses is None:
+            return np.asarray(q)
+        pose = pose_of(part.poses(share)[0])
+        aim = Aim.at(self.robot, PoseTarget(part.link, pose, free_rotation=part.free))
+        reached = brought(self.robot, aim, np.clip(q, self.robot.lower, self.robot.upper))
+        if isinstance(reached, str):
+            raise NotFollowedError(f"{part.link} cannot be brought along its blended curve: {reached}")
+        return reached
