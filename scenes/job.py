@@ -186,13 +186,19 @@ def stages_of(value: object) -> tuple[Stage, ...]:
             raise FieldError(f"the name {name!r} is that of stage {names[name]} too; names must differ", f"[{i}]")
         names[name] = i
     for i, (stage, following) in enumerate(zip(value, [*value[1:], None], strict=True)):
-        if isinstance(stage, ArmStage) and stage.blend > 0.0 and (why := _unblended(stage, following)):
+        if (
+            isinstance(stage, Move | Line | Circle | Along)
+            and stage.blend > 0.0
+            and (why := _unblended(stage, following))
+        ):
             raise FieldError(f"stage '{stage_name(stage, i)}' {why}", f"[{i}].blend")
     return tuple(value)
 
 
-def _unblended(stage: ArmStage, following: Stage | None) -> str:
-    """Say why a stage cannot go over into the one that follows without a stop; empty if it can."""
+def _unblended(stage: Stage, following: Stage | None) -> str:
+    """Say why a stage cannot go over into the one that follows as it asks for; empty if it can, or does not ask."""
+    if not isinstance(stage, ArmStage) or not stage.blend:
+        return ""
     if following is None:
         return "is the last one, which ends at rest: nothing follows into which it could be blended"
     if not isinstance(following, ArmStage):

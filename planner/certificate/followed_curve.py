@@ -85,7 +85,7 @@ class PoseCurve:
         """How far it is along the curve to each of its poses (N,), in tolerances."""
         far, angle = self.tolerances
         way = np.hypot(_lengths(self.steps) / far, _lengths(self.turns) / angle)
-        return np.concatenate([[0.0], np.cumsum(way)])
+        return np.asarray(np.concatenate([[0.0], np.cumsum(way)]))
 
     def way_to(self, places: Array) -> Array:
         """Return how far it is along the curve to places (k,), in tolerances."""
@@ -117,7 +117,7 @@ class PoseCurve:
             found[k] = max(found[k - 1], near[best] + share[best])
             gone = ahead[near[best]] + share[best] * way[near[best]]
         found[-1] = last
-        return np.minimum(found, last)
+        return np.asarray(np.minimum(found, last))
 
     def nearest(self, rotations: Array, origins: Array) -> tuple[Array, Mask]:
         """Return the places (k,) of the curve that are nearest to origins of the link (k, 3), and whether it is within

@@ -102,9 +102,9 @@ def _as_one(world: World, group: range, pieces: Sequence[Piece]) -> list[Piece]:
 def _driven(world: World, group: range, pieces: Sequence[Piece]) -> list[Driven]:
     """Return the paths of stages as they were planned, curves as they follow one another where nothing rests."""
     assert world.scene.job is not None
-    found = []
+    found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):
-        stage, robot = world.scene.job.stages[number], stage_setup(world, number).robot
+        stage, robot = stages[number], stage_setup(world, number).robot
         if isinstance(stage, Curve):
             if world.corner is not None:
                 (q,) = curve_of(robot, piece.motion).rows[:1]
@@ -144,13 +144,22 @@ def _timed(world: World, group: range, rested: Sequence[Driven], share: float, f
                 marks.append(begins + _passes(motion, path.row(middle), near))
         motions.append(motion)
         begins += float(motion.times[-1])
-    whole = one_after_other(motions)
+    whole = _between(one_after_other(motions), rested[0].ends[0], rested[-1].ends[1])
     rows_at = [0]
     for mark in marks:
         whole, row = _with_row(whole, mark)
         rows_at.append(row)
     rows_at.append(len(whole) - 1)
     return [whole.between(*pair) for pair in itertools.pairwise(rows_at)]
+
+
+def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
+    """Return the same motion from joint values (n,) to others, from which it differs by rounding: stages around it were
+    planned to there, and from there."""
+    positions = np.concatenate([begins[None], motion.positions[1:-1], ends[None]])
+    return Trajectory(
+        motion.joint_names, positions, motion.locked, motion.times, motion.velocities, motion.accelerations
+    )
 
 
 def _are_curves(stages: Sequence[Stage], number: int) -> bool:
@@ -211,8 +220,9 @@ def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
             (motion.accelerations, at.accelerations),
         )
     )
-    positions, *rates = rows
-    return Trajectory(motion.joint_names, positions, motion.locked, *rates), after
+    positions, instants, velocities, accelerations = rows
+    found = Trajectory(motion.joint_names, positions, motion.locked, instants, velocities, accelerations)
+    return found, after
 
 
 def _certified(

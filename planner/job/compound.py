@@ -44,10 +44,13 @@ class Driven:
     leg: Leg | None = None  # its curve; None of a move
     link: str = ""  # that follows the curve
     way: Way = field(init=False)  # joint values (k, n) at shares (k,) of it
+    ends: tuple[Array, Array] = field(init=False)  # (n,) where it begins and ends
 
     def __post_init__(self) -> None:
         """Draw the path through some configurations of the motion."""
-        rows = curve_of(self.robot, self.motion).at_parameter(np.linspace(0.0, 1.0, LOOKS))
+        curve = curve_of(self.robot, self.motion)
+        object.__setattr__(self, "ends", (curve.rows[0], curve.rows[-1]))
+        rows = curve.at_parameter(np.linspace(0.0, 1.0, LOOKS))
         if self.leg is None:
             steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
         else:

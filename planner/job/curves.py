@@ -132,7 +132,7 @@ def leg_of(world: World, number: int) -> tuple[Leg, float]:
 def _blended_with(stages: Sequence[Stage], number: int) -> list[Curve]:
     """Return a curve with those that it is blended with."""
     near = [number, *([number + 1] if stages[number].blend else [])]  # type: ignore[union-attr]
-    if number > 0 and getattr(stages[number - 1], "blend", 0.0):
+    if number > 0 and getattr(stages[number - 1], "blend", False):
         near.append(number - 1)
     return [each for i in near if isinstance(each := stages[i], Curve)]
 
@@ -240,7 +240,7 @@ def settled(corner: Corner, rotation: Array) -> Corner:
         return corner
     axis = "xyz".index(corner.free)
     i, j = (axis + 1) % 3, (axis + 2) % 3
-    goal = corner.pose.matrix
+    goal = corner.pose.matrix.copy()
     between = goal[:3, :3].T @ rotation
     angle = float(np.arctan2(between[j, i] - between[i, j], between[i, i] + between[j, j]))
     turn = scipy.spatial.transform.Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
