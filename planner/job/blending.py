@@ -18,7 +18,7 @@ from hdplan.planner.job.blends import UnblendedError
 from hdplan.planner.job.certify import certified_stage
 from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
-from hdplan.planner.job.following import NotFollowedError, drawn_through
+from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, one_after_other
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup
@@ -31,6 +31,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.job import Move, Stage
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow, PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.stage import ArmStage
@@ -38,7 +39,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
 SHARES = (0.9, 0.6, 0.3, 0.1)  # of the radius around where a move begins or ends
-FINER = (1, 4)  # times as many configurations
+FINER = (1, 4, 12)  # times as many configurations
 SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
 STEPS = 8  # of looking for a row
 
@@ -63,11 +64,14 @@ def groups_of(stages: Sequence[Stage]) -> Iterator[range]:
 
 
 def blended(world: World, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces of all stages, each planned from rest to rest, with those blended that are to be; `world` is
-    what there is at first. Raises NotBlendedError, and InputError as `certified_stage`."""
+    """Return the pieces of stages, each planned from rest to rest, with those blended that are to be, as far as all
+    that are driven as one are there; `world` is what there is at first. Raises NotBlendedError, and InputError as
+    `certified_stage`."""
     assert world.scene.job is not None
     found = [*pieces]
     for group in groups_of(world.scene.job.stages):
+        if len(pieces) <= group[-1]:
+            return found[: group[0]]
         before = replace(pieces[group[0] - 1].after if group[0] else world, scene=world.scene)
         found[group[0] : group[-1] + 1] = _as_one(before, group, [pieces[k] for k in group])
     return found
@@ -134,7 +138,9 @@ def _timed(world: World, group: range, rested: Sequence[Driven], share: float, f
     motions, marks, begins = [], [], 0.0
     for first, last in itertools.pairwise(cuts):
         rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
-        timed = Retimer(setup)(Trajectory(setup.robot.joint_names, drawn_through(rows), setup.robot.locked))
+        waypoints = Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
+        spline = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
+        timed = Retimer(setup).along(waypoints, spline)
         motion = timed.trajectory
         assert motion.times is not None
         for middle in path.middles:

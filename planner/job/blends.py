@@ -28,7 +28,9 @@ FEWEST, MOST = 8, 2048  # chords of half of a blend
 
 
 class UnblendedError(Exception):
-    """Two curves that cannot be blended, and why."""
+    """Two stages that cannot be blended, and why."""
+
+    number = 0  # of the first of them, among those that are driven as one
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,8 @@ brought to the blended poses then, so that the link is where it is to be.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -87,18 +88,30 @@ class Part:
 def parts_of(driven: Sequence[Driven], radii: Sequence[tuple[str, float]]) -> list[Part]:
     """Return the parts of a path: stages and, between two of them, a blend within a radius of a link. Raises
     UnblendedError."""
-    pairs = zip(itertools.pairwise(driven), radii, strict=True)
-    blends = [_blend(one, other, *radius) for (one, other), radius in pairs]
+    blends = []
+    for k, (pair, radius) in enumerate(zip(itertools.pairwise(driven), radii, strict=True)):
+        with _numbered(k):
+            blends.append(_blend(*pair, *radius))
     found: list[Part] = []
     for k, each in enumerate(driven):
         first = blends[k - 1].leaves if k else 0.0
         last = blends[k].enters if k < len(blends) else 1.0
-        if first > last:
-            raise UnblendedError("its radius and that of the stage before it overlap on this stage")
+        with _numbered(k):
+            if first > last:
+                raise UnblendedError("its radius and that of the stage before it overlap on this stage")
         found.append(_stage(each, first, last))
         if k < len(blends):
             found.append(_between(each, driven[k + 1], blends[k]))
     return found
+
+
+@contextmanager
+def _numbered(number: int) -> Iterator[None]:
+    try:
+        yield
+    except UnblendedError as error:
+        error.number = number
+        raise
 
 
 @dataclass(frozen=True)

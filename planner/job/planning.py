@@ -81,16 +81,16 @@ def plan_job(
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
+    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     try:
         pieces = blended(first, pieces)
     except NotBlendedError as error:
         pieces = pieces[: error.number]
-        search.refused.append((error.number, f"cannot be blended: {error}"))
+        failure = f"stage '{names[error.number]}': cannot be blended into the next one: {error}"
     if not pieces:
-        raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}): {search.refused[-1][1]}", "stage_failed")
+        raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}): {failure}", "stage_failed")
     trajectory = joined(pieces, scene.job)
     certificate = certify_job(scene, trajectory)
-    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     said = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,
