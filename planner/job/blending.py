@@ -1,15 +1,20 @@
 """Stages of a job that go over into one another without a stop: their planned motions, as one.
 
-Stages that are blended are timed as one motion from rest to rest, with marks at the middles of the blends, and
-certified stage by stage as it is driven. Between two curves their blend is prescribed, to which the arm keeps; where
-one of them is a move, a smaller radius is tried if the asked one does not lead to a certificate.
+Curves that are blended into one another are timed as one motion from rest to rest along all of them (`compound`). Where
+a move is one of the two, they are blended by their timing: the second begins a while before the first has ended, and
+in the meantime both add up,
+
+    q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
+
+with the longest τ for which the link stays within the radius, and the limits hold; a shorter one, where that does not
+lead to a certificate. The marks of stages are at the middles of the blends; each is certified as it is driven.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,17 +25,18 @@ from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, one_after_other
+from hdplan.planner.job.overlap import longest_overlap, overlapped
 from hdplan.planner.job.places import link_pose
-from hdplan.planner.job.stage_scenes import stage_setup
+from hdplan.planner.job.stage_scenes import stage_setup, stage_source
 from hdplan.planner.job.world import World
-from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.curve import Curve as MotionCurve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.job import Move, Stage
+from hdplan.scenes.job import Stage
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow, PathConstraints
 from hdplan.scenes.poses import Pose
@@ -38,10 +44,19 @@ from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
-SHARES = (0.9, 0.6, 0.3, 0.1)  # of the radius around where a move begins or ends
-FINER = (1, 4, 12)  # times as many configurations
+SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
+FINER = (1, 4, 12)  # times as many configurations along curves
+ROUNDING = 1e-9  # of a limit
 SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
 STEPS = 8  # of looking for a row
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A motion from rest to rest, of one stage or of several curves."""
+
+    motion: Trajectory
+    marks: tuple[float, ...]  # [s] after its beginning, at which its stages begin; the first is 0
 
 
 class NotBlendedError(Exception):
@@ -80,65 +95,79 @@ def blended(world: World, pieces: Sequence[Piece]) -> list[Piece]:
 def _as_one(world: World, group: range, pieces: Sequence[Piece]) -> list[Piece]:
     """Blend one group of stages."""
     assert world.scene.job is not None
-    stages = [world.scene.job.stages[k] for k in group]
-    rested, why = _driven(world, group, pieces), ""
-    for share in SHARES if any(isinstance(stage, Move) for stage in stages) else (1.0,):
-        for finer in FINER:
-            try:
-                motions = _timed(world, group, rested, share, finer)
-            except UnblendedError as error:
-                raise InputError(
-                    f"{world.scene.source}: job[{group[0]}] ({world.scene.job.names[group[0]]}): {error}"
-                ) from None
-            except InputError:
-                raise
-            except (NotFollowedError, HdplanError) as error:
-                raise NotBlendedError(group[0], str(error)) from None
-            made, wrong = _certified(world, group, motions, pieces)
+    stages, why = world.scene.job.stages, ""
+    starts = [k for k in group if k == group[0] or not _are_curves(stages, k - 1)]
+    runs = [range(first, last) for first, last in itertools.pairwise([*starts, group[-1] + 1])]
+    worlds = _worlds(world, group, pieces)
+    for finer in FINER if len(runs) < len(group) else FINER[:1]:
+        try:
+            units = [_unit(worlds, run, pieces, run[0] - group[0], finer) for run in runs]
+            overlaps = [
+                _overlap(worlds[run[-1] - group[0]], run[-1], *pair)
+                for run, pair in zip(runs, itertools.pairwise(units), strict=False)
+            ]
+        except UnblendedError as error:
+            raise InputError(f"{stage_source(world.scene, error.number)}: blend: {error}") from None
+        except InputError:
+            raise
+        except (NotFollowedError, HdplanError) as error:
+            raise NotBlendedError(group[0], str(error)) from None
+        for share in SHARES if overlaps else SHARES[:1]:
+            made, wrong = _certified(world, group, _driven(units, [share * each for each in overlaps]), pieces)
             if wrong is None:
                 return made
             why = wrong.text
-            if wrong.status is not Status.OFF_PATH:
-                break
+        if wrong is not None and wrong.status is not Status.OFF_PATH:
+            break
     raise NotBlendedError(group[0], why)
 
 
-def _driven(world: World, group: range, pieces: Sequence[Piece]) -> list[Driven]:
-    """Return the paths of stages as they were planned, curves as they follow one another where nothing rests."""
+def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
+    """Return what there is before each stage, curves beginning where the ones before would have ended."""
     assert world.scene.job is not None
     found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):
-        stage, robot = stages[number], stage_setup(world, number).robot
-        if isinstance(stage, Curve):
-            if world.corner is not None:
-                (q,) = curve_of(robot, piece.motion).rows[:1]
-                link = link_of(stage, world)
-                world = replace(world, corner=settled(world.corner, link_pose(robot, q, link)[:3, :3]))
-            found.append(Driven(robot, piece.motion, leg_of(world, number)[0], link_of(stage, world)))
-        else:
-            found.append(Driven(robot, piece.motion))
+        if world.corner is not None and isinstance(stage := stages[number], Curve):
+            (q,) = piece.motion.positions[:1]
+            rotation = link_pose(world.robot, q, link_of(stage, world))[:3, :3]
+            world = replace(world, corner=settled(world.corner, rotation))
+        found.append(world)
         if number != group[-1]:
             world = replace(piece.after, scene=world.scene, corner=corner_of(world, number))
     return found
 
 
-def _timed(world: World, group: range, rested: Sequence[Driven], share: float, finer: int) -> list[Trajectory]:
-    """Return the motions of stages that are driven as one, of which each begins as the last one ended."""
+def _unit(worlds: Sequence[World], run: range, pieces: Sequence[Piece], first: int, finer: int) -> _Unit:
+    """Return the motion of one stage as it was planned, or that of several curves; they are those from the `first` of
+    the group on."""
+    mine = slice(first, first + len(run))
+    if len(run) == 1:
+        return _Unit(pieces[first].motion, (0.0,))
+    try:
+        return _along_curves(worlds[mine], run, pieces[mine], finer)
+    except UnblendedError as error:
+        error.number += run[0]
+        raise
+
+
+def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], finer: int) -> _Unit:
+    """Return the motion along curves that are blended."""
+    world = worlds[0]
     assert world.scene.job is not None
-    stages = world.scene.job.stages
-    links = [radius_link(world, number) for number in group[:-1]]
-    radii = [
-        stages[number].blend * (1.0 if _are_curves(stages, number) else share)  # type: ignore[union-attr]
-        for number in group[:-1]
-    ]
-    path = Path(rested[0].robot, parts_of(rested, list(zip(links, radii, strict=True))))
-    setup = _as_one_motion(world, group)
+    stages = [world.scene.job.stages[k] for k in run]
+    robot, driven = stage_setup(world, run[0]).robot, []
+    for number, there, stage, piece in zip(run, worlds, stages, pieces, strict=True):
+        assert isinstance(stage, Curve)
+        driven.append(Driven(robot, piece.motion, leg_of(there, number)[0], link_of(stage, there)))
+    parts = parts_of(driven, [stage.blend for stage in stages[:-1] if isinstance(stage, Curve)])
+    path = Path(robot, driven[0].link, driven[0].leg.free, parts)
+    setup = _as_one_motion(world, run)
     cuts = path.cuts
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
-    motions, marks, begins = [], [], 0.0
+    motions, marks, begins = [], [0.0], 0.0
     for first, last in itertools.pairwise(cuts):
         rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
-        waypoints = Trajectory(setup.robot.joint_names, rows, setup.robot.locked)
+        waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         spline = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         timed = Retimer(setup).along(waypoints, spline)
         motion = timed.trajectory
@@ -150,13 +179,44 @@ def _timed(world: World, group: range, rested: Sequence[Driven], share: float, f
                 marks.append(begins + _passes(motion, path.row(middle), near))
         motions.append(motion)
         begins += float(motion.times[-1])
-    whole = _between(one_after_other(motions), rested[0].ends[0], rested[-1].ends[1])
-    rows_at = [0]
+    whole = one_after_other(motions)
+    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
+    return _Unit(_between(whole, *ends), tuple(marks))
+
+
+def _overlap(world: World, number: int, one: _Unit, other: _Unit) -> float:
+    """Return for how long the motion that ends with a stage may overlap with that of the next one [s]."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, ArmStage)
+    setup = _as_one_motion(world, range(number, number + 1))
+    retimer = Retimer(setup)
+
+    def allowed(curve: MotionCurve) -> bool:
+        return all(limit.stretch(curve) <= 1.0 + ROUNDING for limit in retimer.limits)
+
+    around = radius_link(world, number), stage.blend
+    try:
+        return longest_overlap(setup.robot, *around, one.motion, other.motion, retimer.rate, allowed)
+    except UnblendedError as error:
+        error.number = number
+        raise
+
+
+def _driven(units: Sequence[_Unit], overlaps: Sequence[float]) -> list[Trajectory]:
+    """Return the motions of all stages, each of which begins as the last one ended."""
+    whole, marks = units[0].motion, [*units[0].marks]
+    for unit, overlap in zip(units[1:], overlaps, strict=True):
+        assert whole.duration is not None
+        begins = whole.duration - overlap
+        whole = overlapped(whole, unit.motion, overlap)
+        marks += [begins + 0.5 * overlap, *(begins + mark for mark in unit.marks[1:])]
+    whole = _between(whole, units[0].motion.positions[0], units[-1].motion.positions[-1])
+    rows = []
     for mark in marks:
         whole, row = _with_row(whole, mark)
-        rows_at.append(row)
-    rows_at.append(len(whole) - 1)
-    return [whole.between(*pair) for pair in itertools.pairwise(rows_at)]
+        rows.append(row)
+    return [whole.between(*pair) for pair in itertools.pairwise([*rows, len(whole) - 1])]
 
 
 def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
@@ -173,7 +233,7 @@ def _are_curves(stages: Sequence[Stage], number: int) -> bool:
 
 
 def _as_one_motion(world: World, group: range) -> Setup:
-    """Return the scene in which stages are timed as one: within the least of what they ask for."""
+    """Return the scene in which curves are timed as one: within the least of what they ask for."""
     assert world.scene.job is not None
     stages = [world.scene.job.stages[k] for k in group]
     setup, timing = stage_setup(world, group[0]), world.scene.timing or Timing()

@@ -1,8 +1,8 @@
-"""Stages that are blended, as one path from rest to rest.
+"""Curves that are blended, as one path from rest to rest.
 
-Each stage was planned by itself, from rest to rest, so that there is a joint path q_k(λ) along the whole of it. Between
-two of them the arm goes over from q₁ to q₂ as `blends` says it of poses, in joint values; between two curves these are
-brought to the blended poses then, so that the link is where it is to be.
+Each stage was planned by itself, from rest to rest, so that there is a joint path q_k(λ) along the whole of its curve.
+In a blend the arm goes over from q₁ to q₂ as `blends` says it of poses. All joint values are brought to the poses of
+the curve and its blends then, so that these paths only say how a redundant arm stands.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hdplan.planner.job.blends import Blend, Leg, UnblendedError, eased, quintic
+from hdplan.planner.job.blends import Blend, Leg, UnblendedError, quintic
 from hdplan.planner.job.following import CORNER, NotFollowedError, brought, lengths_of
 from hdplan.planner.job.places import pose_of
 from hdplan.planner.kinematics.inverse import Aim
@@ -42,8 +42,8 @@ class Driven:
 
     robot: Robot
     motion: Trajectory
-    leg: Leg | None = None  # its curve; None of a move
-    link: str = ""  # that follows the curve
+    leg: Leg  # its curve
+    link: str  # that follows it
     way: Way = field(init=False)  # joint values (k, n) at shares (k,) of it
     ends: tuple[Array, Array] = field(init=False)  # (n,) where it begins and ends
 
@@ -52,10 +52,7 @@ class Driven:
         curve = curve_of(self.robot, self.motion)
         object.__setattr__(self, "ends", (curve.rows[0], curve.rows[-1]))
         rows = curve.at_parameter(np.linspace(0.0, 1.0, LOOKS))
-        if self.leg is None:
-            steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
-        else:
-            steps = lengths_of(link_poses(self.robot, rows, links_of(self.robot)[self.link]), self.leg.free)[0]
+        steps = lengths_of(link_poses(self.robot, rows, links_of(self.robot)[self.link]), self.leg.free)[0]
         along = np.concatenate([[0.0], np.cumsum(steps)])
         along /= max(along[-1], STANDS)
         chosen = [0]
@@ -65,33 +62,22 @@ class Driven:
         chosen.append(len(along) - 1)
         object.__setattr__(self, "way", scipy.interpolate.CubicSpline(along[chosen], rows[chosen]))
 
-    def within(self, link: str, radius: float, at_end: bool) -> float:
-        """Return the share of the path up to which, or from which on, a link is so close to where it begins, or ends.
-        Raises UnblendedError for a path that is never farther away."""
-        shares = np.linspace(0.0, 1.0, FINE + 1)
-        leg = Leg(link_poses(self.robot, self.way(shares), links_of(self.robot)[link]), "none")
-        leaves = (leg.backwards if at_end else leg).leaves(radius)
-        return float(np.interp(1.0 - leaves if at_end else leaves, leg.places, shares))
-
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a path: its joint values (k, n) at shares (k,) of it, and the poses of a link there, if it has some."""
+    """A part of a path: joint values (k, n) near it at shares (k,) of it, and the poses of the link there."""
 
     way: Way
-    poses: Way | None = None
-    link: str = ""
-    free: str = "none"
+    poses: Way
     corners: Array = field(default_factory=lambda: np.zeros(0))  # shares at which it may change its direction
 
 
-def parts_of(driven: Sequence[Driven], radii: Sequence[tuple[str, float]]) -> list[Part]:
-    """Return the parts of a path: stages and, between two of them, a blend within a radius of a link. Raises
-    UnblendedError."""
+def parts_of(driven: Sequence[Driven], radii: Sequence[float]) -> list[Part]:
+    """Return the parts of a path: stages and, between two of them, a blend within a radius. Raises UnblendedError."""
     blends = []
     for k, (pair, radius) in enumerate(zip(itertools.pairwise(driven), radii, strict=True)):
         with _numbered(k):
-            blends.append(_blend(*pair, *radius))
+            blends.append(Blend.of(pair[0].leg, pair[1].leg, radius))
     found: list[Part] = []
     for k, each in enumerate(driven):
         first = blends[k - 1].leaves if k else 0.0
@@ -114,42 +100,23 @@ def _numbered(number: int) -> Iterator[None]:
         raise
 
 
-@dataclass(frozen=True)
-class _Joints:
-    """A blend in joint values."""
-
-    enters: float
-    leaves: float
-
-    def shares(self, s: Array) -> tuple[Array, Array]:
-        return eased(self.enters, self.leaves, s)
-
-
-def _blend(one: Driven, other: Driven, link: str, radius: float) -> Blend | _Joints:
-    if one.leg is not None and other.leg is not None:
-        return Blend.of(one.leg, other.leg, radius)
-    return _Joints(one.within(link, radius, at_end=True), other.within(link, radius, at_end=False))
-
-
 def _stage(each: Driven, first: float, last: float) -> Part:
     def shares(at: Array) -> Array:
         return np.asarray(first + at * (last - first))
 
     leg = each.leg
-    if leg is None:
-        return Part(lambda at: each.way(shares(at)))
     inner = leg.places[(leg.places > first) & (leg.places < last)]
     corners = (inner - first) / max(last - first, STANDS)
-    return Part(lambda at: each.way(shares(at)), lambda at: leg.at(shares(at)), each.link, leg.free, corners)
+    return Part(lambda at: each.way(shares(at)), lambda at: leg.at(shares(at)), corners)
 
 
-def _between(one: Driven, other: Driven, blend: Blend | _Joints) -> Part:
+def _between(one: Driven, other: Driven, blend: Blend) -> Part:
     def way(s: Array) -> Array:
         first, second = blend.shares(s)
         begins = one.way(first)
         return np.asarray(begins + quintic(s)[:, None] * (other.way(second) - begins))
 
-    return Part(way, blend.at, one.link, blend.first.free) if isinstance(blend, Blend) else Part(way)
+    return Part(way, blend.at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +124,8 @@ class Path:
     """A path of parts one after the other, over a length in joint values."""
 
     robot: Robot
+    link: str
+    free: str
     parts: Sequence[Part]
     at: list[Array] = field(init=False)  # shares of each part
     length: list[Array] = field(init=False)  # of the path up to there
@@ -205,11 +174,9 @@ class Path:
         part = self.parts[number]
         share = np.array([np.interp(length, self.length[number], self.at[number])])
         (q,) = part.way(share)
-        if part.poses is None:
-            return np.asarray(q)
         pose = pose_of(part.poses(share)[0])
-        aim = Aim.at(self.robot, PoseTarget(part.link, pose, free_rotation=part.free))
+        aim = Aim.at(self.robot, PoseTarget(self.link, pose, free_rotation=self.free))
         reached = brought(self.robot, aim, np.clip(q, self.robot.lower, self.robot.upper))
         if isinstance(reached, str):
-            raise NotFollowedError(f"{part.link} cannot be brought along its blended curve: {reached}")
+            raise NotFollowedError(f"{self.link} cannot be brought along its blended curve: {reached}")
         return reached

@@ -16,7 +16,7 @@ import numpy as np
 
 from hdplan.planner.job.blends import CHORD, Blend, Leg, UnblendedError
 from hdplan.planner.job.line import as_constraints
-from hdplan.planner.job.places import link_pose, pose_of
+from hdplan.planner.job.places import link_pose, pose_of, poses_of
 from hdplan.planner.job.world import Array, Corner, World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
@@ -55,7 +55,7 @@ def along_curve(world: World, number: int) -> dict[str, Any]:
     )
     follow = Follow(
         link_of(stage, world),
-        tuple(pose_of(pose) for pose in poses),
+        poses_of(poses),
         stage.position_tolerance - lost,
         stage.orientation_tolerance * (1.0 - CHORD if stage.blend or world.corner is not None else 1.0),
         stage.free_rotation,
@@ -209,7 +209,7 @@ def corner_of(world: World, number: int) -> Corner:
     stage, link = stages[number], radius_link(world, number)
     if isinstance(stage, Curve):
         leg, _ = leg_of(world, number)
-        poses = tuple(pose_of(pose) for pose in leg.poses)
+        poses = poses_of(leg.poses)
         return Corner(stage.blend, link, poses[-1], leg.free, poses, (leg.speed, leg.acceleration))
     assert isinstance(stage, Move)
     if isinstance(stage.goal, JointTarget):
