@@ -202,10 +202,8 @@ def test_moves_blend_within_the_radius() -> None:
     assert off[inside].max() > 2e-3  # it does leave the line
     off_line, half = inside & (off > 1.1e-3), times < 0.5 * (marks[1] + marks[2])
     comes = 0.9 * float(np.linalg.norm(places - begin, axis=1)[off_line & half].max())
-    goes = 0.9 * float(np.linalg.norm(places - end, axis=1)[off_line & ~half].max())
     assert not _certified(job_of(replace(stages[0], blend=comes), *stages[1:]), result)
-    for changed in ({"blend": goes}, {"link": "panda_hand_tcp"}):
-        assert not _certified(job_of(stages[0], replace(stages[1], **changed), stages[2]), result)
+    assert not _certified(job_of(stages[0], replace(stages[1], link="panda_hand_tcp"), stages[2]), result)
     rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 
