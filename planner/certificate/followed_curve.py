@@ -135,6 +135,18 @@ class PoseCurve:
         far, angle = self.tolerances
         return places, (_lengths(origins - there) <= far) & (angles <= angle)
 
+    def beyond(self, origins: Array, nodes: Array) -> tuple[float, float]:
+        """Return the last of the nodes before the link leaves the radius in which it comes, and the first one in that
+        in which it leaves."""
+        first, last = 0, len(nodes) - 1
+        if self.comes is not None:
+            far = _lengths(origins - self.origins[0]) > self.comes
+            first = max(int(far.argmax()) - 1, 0) if far.any() else last
+        if self.goes is not None:
+            far = _lengths(origins - self.origins[-1]) > self.goes
+            last = min(len(far) - int(far[::-1].argmax()), last) if far.any() else 0
+        return float(nodes[first]), float(nodes[last])
+
     def on_it(self, rotations: Array, origins: Array) -> tuple[int, int, float, float]:
         """Return the first and the last of some nodes at which the link, which comes from elsewhere and leaves, is to
         be on the curve, and its places there: those of the longest way on it. What it leaves out of the curve is within
@@ -184,6 +196,7 @@ class Followed:
     places: Array  # (k,) on the curve, in poses
     before: Array  # (j,) nodes up to the first of these
     after: Array  # (j,) nodes from the last of these on
+    beyond: tuple[float, float]  # nodes between which it is not within the radii in which it comes and leaves
 
     @classmethod
     def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain) -> Followed:
@@ -195,7 +208,8 @@ class Followed:
         first, last, begins, ends = curve.on_it(rotations, origins)
         nodes, on = interval + fraction, slice(first, last + 1)
         places = curve.places(rotations[on], origins[on], begins, ends)
-        return cls(curve, nodes[on], places, nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :])
+        around = nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :]
+        return cls(curve, nodes[on], places, *around, curve.beyond(origins, nodes))
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
@@ -203,6 +217,14 @@ class Followed:
         first, last = self.ways[[0, -1]]
         passed = self.curve.ahead[(self.curve.ahead > first) & (self.curve.ahead < last)]
         return spans_between(np.union1d(self.nodes, np.interp(passed, self.ways, self.nodes)))
+
+    @property
+    def rated(self) -> tuple[Index, Array, Array]:
+        """Parts of the motion on which the link's speed is limited."""
+        first, last = self.beyond
+        if first >= last:  # all of it
+            first, last = self.before[0], self.after[-1]
+        return spans_between(np.union1d(np.arange(np.ceil(first), np.floor(last) + 1.0), [first, last]))
 
     @cached_property
     def ways(self) -> Array:

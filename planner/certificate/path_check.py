@@ -120,7 +120,7 @@ class PathCheck:
                 yield NearEnd(followed, radius, f"path.follow.{name}", at_end)
         for order, name in tool_rates.FIELDS.items():
             if getattr(self.follow, name) is not None:
-                yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order)
+                yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order, followed.rated)
 
     def _prove(
         self,

@@ -6,8 +6,9 @@ in the meantime both add up,
 
     q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
 
-with the longest τ for which the link stays within the radius, and the limits hold; a shorter one, where that does not
-lead to a certificate. The marks of stages are at the middles of the blends; each is certified as it is driven.
+with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
+shorter one, where that does not lead to a certificate. The marks of stages are at the middles of the blends; each is
+certified as it is driven.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, one_after_other
-from hdplan.planner.job.overlap import longest_overlap, overlapped
+from hdplan.planner.job.overlap import longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
 from hdplan.planner.job.world import World
@@ -36,7 +37,7 @@ from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.job import Stage
+from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow, PathConstraints
 from hdplan.scenes.poses import Pose
@@ -45,6 +46,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
 SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
+SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
 FINER = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
 SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
@@ -102,10 +104,7 @@ def _as_one(world: World, group: range, pieces: Sequence[Piece]) -> list[Piece]:
     for finer in FINER if len(runs) < len(group) else FINER[:1]:
         try:
             units = [_unit(worlds, run, pieces, run[0] - group[0], finer) for run in runs]
-            overlaps = [
-                _overlap(worlds[run[-1] - group[0]], run[-1], *pair)
-                for run, pair in zip(runs, itertools.pairwise(units), strict=False)
-            ]
+            units, overlaps = _overlapping(worlds, runs, units)
         except UnblendedError as error:
             raise InputError(f"{stage_source(world.scene, error.number)}: blend: {error}") from None
         except InputError:
@@ -184,12 +183,45 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     return _Unit(_between(whole, *ends), tuple(marks))
 
 
+def _overlapping(
+    worlds: Sequence[World], runs: Sequence[range], units: Sequence[_Unit]
+) -> tuple[list[_Unit], list[float]]:
+    """Return units, those of moves maybe slower, and how long each overlaps with the next one [s]: those with which
+    all of it takes the least time. Raises HdplanError where the limits leave no room."""
+    if len(units) == 1:
+        return [*units], []
+    assert worlds[0].scene.job is not None
+    stages, first = worlds[0].scene.job.stages, runs[0][0]
+    found: list[tuple[float, list[_Unit], list[float]]] = []
+    why = HdplanError("the limits leave no room for the two motions to overlap")
+    for slower in SLOWER:
+        tried = [
+            _Unit(slowed(unit.motion, slower), unit.marks) if isinstance(stages[run[0]], Move) else unit
+            for unit, run in zip(units, runs, strict=True)
+        ]
+        try:
+            overlaps = [
+                _overlap(worlds[run[-1] - first], run[-1], *pair)
+                for run, pair in zip(runs, itertools.pairwise(tried), strict=False)
+            ]
+        except HdplanError as error:
+            if isinstance(error, InputError):
+                raise
+            why = error
+            continue
+        found.append((sum(unit.motion.duration or 0.0 for unit in tried) - sum(overlaps), tried, overlaps))
+    if not found:
+        raise why
+    return min(found, key=lambda each: each[0])[1:]
+
+
 def _overlap(world: World, number: int, one: _Unit, other: _Unit) -> float:
     """Return for how long the motion that ends with a stage may overlap with that of the next one [s]."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, ArmStage)
-    setup = _as_one_motion(world, range(number, number + 1))
+    here = JointTarget("goal", positions=world.start.positions)
+    setup = stage_setup(world, number).changed(goal=here, path=PathConstraints())
     retimer = Retimer(setup)
 
     def allowed(curve: MotionCurve) -> bool:

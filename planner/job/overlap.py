@@ -38,6 +38,16 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
     return Trajectory(first.joint_names, positions, first.locked, times, velocities, accelerations)
 
 
+def slowed(motion: Trajectory, factor: float) -> Trajectory:
+    """Return the same motion in so many times its time, beginning at time 0."""
+    assert motion.times is not None
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    times = factor * (motion.times - motion.times[0])
+    rates = motion.velocities / factor, motion.accelerations / factor**2
+    return Trajectory(motion.joint_names, motion.positions, motion.locked, times, *rates)
+
+
 def longest_overlap(
     robot: Robot,
     link: str,
