@@ -259,30 +259,32 @@ def compared(robot: Robot, commands: list[Command], result: hdplan.JobResult) ->
 
 
 def pilz(folder: Path, prbt: Path | None, only: str, time_limit: float) -> None:
-    """Plan all sequences, and print what was found."""
+    """Plan all sequences, and print what was found as a table."""
+    head = "robot | sequence | verdict | from Pilz' curves [mm; rad] | places | at rest at both ends"
+    print(f"| {head} | takes; with stops [s] | processor [s] |\n|" + " --- |" * 8)
     for name, robot in robots_of(folder, prbt).items():
         for sequence, commands in robot.sequences().items():
             if not sequence.startswith(only):
                 continue
-            began, label = time.process_time(), f"{name:6} {sequence:26}"
+            began, label = time.process_time(), f"| {name} | {sequence} |"
             try:
                 scene = job_of(robot, commands)
                 result = hdplan.plan_job(scene, time_limit=time_limit)
                 rested = hdplan.plan_job(at_rest(scene), time_limit=time_limit)
             except hdplan.HdplanError as error:
-                print(f"{label} refused: {str(error)[:250]}", flush=True)
+                print(f"{label} refused: {str(error).removeprefix('scene: ')[:250]} | | | | | |", flush=True)
                 continue
             seconds = time.process_time() - began
             if not result.certified:
-                print(f"{label} no: {result.text[:250]}", flush=True)
+                print(f"{label} {result.text[:250]} | | | | | |", flush=True)
                 continue
             curves = any(command.kind in ("lin", "circ") for command in commands)
             far, turn, count = compared(robot, commands, result) if curves else (0.0, 0.0, 0)
             still = float(np.abs(result.trajectory.velocities[[0, -1]]).max())  # type: ignore[index]
-            times = f"{result.trajectory.duration:.2f} s, {rested.trajectory.duration:.2f} s with stops"
-            ends = "at rest at both ends" if still == 0.0 else "MOVING AT ITS ENDS"
-            off = f"{far * 1e3:.4f} mm and {turn:.5f} rad from Pilz' curves at {count} places"
-            print(f"{label} certified; {off}; {ends}; {times}; {seconds:.1f} s of processor", flush=True)
+            ends = "yes" if still == 0.0 else "NO"
+            off = f"{far * 1e3:.4f}; {turn:.5f} | {count}" if count else " | "
+            times = f"{result.trajectory.duration:.2f}; {rested.trajectory.duration:.2f} | {seconds:.1f}"
+            print(f"{label} certified | {off} | {ends} | {times} |", flush=True)
 
 
 def at_rest(scene: hdplan.Scene) -> hdplan.Scene:

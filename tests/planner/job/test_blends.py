@@ -14,6 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan.planner.job.proof import prove_job
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import StageMark
 from hdplan.scenes.errors import InputError
@@ -250,6 +251,10 @@ def test_blends_are_written_and_read_again(tmp_path: Path, planned: JobResult) -
     assert hdplan.certify_job(again, hdplan.Trajectory.load(tmp_path / "job.json")).certified
 
 
-def test_the_checker_refuses_blends_by_name() -> None:
+def test_proof_and_checker_refuse_blends_by_name(tmp_path: Path, planned: JobResult) -> None:
+    planned.scene.save(tmp_path / "scene.yaml")
+    planned.save(tmp_path / "job.json")
+    with pytest.raises(InputError, match=r"job\[0\] \(line\): blend: no proof"):
+        prove_job(tmp_path / "scene.yaml", tmp_path / "job.json")
     with pytest.raises(RejectedError, match=r"job\[0\]\.blend"):
         stages_of({"job": [{"line": {"by": [0, 0, 0.1]}, "blend": 0.05}, {"line": {"by": [0, 0, 0.1]}}]})
