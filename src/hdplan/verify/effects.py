@@ -15,7 +15,7 @@ import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, up
 from .kernel import AT_ONCE, CLAIMS, INSTANT, Motion
-from .world import FRAME, Bond, Joint, World, blossom, frame, keys_of, number, numbers, symmetric, unit_vector
+from .world import Bond, Joint, World, blossom, keys_of, number, numbers, placed, symmetric, unit_vector
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -306,8 +306,8 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
             local = dot("ij,j->i", pose[0], way)[None]
             found.append(Bond(what, joint, local, -1, Ball(np.eye(3)[2:]), chord(tolerance - off), True))
         elif kind == "position":
-            _, link, point, size, *place = keys_of(each, what, f"kind link point size {FRAME}")
-            (joint, pose), (turn, centre) = link_of(world, link), frame(what, *place)
+            ((_, link, point, size, (turn, centre)),) = placed([(what, each)], "kind link point size")
+            joint, pose = link_of(world, link)
             local = (dot("ij,j->i", pose[0], point) + pose[1])[None]
             need(len(size) == 3, f"{what}.size: three numbers are expected")
             for i, edge in enumerate(size):
@@ -326,7 +326,7 @@ def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[B
                 a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
                 there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
             else:
-                there = frame(what, *keys_of(place, what, FRAME))
+                ((there,),) = placed([(what, place)])
             found += bonds_of_pose(what, one, (other[0], compose(other[1], there)), (off, angle, "none"))
     return found
 
@@ -370,11 +370,9 @@ def reached(world: World, limits: dict[str, Any], targets: Any, end: str) -> boo
 
 def at_pose(world: World, said: Any) -> bool:
     """Whether the motion ends at a pose of a link."""
-    link, *within, rotation, position, off = keys_of(
-        said, "goal", f"link position_tolerance orientation_tolerance free {FRAME}"
-    )
+    ((link, *within, at),) = placed([("goal", said)], "link position_tolerance orientation_tolerance free")
     count = float(len(world.control.mid))
-    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame("goal", rotation, position, off))
+    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, at)
     bonds = bonds_of_pose("goal", link_of(world, link), to, within)
     return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
 
