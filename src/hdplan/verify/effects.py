@@ -15,7 +15,7 @@ import numpy as np
 
 from .balls import CROSS, EPS, Ball, Pose, RejectedError, above, compose, cos_sin, dot, inverse, need, up
 from .kernel import AT_ONCE, CLAIMS, INSTANT, Motion
-from .world import Bond, Joint, World, blossom, keys_of, number, numbers, placed, symmetric, unit_vector
+from .world import Bond, World, blossom, keys_of, number, numbers, placed, symmetric, unit_vector
 
 SAME, ROUNDED = 1e-6, 1e-9  # [rad, m or s] between the motion's ends and the world's; by which a limit may be passed
 RATE_NAMES = ("velocity", "acceleration", "jerk")
@@ -219,25 +219,25 @@ def check_torques(world: World, limits: dict[str, Any], said: Any) -> None:
 
     def beyond(spans: Any) -> Any:
         lines = [parts_of(each, spans) for each in rates]
-        return ~(torques(joints, loads, *lines) <= most * (1 + ROUNDED))
+        return ~(torques(world, loads, *lines) <= most * (1 + ROUNDED))
 
     everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
 
 
-def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
+def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
     """Upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
-    zero = Line(*np.zeros((3, len(q.mid), 3)))
+    joints, zero = world.joints[: world.own], Line(*np.zeros((3, len(q.mid), 3)))
     base = zero, zero, zero + still(Ball([0, 0, 9.81]))  # what stands under gravity seems to rise
     known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
     frames, moved = [], []  # of each joint: rotation and origin in the frame of the joint before
     force, torque = [], []
     for j, joint in enumerate(joints):
-        axis, frame, origin = (still(x) for x in (joint.axis, *joint.pose))
-        way, rate, change = (times("...,i->...i", x[:, j], axis) for x in (q, v, a))
-        if joint.turns:
-            frame = times("ij,...jk->...ik", frame, turned_line(joint.axis, q[:, j]))
-        else:
-            origin = origin + times("ij,...j->...i", frame, way)
+        frame, origin = turned_line(world, j, q[:, j]), still(world.origins[j])
+        shift, rate, change = (
+            times("...,i->...i", x[:, j], still(way))
+            for x, way in ((q, world.along[j]), (v, joint.axis), (a, joint.axis))
+        )
+        origin = origin + shift
         w, dw, acc = known[joint.parent] if joint.parent >= 0 else base
         acc = acc + wedge(dw, origin) + wedge(w, wedge(w, origin))
         w, dw, acc = (times("...ij,...i->...j", frame, x) for x in (w, dw, acc))
@@ -262,20 +262,19 @@ def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: L
     return np.stack(sizes[::-1], axis=1)
 
 
-def turned_line(axis: Ball, angle: Line) -> Line:
-    """Rotations about a unit axis: with a = m + b s + r, sin a and cos a are off their first-order expansions at m by
-    at most b^2 / 2 + |r|."""
+def turned_line(world: World, joint: int, angle: Line) -> Line:
+    """Rotations of a joint in the one before: with a = m + b s + r, sin a and cos a are off their first-order
+    expansions at m by at most b^2 / 2 + |r|."""
     cos, sin = cos_sin(angle.mid)
     off = up(angle.slope * angle.slope / 2 + angle.rad)
 
-    def expanded(value: Ball, rate: Ball) -> Line:
+    def times_(value: Ball, rate: Ball, matrix: Ball) -> Line:
         slope = rate.mid * angle.slope
-        return Line(value.mid, slope, up(value.rad + off + up(rate.rad * np.abs(angle.slope)) + EPS * np.abs(slope)))
+        rad = up(value.rad + off + up(rate.rad * np.abs(angle.slope)) + EPS * np.abs(slope))
+        return times("...,ij->...ij", Line(value.mid, slope, rad), still(matrix))
 
-    k = dot("ijk,k->ij", CROSS, axis)
-    about = times("...,ij->...ij", expanded(sin, cos), still(k))
-    less = still(Ball(1.0)) + expanded(-cos, sin)
-    return still(Ball(np.eye(3))) + about + times("...,ij->...ij", less, still(dot("ij,jk->ik", k, k)))
+    unturned, once, twice = (each[joint] for each in world.turns)
+    return still(unturned) + times_(sin, cos, once) + times_(1.0 - cos, sin, twice)
 
 
 # --- poses and path constraints ---------------------------------------------------------------------------------------
