@@ -71,7 +71,7 @@ def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
 
 def torques_kept(world: World) -> None:
     """Check the torques of a world by its own limits."""
-    check_torques(world, world.limits, world.loads)
+    check_torques(world)
 
 
 def bonds_of(world: World) -> list[Bond]:
@@ -260,7 +260,8 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
         }  # fmt: skip
 
     def met(*targets: list[dict]) -> bool:
-        return reached(world, world.limits, [{"poses": each} for each in targets], "goal")
+        world.goal = [{"poses": each} for each in targets]
+        return reached(world, "goal")
 
     for _ in range(20):
         inside = goal(2e-3 * (1 - 1e-6), 0.3 * (1 - 1e-6))
