@@ -7,14 +7,13 @@ margins and samples, and is held to `Problem.evaluate`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.problem.clearance import Clearance, PairTerm
@@ -23,7 +22,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.traced import evaluation
 from hdplan.planner.traced.tables import Structure, Tables, structure_of, tables_of
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.values import instance, is_row
+from hdplan.scenes.values import instance
 
 Array = Any  # NumPy's or JAX's
 
@@ -57,14 +56,18 @@ class JaxCost:
     def __call__(self, positions: Array, weight: float | Array) -> jax.Array:
         """Return the cost of motions: waypoints (..., N, n), both ends included, with a weight of the penalty [1/m²]
         -> (...). Of R problems: (..., R, N, n) -> (..., R). Weights broadcast to the result."""
-        smooth, penalty = self._of_every(evaluation.parts, self._motions(positions), -1)
-        return smooth + self._weights(weight, smooth.shape) * penalty
+        positions = self._motions(positions)
+        weights = self._weights(weight, positions.shape[:-2])
+        smooth, penalty = self._of_every(evaluation.parts, positions, -1)
+        found: jax.Array = smooth + weights * penalty
+        return found
 
     def distances(self, positions: Array) -> jax.Array:
         """Return D of every pair at the problem's samples of motions (..., N, n) -> (..., B, P) [m], of bodies enlarged
         by the clearances and by how much earlier the penalty sets in. Of R problems: (..., R, N, n) -> (..., R, B, P);
         inf where one has fewer samples or pairs than there is room for."""
-        return self._of_every(evaluation.distances, self._motions(positions), -3)
+        found: jax.Array = self._of_every(evaluation.distances, self._motions(positions), -3)
+        return found
 
     def curvature(self, positions: Array, weight: float | Array) -> jax.Array:
         """Return the Gauss-Newton Hessian of the cost by the M waypoints between the ends of one motion (N, n), one
@@ -73,7 +76,8 @@ class JaxCost:
         positions = self._motions(positions, leading=False)
         weights = jnp.broadcast_to(self._weights(weight, positions.shape[:-2]), positions.shape[:-2])
         smooth, bent = self._of_every(evaluation.curvature, positions, 0)
-        return smooth + weights[..., None, None] * bent
+        found: jax.Array = smooth + weights[..., None, None] * bent
+        return found
 
     @property
     def _several(self) -> bool:
@@ -86,25 +90,36 @@ class JaxCost:
         return (jax.vmap(of, (0, -3), axis) if self._several else of)(self.tables, positions)
 
     def _motions(self, positions: Array, leading: bool = True) -> jax.Array:
-        """Return motions as an array, of the right shape."""
-        structure, several = self.structure, self.tables.smoothness.shape[:-2]
-        shape = *several, structure.waypoints, structure.joints
-        found = np.shape(positions)
-        if found[-len(shape) :] != shape or (len(found) > len(shape) and not leading):
+        """Return motions as an array of the right shape."""
+        several = self.tables.smoothness.shape[:-2]
+        shape, found = (*several, *self.structure[:2]), _numbers("positions", positions)
+        if found.shape[-len(shape) :] != shape or (found.ndim > len(shape) and not leading):
             allowed = ", ".join([*(["..."] if leading else []), *map(str, shape)])
             named = "problems, waypoints, joints" if several else "waypoints, joints"
-            raise InputError(f"positions: found an array of shape {found}, allowed is ({allowed}): {named}")
-        return jnp.asarray(positions)
+            raise InputError(f"positions: found an array of shape {found.shape}, allowed is ({allowed}): {named}")
+        return found
 
-    def _weights(self, weight: float | Array, shape: tuple[int, ...]) -> jax.Array:
+    def _weights(self, weight: Array, shape: tuple[int, ...]) -> jax.Array:
         """Return weights as an array that broadcasts to a shape."""
-        found = np.shape(weight)
-        if len(found) > len(shape) or any(a not in (1, b) for a, b in zip(found[::-1], shape[::-1], strict=False)):
-            raise InputError(f"weight: found an array of shape {found}, allowed is one number, or {shape}")
-        return jnp.asarray(weight)
+        found = _numbers("weight", weight)
+        last = zip(found.shape[::-1], shape[::-1], strict=False)
+        if found.ndim > len(shape) or any(own not in (1, size) for own, size in last):
+            raise InputError(f"weight: found an array of shape {found.shape}, allowed is one number, or {shape}")
+        return found
 
 
-def jax_cost(problem: Problem | Sequence[Problem]) -> JaxCost:
+def _numbers(name: str, values: Array) -> jax.Array:
+    """Return an array of real numbers."""
+    try:
+        array = jnp.asarray(values)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: not an array of numbers") from None
+    if array.dtype.kind == "c":
+        raise InputError(f"{name}: found complex numbers, allowed are real ones")
+    return array
+
+
+def jax_cost(problem: Problem | list[Problem] | tuple[Problem, ...]) -> JaxCost:
     """Return the cost of a problem as a function in JAX: of waypoints (..., N, n) and the penalty's weight.
 
     Its value is `problem.evaluate(positions, weight).cost`, for any number of motions at once. Where the problem
@@ -122,24 +137,27 @@ def jax_cost(problem: Problem | Sequence[Problem]) -> JaxCost:
             a term of one's own, pace), with ``planner.swept``, or with ``planner.distance: fcl``; for problems of
             unlike robots, numbers of waypoints or ``planner.gamma``, and for an empty list.
     """
-    if not is_row(problem):
-        structure = _structure(problem, "problem")
-        return JaxCost(structure, jax.tree.map(lambda table: table[0], tables_of([problem])))
-    if not problem:
+    if isinstance(problem, list | tuple):
+        several, names = list(problem), [f"problem[{row}]" for row in range(len(problem))]
+    else:
+        several, names = [problem], ["problem"]
+    if not several:
         raise InputError("problem: found an empty list, allowed is a Problem, or a list of them")
-    first, *others = (_structure(each, f"problem[{row}]") for row, each in enumerate(problem))
-    for row, other in enumerate(others, 1):
+    first, *others = (_structure(*each) for each in zip(several, names, strict=True))
+    for name, other in zip(names[1:], others, strict=True):
         for what, own, found in zip(SAID, first, other, strict=True):
             if found != own:
                 shown = f": {found}, not {own}" if isinstance(own, int) else ""
-                raise InputError(f"problem[{row}]: has other {what} than problem[0]{shown}")
-    return JaxCost(first, tables_of(problem))
+                raise InputError(f"{name}: has other {what} than problem[0]{shown}")
+    tables = tables_of(several)
+    return JaxCost(first, jax.tree.map(lambda table: table[0], tables) if isinstance(problem, Problem) else tables)
 
 
-def _structure(problem: Problem, name: str) -> Structure:
+def _structure(problem: object, name: str) -> Structure:
     """Return the structure of a problem that is distances alone. Raises InputError."""
     instance(problem, Problem, name)
-    where = f"{problem.scene.source}: " if problem.scene.source else ""
+    assert isinstance(problem, Problem)
+    where = f"{problem.scene.source or name}: "
     for cost in problem.terms.costs:
         raise InputError(f"{where}the term '{cost.name}' is not written in JAX: only distances of bodies are")
     for term in problem.terms:

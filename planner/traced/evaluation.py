@@ -110,6 +110,6 @@ def _frames(structure: Structure, tables: Tables, q: Array) -> tuple[Array, Arra
             origin = origin + (turn @ axis) * value[..., None]
         turns.append(turn)
         origins.append(origin)
-    moving = (jnp.broadcast_to(x, (*leading, *x.shape[1:])) for x in (tables.turns, tables.origins))
-    both = zip((turns, origins), moving, (-3, -2), strict=True)
-    return tuple(jnp.concatenate([jnp.stack(own, axis), more], axis) for own, more, axis in both)
+    every = jnp.stack(turns, axis=-3), jnp.broadcast_to(tables.turns, (*leading, *tables.turns.shape[1:]))
+    centres = jnp.stack(origins, axis=-2), jnp.broadcast_to(tables.origins, (*leading, *tables.origins.shape[1:]))
+    return jnp.concatenate(every, axis=-3), jnp.concatenate(centres, axis=-2)

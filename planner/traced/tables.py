@@ -7,7 +7,7 @@ obstacles than another one is filled with pairs a metre apart and samples that w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -38,7 +38,7 @@ class PairTable(NamedTuple):
     vertices: Array  # (P, V, 3) [m]
     weights: Array  # (P, V) how often each counts: 0 for a slot that repeats one
     radius: Array  # (P,) [m]
-    planes: Array  # (P, K, 4) unit normals, and supports enlarged by the margin [m]
+    planes: Array  # (P, 4, K) unit normals by coordinate, and supports enlarged by the margin [m]
     place: Rows  # (P,) among all pairs of the problem
 
 
@@ -59,20 +59,25 @@ class Tables(NamedTuple):
     pairs: tuple[PairTable, ...]  # by their number of planes
 
 
-FILL = Tables(
-    *(0.0,) * 5, interval=0, fraction=0.5, share=0.0, turns=np.eye(3), origins=0.0, shaping_length=0.0, pairs=()
-)
-APART = np.array([0.0, 0.0, 1.0, -1.0])  # a plane 1 m below the vertices, which are at the origin
-FILL_PAIR = PairTable(frames=0, vertices=0.0, weights=1.0, radius=0.0, planes=APART, place=NO_PLACE)
+ZERO, NONE, ONE = np.array(0.0), np.array(0), np.array(1.0)
+APART = np.array([0.0, 0.0, 1.0, -1.0])[:, None]  # planes 1 m below the vertices, which are at the origin
+FILL_PAIR = PairTable(NONE, vertices=ZERO, weights=ONE, radius=ZERO, planes=APART, place=np.array(NO_PLACE))
+FILL = Tables(*(ZERO,) * 5, NONE, np.array(0.5), ZERO, turns=np.eye(3), origins=ZERO, shaping_length=ZERO, pairs=())
 
 
 def structure_of(problem: Problem) -> Structure:
     """Return what other problems must have in common with this one."""
-    _, count, parents, coordinates, turning, _, _ = problem.kinematics.tree.fields
+    _, count, parents, coordinates, turning, _, _ = _tree(problem)
     linkage = problem.robot.linkage
-    leaders = range(count) if linkage is None else linkage.leader.tolist()
-    kinds = parents.tolist(), coordinates.tolist(), turning.astype(bool).tolist(), leaders
-    return Structure(problem.waypoints, problem.robot.n, *map(tuple, kinds), problem.scene.planner.gamma)
+    return Structure(
+        waypoints=problem.waypoints,
+        joints=problem.robot.n,
+        parents=tuple(parents.tolist()),
+        coordinates=tuple(coordinates.tolist()),
+        turning=tuple(turning.astype(bool).tolist()),
+        leaders=tuple(range(count) if linkage is None else linkage.leader.tolist()),
+        gamma=problem.scene.planner.gamma,
+    )
 
 
 def tables_of(problems: Sequence[Problem]) -> Tables:
@@ -81,21 +86,29 @@ def tables_of(problems: Sequence[Problem]) -> Tables:
     vertices = max((each.vertex_slots for each in pairs), default=1)
     planes = sorted({slots for each in pairs for slots in each.plane_tables})
     fill = FILL._replace(pairs=(FILL_PAIR,) * len(planes))
-    return jax.tree.map(_together, fill, *(_tables(problem, vertices, planes) for problem in problems))
+    found: Tables = jax.tree.map(_together, fill, *(_tables(problem, vertices, planes) for problem in problems))
+    return found
 
 
-def _together(fill: Array | float, *arrays: Array) -> Array:
+def _tree(problem: Problem) -> tuple[Any, ...]:
+    """Return the tree of joints as `forward_loop` has it."""
+    fields: tuple[Any, ...] = problem.kinematics.tree.fields
+    return fields
+
+
+def _together(fill: Array, *arrays: Array) -> Array:
     """Return arrays as one, with one axis more, filled where one is larger than another."""
     shape = np.max([array.shape for array in arrays], axis=0)
     result = np.broadcast_to(fill, (len(arrays), *shape)).astype(arrays[0].dtype)
     for row, array in enumerate(arrays):
-        result[row, *map(slice, array.shape)] = array
+        there: tuple[Any, ...] = (row, *map(slice, array.shape))
+        result[there] = array
     return result
 
 
 def _tables(problem: Problem, vertices: int, planes: Sequence[int]) -> Tables:
     """Return the tables of one problem, with so many vertices, and with pairs by these numbers of planes."""
-    *_, placed, axes = problem.kinematics.tree.fields
+    *_, placed, axes = _tree(problem)
     linkage, samples, count = problem.robot.linkage, problem.samples, problem.kinematics.n
     poses = np.empty((len(samples.parameter), 0, 4, 4))
     if moving := problem.terms.moving_obstacles:
@@ -118,23 +131,29 @@ def _tables(problem: Problem, vertices: int, planes: Sequence[int]) -> Tables:
 
 def _pairs(terms: Sequence[PairTerm], vertices: int, slots: int) -> PairTable:
     """Return those pairs of all terms whose second bodies have so many planes."""
-    whole, shapes = np.int64, ((vertices, 3), (vertices,), (), (slots, 4))
-    none = (np.empty((0, *shape)) for shape in shapes)
-    found, first = [PairTable(np.empty((0, 2), whole), *none, np.empty(0, whole))], 0
+    nothing = PairTable(
+        frames=np.empty((0, 2), np.int64),
+        vertices=np.empty((0, vertices, 3)),
+        weights=np.empty((0, vertices)),
+        radius=np.empty(0),
+        planes=np.empty((0, 4, slots)),
+        place=np.empty(0, np.int64),
+    )
+    found, first = [nothing], 0
     for term in terms:
         pairs, own = term.pairs, term.pairs.vertex_slots
-        chosen = np.flatnonzero(pairs.plane_slots == slots)
-        rows, spare = pairs.body_table[pairs.body[chosen]], ((0, 0), (0, vertices - own))
-        if len(chosen):
+        if len(chosen := np.flatnonzero(pairs.plane_slots == slots)):
+            rows, spare = pairs.body_table[pairs.body[chosen]], ((0, 0), (0, vertices - own))
             planes = pairs.plane_tables[slots][pairs.plane_row[chosen]]
+            normals, supports = planes[:, : 3 * slots].reshape(-1, slots, 3), planes[:, 3 * slots :]
             table = PairTable(
                 frames=np.column_stack([pairs.joint_a[chosen], pairs.joint_b[chosen]]),
                 vertices=np.pad(rows[:, : 3 * own].reshape(-1, own, 3), (*spare, (0, 0)), mode="edge"),
                 weights=np.pad(rows[:, 3 * own : -1], spare),
                 radius=rows[:, -1],
-                planes=np.dstack([planes[:, : 3 * slots].reshape(-1, slots, 3), planes[:, 3 * slots :, None]]),
+                planes=np.concatenate([normals.swapaxes(1, 2), supports[:, None]], axis=1),
                 place=first + chosen,
             )
             found.append(table)
         first += len(pairs)
-    return PairTable(*map(np.concatenate, zip(*found, strict=True)))
+    return PairTable._make(np.concatenate(parts) for parts in zip(*found, strict=True))
