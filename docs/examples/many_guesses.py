@@ -13,7 +13,8 @@ from hdplan import symbolic
 
 scene = dataclasses.replace(hdplan.load_scene("planar_arm"), planner=hdplan.PlannerSettings(waypoints=12))
 problem = hdplan.build(scene)
-cost, robot, count = symbolic.jax_cost(problem), problem.robot, 256
+cost, robot = symbolic.jax_cost(problem), problem.robot
+count = 256
 drawn = robot.draw(np.random.default_rng(0), count)
 guesses = np.array([problem.polyline(via[None]) for via in drawn])  # (256, N, n), each by way of another configuration
 

@@ -8,6 +8,7 @@
     distance = symbolic.distance(body_a, body_b)      # pose_a, pose_b -> distance of two bodies
 
     cost = symbolic.jax_cost(hdplan.build(scene))     # waypoints (..., N, n) and a weight -> cost, in JAX
+    cost = symbolic.jax_cost(problems)                # of R problems at once: (..., R, N, n) -> (..., R)
 
 CasADi's are graphs without callbacks: they can be differentiated twice, mapped, saved, and written to C. `distance` is
 `hdplan.distance.hdsdf_function`. Each is loaded, with CasADi or JAX, when it is asked for.

@@ -43,7 +43,6 @@ def motions(of: Problem, count: int, seed: int = 0) -> Array:
     "name",
     [
         "planar_arm",
-        "moving",
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("panda_carry", "panda_conveyor")),
     ],
 )
@@ -67,19 +66,26 @@ def test_value_and_gradient_are_the_planners_with_any_leading_axes(name: str) ->
     assert (own.terms.moving_obstacles is None) == (name not in ("moving", "panda_conveyor"))
 
 
+def dense(of: Problem, motion: Array, weight: float) -> Array:
+    """The planner's Gauss-Newton Hessian as one matrix."""
+    found, n = of.evaluate(motion, weight), of.robot.n
+    whole: Array = np.kron(of.smoothness.matrix[1:-1, 1:-1], np.eye(n))
+    for k, block in enumerate(found.diagonal):
+        whole[n * k : n * k + n, n * k : n * k + n] += block
+    for k, block in enumerate(found.coupling):  # of the next waypoint (rows) with this one
+        whole[n * k + n : n * k + 2 * n, n * k : n * k + n] += block
+        whole[n * k : n * k + n, n * k + n : n * k + 2 * n] += block.T
+    return whole
+
+
 def test_the_curvature_is_the_planners() -> None:
     own = problem("planar_arm")
-    drawn, (smooth, n) = motions(own, 3), (own.smoothness.matrix[1:-1, 1:-1], own.robot.n)
+    drawn = motions(own, 3)
     with jax.enable_x64(True):
         cost = symbolic.jax_cost(own)
         every = quick(jax.vmap(lambda x: cost.curvature(x, WEIGHT)))(drawn)
     for motion, curvature in zip(drawn, np.array(every), strict=True):
-        expected, whole = own.evaluate(motion, WEIGHT), np.kron(smooth, np.eye(n))
-        for k, block in enumerate(expected.diagonal):
-            whole[n * k : n * k + n, n * k : n * k + n] += block
-        for k, block in enumerate(expected.coupling):  # of the next waypoint (rows) with this one
-            whole[n * k + n : n * k + 2 * n, n * k : n * k + n] += block
-            whole[n * k : n * k + n, n * k + n : n * k + 2 * n] += block.T
+        whole = dense(own, motion, WEIGHT)
         np.testing.assert_allclose(curvature, whole, rtol=0, atol=CLOSE * np.abs(whole).max())
         assert np.linalg.eigvalsh(curvature).min() > 0.0
 
