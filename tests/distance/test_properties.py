@@ -63,6 +63,7 @@ def _size(body_a, body_b, *poses):
 # --- safety and bounds ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize("names", SAFETY, ids="-".join)
 def test_bodies_that_share_a_point_never_read_as_apart(names, rung, solids):
@@ -85,6 +86,7 @@ def test_any_witness_normal_is_safe(names, solids):
     assert found.max() <= ULPS * _size(body_a, body_b, poses_a, poses_b)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize("names", SAFETY, ids="-".join)
 def test_separation_is_a_lower_bound_and_no_rung_loosens_it(names, rung, solids, random_poses):

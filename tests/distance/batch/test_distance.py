@@ -57,7 +57,11 @@ def _truth(bodies, poses, witnesses=None, normals="paper", **settings):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "derivatives"), [("float64", "hessian"), pytest.param("float32", "gradient", marks=pytest.mark.slow)]
+    ("dtype", "derivatives"),
+    [
+        ("float64", "gradient"),
+        *(pytest.param(*row, marks=pytest.mark.slow) for row in (("float64", "hessian"), ("float32", "gradient"))),
+    ],
 )
 def test_equals_the_reference_with_every_kind_of_axis(dtype, derivatives, poses):
     """All at once: both bodies' own, counted, more directions, line of centres, edges across, witness normals."""
@@ -138,6 +142,7 @@ def _seen_from_the_world(poses):
     )
 
 
+@pytest.mark.core
 def test_a_batch_is_a_loop(poses):
     distance = hdsdf_batch(BOX, CAPSULE)
     whole = distance.gradient(*poses)

@@ -83,6 +83,8 @@ def test_edges_crossing_are_a_false_contact_for_the_papers_set():
     assert float(hdsdf(CUBE, pose_a, CUBE, pose_b)) < 0
 
 
+@pytest.mark.core
+@pytest.mark.sampled(5)
 def test_never_positive_in_contact(pair, random_poses):
     """d <= 0 => D <= 0, over every pair of bodies, overlapping and apart."""
     body_a, body_b = pair
@@ -94,6 +96,7 @@ def test_never_positive_in_contact(pair, random_poses):
     assert np.any(values > 0), "some pose is seen as free"
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("gamma", [1, 2, 8])
 def test_never_positive_in_contact_at_hard_poses(hard, gamma):
     value = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
@@ -104,6 +107,7 @@ def test_never_positive_in_contact_at_hard_poses(hard, gamma):
         assert value <= rounding
 
 
+@pytest.mark.sampled(5)
 def test_clearance_is_a_larger_radius(pair, random_poses, tolerance):
     """D(A inflated by c, B) > 0 proves d(A, B) > c."""
     body_a, body_b = pair
@@ -116,6 +120,7 @@ def test_clearance_is_a_larger_radius(pair, random_poses, tolerance):
             assert exact > clearance
 
 
+@pytest.mark.sampled(5)
 def test_symmetric(pair, random_poses, tolerance):
     body_a, body_b = pair
     a, b = random_poses(15, 10, 0.7), random_poses(16, 10, 0.7)
@@ -123,6 +128,8 @@ def test_symmetric(pair, random_poses, tolerance):
     np.testing.assert_allclose(forward, backward, rtol=tolerance["witness"], atol=1e-15)
 
 
+@pytest.mark.core
+@pytest.mark.sampled(5)
 def test_rigid_invariance(pair, random_poses, tolerance):
     body_a, body_b = pair
     a, b, motion = random_poses(17, 10, 0.7), random_poses(18, 10, 0.7), random_poses(19, 10, 3.0)

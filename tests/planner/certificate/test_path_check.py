@@ -218,6 +218,7 @@ def test_upside_down_an_axis_points_the_other_way() -> None:
         assert one.kept[0].worst == pytest.approx(other.kept[0].worst, abs=1e-6)
 
 
+@pytest.mark.core
 def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     scene = load_scene("ur5_table")
     robot = load_robot(scene.robot)

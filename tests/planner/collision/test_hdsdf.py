@@ -57,6 +57,7 @@ def everywhere(pairs: BodyPairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.repeat(np.arange(COUNT), len(pairs)), np.tile(np.arange(len(pairs)), COUNT)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("gamma", ORDERS)
 @pytest.mark.parametrize("length", [1e-4, 0.03])
 def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,6 +72,7 @@ def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pyt
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=ROUNDING)
 
 
+@pytest.mark.core
 def test_the_wrench_is_the_derivative(pairs: BodyPairs) -> None:
     """By central differences along random twists, where D is smooth: at order 3 all over but at D = 0."""
     distance, kinematics, step = HdsdfPairs(pairs, 3, 0.01), poses(), 1e-6

@@ -136,6 +136,7 @@ def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
         np.testing.assert_allclose(rows.gradient, np.array(gradient), atol=1e-10)
 
 
+@pytest.mark.core
 def test_gradients_are_those_of_the_reference(robot: Robot) -> None:
     """NumPy's closed form by the body's twist, times Pinocchio's own Jacobian: nothing shared with the kernels."""
     rng = np.random.default_rng(9)

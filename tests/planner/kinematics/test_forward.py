@@ -54,6 +54,7 @@ def test_every_listed_robot_agrees_with_pinocchio(name: str) -> None:
     _compare(_load(name), 3)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["panda", "double_pendulum_continuous", "finger_edu", "anymal_c_simple"])
 def test_all_kinds_of_joints_agree_with_pinocchio(name: str) -> None:
     _compare(_load(name), 5)

@@ -71,6 +71,7 @@ def test_no_turn_and_a_half_turn_are_turns_to_the_target(free: str) -> None:
                 np.testing.assert_allclose(*turns, atol=NEARLY)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("free", FREE_ROTATIONS)
 def test_slopes_are_derivatives_of_the_error(free: str) -> None:
     robot = load_robot(RobotSpec(name="panda"))

@@ -61,6 +61,7 @@ def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) 
     assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
 
 
+@pytest.mark.core
 def test_names_are_text_and_never_markup(setup: Setup, motion: ShownMotion) -> None:
     hostile = "</script><script>window.hurt = 1</script>"
     renamed = dataclasses.replace(setup, scene=dataclasses.replace(setup.scene, name=hostile))

@@ -171,6 +171,7 @@ def test_a_request_s_pose_is_planned_to_whatever_else_its_start_names() -> None:
     assert any("wheel" in note for note in result.notes)
 
 
+@pytest.mark.core
 def test_the_same_seed_gives_the_same_bytes() -> None:
     scene = load_scene("panda_grasp")
     first, second = plan(scene, seed=3), plan(scene, seed=3)

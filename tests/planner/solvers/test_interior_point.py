@@ -57,6 +57,7 @@ def better(problem: Problem, solution: Solution) -> bool:
 
 
 @each
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("how", ["stop", "deadline", "Ctrl-C"])
 def test_an_end_within_the_first_run_keeps_what_was_found(cage: Problem, solver: str, how: str) -> None:
     """After it nothing is evaluated for the run any more: one evaluation judges the motion."""

@@ -430,6 +430,7 @@ def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
         assert_same_motion(one, other.trajectory.positions[::-1], other, PATH)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor"])
 def test_a_plan_back_is_the_plan_there(name: str) -> None:
     scene = shipped(name)

@@ -55,6 +55,7 @@ timing: {duration: 3, rate: 250}
 """  # noqa: E501
 
 
+@pytest.mark.core
 def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
     scene = read(tmp_path, SAMPLE)
     still, cart, door = scene.obstacles
