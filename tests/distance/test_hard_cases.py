@@ -125,6 +125,7 @@ def test_finite_and_right(hard, name):
     _check_sign(hard, found, settings["normals"])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("case", "dtype"), BATCH)
 def test_batch_is_finite_and_right(case, dtype):
     """In float32 as far as its digits go."""

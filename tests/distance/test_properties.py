@@ -146,6 +146,7 @@ PATHS = {  # pose of a square at t = 0, its twist, how long: through kinks of th
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("gamma", [1, 2, 3])
 @pytest.mark.parametrize("name", PATHS)
 def test_differentiable_gamma_times_through_the_euclidean_kinks(name, gamma):

@@ -45,7 +45,7 @@ Asked = Callable[[Array], list[Array]]  # of some rows of the poses
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
-POSES = 200
+POSES = 80
 FEW = 8  # poses of what takes long for each
 FEW_THREADS = 3  # of what starts a process each time
 A, B = ConvexBody.platonic("dodecahedron"), ConvexBody.box([0.7, 0.4, 1.1])

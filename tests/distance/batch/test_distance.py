@@ -73,12 +73,14 @@ def test_equals_the_reference_with_every_kind_of_axis(dtype, derivatives, poses)
     _check(found, _truth((BOX, CAPSULE), poses, witnesses, **settings)[: len(found)], 2, dtype)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("normals", RUNGS)
 def test_every_rung_equals_the_reference(normals, poses):
     found = hdsdf_batch(CAPSULE, BOX, normals=normals).value(*poses)
     _check(found, _truth((CAPSULE, BOX), poses, normals=normals)[:2], 2)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("gamma", [1, 3, 7, *(pytest.param(gamma, marks=pytest.mark.slow) for gamma in (4, 8, 32))])
 def test_every_gamma_equals_the_reference(gamma, poses):
     settings = {"gamma": gamma, "shaping_length": 0.05}

@@ -109,6 +109,7 @@ def random_curve(rng: np.random.Generator, robot: Robot, kind: int) -> Curve:
     )[int(rng.integers(3))]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("base", [Pose(), UPSIDE_DOWN, TILTED], ids=["standing", "upside down", "tilted"])
 @pytest.mark.parametrize("name", ROBOTS)
 def test_dense_samples_never_find_more_than_is_proven(name: str, base: Pose, tmp_path: Path) -> None:
@@ -187,6 +188,7 @@ def _planar_case(robot: Robot, spec: RobotSpec, rng: np.random.Generator) -> boo
     return kept
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("turn", [UPSIDE_DOWN, TILTED, Pose((1.0, 2.0, 0.5), (0.0, 0.0, 1.0, 0.0))])
 def test_a_box_that_moves_with_the_base_sees_the_same(turn: Pose) -> None:
     rng = np.random.default_rng(9)

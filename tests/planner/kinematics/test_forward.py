@@ -43,6 +43,7 @@ def _compare(robot: Robot, count: int) -> None:
             np.testing.assert_allclose(moved, world, atol=EXACT, rtol=0)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ARMS)
 def test_arms_agree_with_pinocchio(name: str) -> None:
     _compare(_load(name), 20)

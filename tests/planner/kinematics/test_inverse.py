@@ -36,6 +36,7 @@ def both_ways(aim: Aim, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], t
     return aim.linearized(q), aim._replace(loops=None).linearized(q)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("free", FREE_ROTATIONS)

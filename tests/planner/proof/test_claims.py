@@ -236,6 +236,7 @@ def test_an_angle_just_beyond_what_is_allowed_is_longer_than_its_chord(angle: fl
     assert 2 * np.sin(angle / 2) * (1 - 1e-12) <= allowed < 2 * np.sin((angle + 2e-9) / 2)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("free", ["none", "x", "z", "all"])
 def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(10)

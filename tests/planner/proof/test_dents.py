@@ -106,6 +106,7 @@ def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
     return t >= 0 and min(sides) >= 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ray_is_taken_only_where_it_misses_every_triangle(seed: int) -> None:
     """Of random triangles, some slivers, in whole numbers; and it is taken wherever it clearly misses."""

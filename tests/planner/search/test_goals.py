@@ -53,6 +53,7 @@ def aimed(scene: Scene, *targets: Any) -> Scene:
     return dataclasses.replace(scene, goal=Goals(targets))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["planar_arm", "ur5_table", "panda_cage", "kinova_shelf"])
 @pytest.mark.parametrize("free", ["none", "z", "all"])
 def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> None:

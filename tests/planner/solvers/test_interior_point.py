@@ -103,6 +103,7 @@ def test_a_run_takes_few_evaluations(cage: Problem, solver: str) -> None:
     assert STEPS <= watched.count <= 3 * STEPS
 
 
+@pytest.mark.sampled(3)
 @each
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "panda_cup", "panda_conveyor", "panda_heavy"])
 def test_scenes_with_every_kind_of_term_are_certified(name: str, solver: str) -> None:
