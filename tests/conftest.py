@@ -6,12 +6,13 @@ and what takes long by itself. `-m core`: a law or two of every room, in less th
 
 from __future__ import annotations
 
+import inspect
 import os
 import signal
 import sys
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if seen[law] % mark.args[0]:
                 item.add_marker(pytest.mark.slow)
             seen[law] += 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Say in words which law a test that failed holds, and of what."""
+    report = yield
+    if report.failed:
+        test, _, values = item.name.partition("[")
+        law = [test.removeprefix("test_").replace("_", " ").capitalize() + "."]
+        law += [inspect.cleandoc(item.function.__doc__)] if item.function.__doc__ else []  # type: ignore[attr-defined]
+        law += [f"Here: {values.removesuffix(']')}"] if values else []
+        report.sections.insert(0, ("The law", "\n".join(law)))
+    return report
 
 
 @pytest.fixture

@@ -96,15 +96,14 @@ def test_never_positive_in_contact(pair, random_poses):
     assert np.any(values > 0), "some pose is seen as free"
 
 
-@pytest.mark.sampled(5)
-@pytest.mark.parametrize("gamma", [1, 2, 8])
-def test_never_positive_in_contact_at_hard_poses(hard, gamma):
-    value = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
-    assert np.isfinite(value)
+def test_never_positive_in_contact_at_hard_poses(hard):
     size = max(np.abs(hard.body_a.vertices).max(), np.abs(hard.body_b.vertices).max(), 1e-6)
     rounding = 1e-15 * max(size, np.abs(hard.pose_a[:3, 3]).max())
-    if hard.distance <= 0:
-        assert value <= rounding
+    for gamma in (1, 2, 8):
+        value = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
+        assert np.isfinite(value)
+        if hard.distance <= 0:
+            assert value <= rounding
 
 
 @pytest.mark.sampled(5)

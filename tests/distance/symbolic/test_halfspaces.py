@@ -161,14 +161,13 @@ def test_small_gaps_between_faces_are_seen() -> None:
     assert evaluate(box, pose[None], normals, supports, np.eye(4)[None])[0][0] > 0
 
 
-@pytest.mark.sampled(11)
-@pytest.mark.parametrize("gamma", range(1, 9))
-def test_finite_at_hard_poses(hard, gamma: int) -> None:
+def test_finite_at_hard_poses(hard) -> None:
     """Value and wrench; extreme scales and contact included, gamma 1 to 8."""
     normals, supports = planes_of(hard.body_b)
-    distance, wrench = evaluate(hard.body_a, hard.pose_a[None], normals, supports, hard.pose_b[None], gamma=gamma)
-    assert np.isfinite(distance).all()
-    assert np.isfinite(wrench).all()
+    for gamma in range(1, 9):
+        distance, wrench = evaluate(hard.body_a, hard.pose_a[None], normals, supports, hard.pose_b[None], gamma=gamma)
+        assert np.isfinite(distance).all()
+        assert np.isfinite(wrench).all()
 
 
 @pytest.mark.parametrize("gamma", [1, 2, 5, 8])

@@ -472,6 +472,7 @@ def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, sce
 MORE = [pytest.param(name, marks=pytest.mark.slow) for name in ("panda_carry", "ur5_payload")]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_grasp", "panda_conveyor", *MORE])
 def test_other_scenes_are_saved_as_they_are(opened: Opener, name: str, tmp_path: Path) -> None:
     viewer = opened(load_scene(name))

@@ -344,6 +344,7 @@ def random_scene(seed: int) -> Scene:
     )
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(100))
 def test_what_is_written_reads_back_bit_for_bit(tmp_path: Path, seed: int) -> None:
     scene = random_scene(seed)
