@@ -66,7 +66,7 @@ def at_samples(problem: Problem, term: Term, q: Array) -> tuple[Array, Array] | 
     return None if found is None else (found.gradient, found.curvature + (0.0 if bend is None else bend))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(7)
 @every_scene
 @pytest.mark.parametrize("seed", [1, 2])
 def test_differences_of_the_gradient_at_samples(name: str, seed: int) -> None:

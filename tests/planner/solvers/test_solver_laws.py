@@ -472,6 +472,7 @@ def test_standing_still_in_contact_costs_the_same_however_often_it_is_looked_at(
 # --- closed forms -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["empty", "ur5_table"])
 @every_solver
 def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -> None:
