@@ -43,7 +43,7 @@ def _kind(case):
 
 
 KINDS = list(dict.fromkeys(map(_kind, HARD)))
-QUICK = {"float64": [(8, 8)], "float32": [(1, 1)]}  # the others build for seconds each
+QUICK = {"float64": [(8, 8)], "float32": []}  # the others build for seconds each; float32 is finite in `batch`
 BATCH = [
     pytest.param(case, dtype, id=f"{case.name}-{dtype}", marks=[] if _kind(case) in QUICK[dtype] else pytest.mark.slow)
     for dtype in QUICK
