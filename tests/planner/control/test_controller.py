@@ -475,7 +475,6 @@ def test_what_stands_holds_whatever_comes(starts: int, robot: Robot) -> None:
     assert gave
 
 
-@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("gap", "inside"), [(-0.01, True), (0.005, False)])
 def test_a_wall_that_no_joint_can_leave_does_not_freeze_the_arm(gap: float, inside: bool, robot: Robot) -> None:
     wall = Obstacle("wall", Box((0.02, 0.5, 0.2)), Pose((-0.0725 - gap - 0.01, 0.0, 0.15)))
