@@ -66,6 +66,7 @@ def _settings(number):
     }
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
 def test_casadi_agrees_with_numpy(number, branch, random_poses):
@@ -143,6 +144,7 @@ def _names(path):
     return found
 
 
+@pytest.mark.core
 def test_the_witnesses_share_no_formula():
     """Each one's modules, down to what is shared: bodies, candidate normals, the checks of poses and parameters."""
     folder = Path(hdplan.distance.__file__).parent

@@ -47,7 +47,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
-    still = [x for i, x in enumerate(world.pieces) if x.joint == -1 and not world.may_leave(i)]
+    still = [x for i, x in enumerate(world.pieces) if x.joint == -1 and not world.leaving[i]]
     kinds = [dict.fromkeys(named(x.name) for x in still if (x.kind == "obstacle") == own) for own in (False, True)]
     if all(kinds):
         lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")

@@ -374,18 +374,17 @@ class World:
             need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        leaving = np.zeros(len(pieces)) if self.unknown is None else self.unknown.speed  # may be elsewhere later
+        self.leaving = np.zeros(len(pieces)) if self.unknown is None else self.unknown.speed  # of what may move away
         place, still = {name: i for i, name in enumerate(joint)}, np.array([x.joint for x in pieces]) == -1
         excused = np.eye(len(joint), dtype=bool)
         for one, two in self.left_out:
             excused[place[one], place[two]] = True
-        robots, apart = np.array([place[x.name] for x in robot], dtype=np.int64), ~(still[:own, None] & still & (leaving == 0))
+        robots = np.array([place[x.name] for x in robot], dtype=np.int64)
+        apart = ~(still[:own, None] & still & (self.leaving == 0))
         apart[:, :own] = ~excused[robots[:, None], robots]
         self.pairs = np.argwhere(np.triu(apart, 1))
         met = [(pieces[a], pieces[b]) for a, b in self.pairs.tolist() if self.surfaces]
-        near = sorted(
-            {(a.body, b.body) for a, b in met if not a.kind == b.kind == "link"}
-        )  # of two links it is assumed
+        near = sorted({(a.body, b.body) for a, b in met if not a.kind == b.kind == "link"})  # of links it is assumed
         ways = [way for a, b in near for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = self.pairs[:, 1] < own  # pairs of the robot with itself

@@ -211,6 +211,7 @@ def shifted(key: str, row: int, column: str, by: float) -> Callable[[Trajectory]
     return change
 
 
+@pytest.mark.core
 def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     """Though hashes and worlds in the proof are those of the forged files."""
     scene, motion, data = files

@@ -527,6 +527,7 @@ def test_trees_with_gaps_are_rejected(name: str, proven: Callable[[str], Proven]
             rejected(" and .*(leaf|leaves|depths)", lambda data=data: each.verify(data))
 
 
+@pytest.mark.core
 def test_damaged_files_are_rejected(proven: Callable[[str], Proven]) -> None:
     """Cut short, bytes changed before and after compression: never another error, and nothing false is accepted."""
     each, rng = proven("panda_cage"), np.random.default_rng(2)
