@@ -52,17 +52,24 @@ def closed_function(name: str, given: Sequence[ca.MX], form: ClosedForm, fixed: 
     sizes = [symbol.numel() for symbol in every]
     differs = [*[True] * len(given), *[False] * len(fixed)]
     first = [*form.slopes, *(ca.MX(1, symbol.numel()) for symbol in fixed)]
-    ignored = [ca.MX.sym("value"), *(ca.MX.sym("slope", part.sparsity()) for part in first)]  # CasADi passes outputs
+    # CasADi passes results and, to second derivatives, what values alone depend on: not looked at, so not evaluated.
+    ignored = [_unseen(part) for part in (form.value, *first)]
     blocks = []
     for i in range(len(every)):
         known = list(form.curvatures[i]) if i < len(given) else []
         blocks += known + [ca.MX(sizes[i], size) for size in [*sizes, 1][len(known) :]]
+    seen = {symbol.__hash__() for block in blocks for symbol in ca.symvar(block)}
     second = ca.Function(
         f"jac_jac_{name}",
-        [*every, *ignored],
+        [*(symbol if symbol.__hash__() in seen else _unseen(symbol) for symbol in every), *ignored],
         blocks,
         CLOSED | {"is_diff_in": [*differs, *[False] * len(ignored)], "enable_jacobian": False},
     )
     options = CLOSED | {"is_diff_in": [*differs, False], "custom_jacobian": second}
     slope = ca.Function(f"jac_{name}", [*every, ignored[0]], first, options)
     return ca.Function(name, every, [form.value], CLOSED | {"is_diff_in": differs, "custom_jacobian": slope})
+
+
+def _unseen(part: ca.MX) -> ca.MX:
+    """A symbol of the same shape, without entries."""
+    return ca.MX.sym("unseen", ca.Sparsity(*part.shape))
