@@ -35,8 +35,6 @@ class Spans:
         a, b = world.carried[joints[first]], world.carried[joints[second]]
         self.pairs = Pairs(first, second, np.zeros_like(first), a & ~b, b & ~a)
         self.bounds = Bounds(self.bodies, self.pairs)
-        skew = cross(np.eye(3)[None], self.axes[:, None])  # of each axis: x ↦ x × axis, by rows
-        self.skew, self.square = skew, skew @ skew
 
     def on(self, low: Array, high: Array) -> Intervals:
         """Return the pieces on spans (k,) of rows."""
@@ -91,10 +89,9 @@ class Spans:
         """Return the joints' rotations (k, n + 1, 3, 3) and origins (k, n + 1, 3); the last ones are the world's."""
         world, (count, n) = self.world, middle.shape
         cos, sin = (x[:, :, None, None] for x in (np.cos(middle), np.sin(middle)))
-        turned = np.eye(3) + sin * self.skew + (1.0 - cos) * self.square
-        steps = world.frames[0].mid @ np.where(world.turning[:, None, None], turned, np.eye(3))
-        along = (world.frames[0].mid @ self.axes[:, :, None])[..., 0]
-        shifts = world.frames[1].mid + along * np.where(world.turning, 0.0, middle)[:, :, None]
+        still, once, twice = (each.mid for each in world.turns)
+        steps = still + sin * once + (1.0 - cos) * twice
+        shifts = world.origins.mid + world.along.mid * middle[:, :, None]
         turn, at = np.tile(np.eye(3), (count, n + 1, 1, 1)), np.zeros((count, n + 1, 3))
         for j, joint in enumerate(world.joints):
             before = turn[:, joint.parent]

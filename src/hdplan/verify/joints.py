@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 from . import scene as scenes
-from .balls import need
+from .balls import compose, need
 from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
 from .text import mapping
@@ -21,6 +21,17 @@ def links_at(tree: Tree, base: str, moving: tuple[str, ...], held: tuple[tuple[s
     """What is `placed` with a base's pose in JSON; for a motion through the same robot it is known."""
     pose = scenes.pose_of(json.loads(base), "robot.base")
     return placed(tree, pose, {x: i for i, x in enumerate(moving)}, dict(held))
+
+
+@functools.lru_cache(maxsize=16)
+def shapes_at(tree: Tree, base: str, moving: tuple[str, ...], held: tuple[tuple[str, float], ...]) -> list[Any]:
+    """The shapes of all links, by link: its number there, where it is, and what the description says of it."""
+    at, _ = links_at(tree, base, moving, held)
+    return [
+        (link, i, {"joint": at[link][0], **scenes.frame(compose(at[link][1], own))}, kind, said)
+        for link in sorted(tree.elements)
+        for i, (own, kind, said) in enumerate(tree.shapes(link))
+    ]
 
 
 class Joints:
@@ -50,7 +61,8 @@ class Joints:
         for x, at in self.held.items():
             near = tree.joints[x].low - ROOM <= at <= tree.joints[x].high + ROOM
             need(near, f"joint '{x}' is held at {at:g}, more than {ROOM} beyond its limits")
-        self.at, self.frames = links_at(tree, json.dumps(spec.get("base")), (*self.moving,), (*self.held.items(),))
+        where = tree, json.dumps(spec.get("base")), (*self.moving,), (*self.held.items(),)
+        (self.at, self.frames), self.shapes = links_at(*where), shapes_at(*where)
 
     def listed(self) -> list[Any]:
         """The joints that move, as a world has them."""

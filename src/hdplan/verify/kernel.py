@@ -59,7 +59,6 @@ from .balls import (
     rejecting,
     shown,
     stack,
-    turned,
     up,
     where,
 )
@@ -110,7 +109,8 @@ def picked(values: Any, *rows: Any) -> Any:
     """values[rows], with the rows innermost in memory: sums over what is left of the axes are then fast."""
     if isinstance(values, Ball):
         return Ball(picked(values.mid, *rows), picked(values.rad, *rows))
-    return np.ascontiguousarray(values.T[(..., *rows[::-1])]).T
+    at = np.ravel_multi_index(rows, values.shape[: len(rows)], mode="wrap")  # -1 is the last one
+    return np.ascontiguousarray(values.reshape(-1, *values.shape[len(rows) :]).T).take(at, axis=-1).T
 
 
 class Motion:
@@ -133,11 +133,9 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         self.most: Any = up(np.abs(self.step) + self.off)
-        turn, at = world.frames  # of each joint in the one before, moved by its value
-        cos, sin = cos_sin(picked(self.middle, slice(None)))
-        turned_ = where(world.turning[:, None, None], turned(world.axis, cos, sin), Ball(np.eye(3)))
-        slid = dot("nij,nj->ni", turn, world.axis) * np.where(world.turning, 0.0, self.middle)[:, :, None]
-        turn, at = dot("nij,knjl->knil", turn, turned_), slid + at
+        cos, sin = (x[..., None, None] for x in cos_sin(np.asfortranarray(self.middle)))
+        still, once, twice = world.turns  # of each joint in the one before, moved by its value
+        turn, at = still + sin * once + (1.0 - cos) * twice, world.origins + world.along * self.middle[:, :, None]
         world_frame = Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T)
         frames = [world_frame] * (count + 1)  # the last stays it
         for j, joint in enumerate(world.joints):
@@ -154,18 +152,19 @@ class Motion:
 
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
-        at, axis = self.at[:, None, :-1], self.axis[:, None]
-        x, one, two = ends.mid[:, :, None] - at.mid, [1, 2, 0], [2, 0, 1]
-        size, long, tilt = norm(x), norm(axis.mid), norm(axis.rad)
-        off = norm(ends.rad)[:, :, None] + norm(at.rad) + EPS * size
-        away = norm(x[..., one] * axis.mid[..., two] - x[..., two] * axis.mid[..., one])  # from each axis: |x times z|
-        away = up(away + off * (long + tilt) + size * (tilt + 8 * EPS * long))
-        after = np.zeros(ends.mid.shape[:2])
-        for j in reversed(range(carried.shape[1])):
-            far = up(away[:, :, j] + radii + after) if self.world.turning[j] else 1.0
-            away[:, :, j] = np.where(carried[:, j], far, 0.0)
-            after = up(after + self.most[:, j, None] * away[:, :, j])
-        return away
+        x = [ends.mid[..., i] - self.at.mid[:, :-1, i].T[:, :, None] for i in range(3)]  # each (n, k, m)
+        z = [self.axis.mid[..., i].T[:, :, None] for i in range(3)]
+        across = [x[i - 2] * z[i - 1] - x[i - 1] * z[i - 2] for i in range(3)]
+        size, away = (up(np.sqrt(up(sum(u * u for u in each)))) for each in (x, across))
+        long, tilt, off = (norm(u).T[:, :, None] for u in (self.axis.mid, self.axis.rad, self.at.rad[:, :-1]))
+        off = norm(ends.rad) + off + EPS * size
+        away = up(away + off * (long + tilt) + size * (tilt + 8 * EPS * long))  # from each axis: |x times z|
+        after, most = np.zeros(ends.mid.shape[:2]), self.most.T[:, :, None]
+        for j in reversed(range(len(away))):
+            far = up(away[j] + radii + after) if self.world.turning[j] else 1.0
+            away[j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + most[j] * away[j])
+        return away.transpose(1, 2, 0)
 
     def rest(self, step: Any, reach: Any, off: Any) -> Any:
         """Return R."""
@@ -252,11 +251,13 @@ class Motion:
     def supports(self, body: Any, d: Ball) -> Any:
         """Return upper bounds (L,) of d.x over the points x of pieces, for directions (L, 3) in their frames."""
         world, most, order = self.world, np.empty(len(body)), np.argsort(body, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
-            corners = world.pieces[body[rows[0]]].corners
+        way, ends = d.mid.T.take(order, axis=1), np.flatnonzero(np.diff(body[order], append=-1)) + 1
+        for begin, end in itertools.pairwise([0, *ends.tolist()]):
+            corners = world.pieces[body[order[begin]]].corners
             count = 1 + 4_000_000 // len(corners)
-            for part in (rows[i : i + count] for i in range(0, len(rows), count)):
-                most[part] = (corners @ d.mid.T[:, part]).max(axis=0)
+            for i in range(begin, end, count):
+                part = slice(i, min(i + count, end))
+                most[order[part]] = (corners @ way[:, part]).max(axis=0)
         off = (d.rad + 8 * EPS * np.abs(d.mid)) * picked(world.size, body) + d.size * world.off[body, None]
         return above(most, up(off.sum(axis=1) + norm(picked(world.sweep, body) * d.size)))
 

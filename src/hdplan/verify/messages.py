@@ -61,11 +61,12 @@ def message_of(data: bytes) -> Any:
 
 def fields(value: Any, message: str, what: str) -> dict[str, Any]:
     """The fields of a message that are given."""
-    marked = MESSAGES[message].split()
-    said = mapping(value, what, " ".join(x.rstrip("!~") for x in marked))
-    for key, item in said.items():
-        need(f"{key}!" not in marked or not filled(item), f"{what}.{key}: cannot be checked")
-        need(f"{key}~" not in marked or zero(item), f"{what}.{key}: is not 0")
+    marked = MESSAGES[message]
+    said = mapping(value, what, marked.replace("!", "").replace("~", ""))
+    for mark in [x for x in marked.split() if x[-1] in "!~"]:
+        item = said.get(mark[:-1])
+        need(mark[-1] == "~" or not filled(item), f"{what}.{mark[:-1]}: cannot be checked")
+        need(mark[-1] == "!" or zero(item), f"{what}.{mark[:-1]}: is not 0")
     return said
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .balls import Pose, need
-from .world import FRAME, frame, keys_of
+from .world import placed
 
 
 class UntoldError(Exception):
@@ -37,9 +37,7 @@ class OtherRobot:
         self.lead = [x for x in self.moving if x not in rules]
         self.held = dict(told["held"])
         self.movable = [*self.moving, *self.held]
-        self.at = dict[str, tuple[int, Pose]]()
-        for link, said in told["links"].items():
-            joint, *place = keys_of(said, f"links.{link}", f"joint {FRAME}")
-            self.at[link] = joint, frame(f"links.{link}", *place)
+        links = placed([(f"links.{link}", said) for link, said in told["links"].items()], "joint")
+        self.at: dict[str, tuple[int, Pose]] = dict(zip(told["links"], links, strict=True))
         self.bodies = [x for x in told["bodies"] if x["kind"] == "link"]
         self.links, self.solid = [*self.at], {x["name"] for x in self.bodies}

@@ -119,14 +119,10 @@ class Reader:
 
     def link_bodies(self) -> list[Any]:
         """The collision geometry of all links."""
-        bodies = []
-        for link in sorted(self.joints.tree.elements):
-            joint, pose = self.joints.at[link]
-            for i, (own, kind, said) in enumerate(self.joints.tree.shapes(link)):
-                place = scenes.frame(compose(pose, own))
-                shape = self.link_shape(link, i, kind, said)
-                bodies.append({"name": link, "kind": "link", "joint": joint, **place, "shape": shape})
-        return bodies
+        return [
+            {"name": link, "kind": "link", **place, "shape": self.link_shape(link, i, kind, said)}
+            for link, i, place, kind, said in self.joints.shapes
+        ]
 
     def link_shape(self, link: str, number: int, kind: str, said: dict[str, str]) -> dict[str, Any]:
         """A shape of a link as a world has it."""

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from .balls import need
+from .balls import RejectedError, need
 
 DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")  # Python reads 1_0 as 10, too
+USUAL = re.compile(r"-?(0|[1-9][0-9]*)\.[0-9]*([eE][-+][0-9]+)?")  # most of those that are numbers to YAML 1.1, too
 SPACE = " \t\n\r\f\v"
 LARGEST = 1e9  # of numbers
 DEEPEST = 64  # levels of lists and mappings
@@ -71,7 +72,7 @@ def table(words: Sequence[bytes | str], what: str) -> Any:
 def values(value: Any, count: int, what: str) -> Any:
     """As many finite numbers of a scene, in a list if they are several."""
     rows = value if isinstance(value, list) else [value]
-    good = len(rows) == count and all(type(x) in (int, float) and abs(x) < LARGEST for x in rows)
+    good = len(rows) == count and {*map(type, rows)} <= {int, float} and all(abs(x) < LARGEST for x in rows)
     need(good, f"{what}: {count} finite numbers are expected")
     return np.array(rows, dtype=np.float64)
 
@@ -79,8 +80,9 @@ def values(value: Any, count: int, what: str) -> Any:
 def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
     """A mapping that has no other keys than those `allowed`, as others may change what is meant; without nulls."""
     need(isinstance(value, dict), f"{what}: a mapping is expected")
-    for key in value:
-        need(key in allowed.split(), f"{what}: the checker does not know '{key}' there, only {allowed}")
+    known = allowed.split()
+    for key in [x for x in value if x not in known][:1]:
+        raise RejectedError(f"{what}: the checker does not know '{key}' there, only {allowed}")
     return {key: item for key, item in value.items() if item is not None}
 
 
@@ -133,7 +135,9 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         for event in iter(self.get_event, None):
             begins = event
             if type(event) is yaml.ScalarEvent:
-                value = self.scalar(event, len(made[-1]) % 2 == 0 and isinstance(begun[-1], yaml.MappingStartEvent))
+                value = self.scalar(event)
+                good = value is not MERGE or (len(made[-1]) % 2 == 0 and type(begun[-1]) is yaml.MappingStartEvent)
+                need(good, "YAML: the word << stands where no key does")
             elif isinstance(event, yaml.CollectionStartEvent):
                 need(len(begun) <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
                 need(event.tag in (None, "!", TAG + "map", TAG + "seq"), f"YAML: the tag {event.tag}")
@@ -156,15 +160,17 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         need(len(made[0]) <= 1, "YAML: holds a second document")
         return made[0][0] if made[0] else None
 
-    def scalar(self, event: Any, key: bool) -> Any:
+    def scalar(self, event: Any) -> Any:
         """A word, or a number in decimal digits; MERGE for a key that merges."""
         word, tag = event.value, event.tag
+        if tag is None and event.implicit[0] and USUAL.fullmatch(word):
+            return float(word)
         if tag in (None, "!"):
             tag = plain_tag(word) if event.implicit[0] else f"{TAG}str"
         kind = tag.removeprefix(TAG)
         if kind == "str":
             return word
-        if kind == "merge" and key:
+        if kind == "merge":
             return MERGE
         if kind == "bool":
             return self.bool_values[word.lower()]
@@ -184,11 +190,13 @@ def plain_tag(word: str) -> str:
 
 def merged(parts: list[Any]) -> dict[str, Any]:
     """A mapping of words, by its keys and values in turn; what is merged gives way to its own keys."""
-    keys = ["<<" if key is MERGE else key for key in parts[::2]]
-    need(all(type(key) is str for key in keys), "a mapping has a key that is not a word")
-    need(len(keys) == len({*keys}), f"a key stands twice among {keys[:9]}")
+    merges = MERGE in parts[::2]
+    keys = ["<<" if key is MERGE else key for key in parts[::2]] if merges else parts[::2]
+    need({*map(type, keys)} <= {str}, "a mapping has a key that is not a word")
     own, found = dict(zip(keys, parts[1::2], strict=True)), dict[str, Any]()
-    if any(key is MERGE for key in parts[::2]):
+    if len(keys) != len(own):
+        raise RejectedError(f"a key stands twice among {keys[:9]}")
+    if merges:
         more = own.pop("<<")
         for each in reversed(more if isinstance(more, list) else [more]):
             need(isinstance(each, dict), "YAML: what is merged is no mapping")

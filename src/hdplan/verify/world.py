@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, Pose, dot, inverse, joined, length, named, need, norm, stack, unit, up
+from .balls import CROSS, EPS, HERE, Ball, Pose, dot, inverse, joined, length, named, need, norm, stack, unit, up
 
 VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
@@ -34,8 +34,8 @@ VALUES: dict[str, Any] = {  # of keys, wherever they stand: types, or how many n
     **dict.fromkeys(("joint", "parent"), int),
     **dict.fromkeys(("off", "mass", "tolerance", "obstacles", "self"), float),
     **dict.fromkeys(("position_tolerance", "orientation_tolerance"), float),
-    **dict.fromkeys(("position", "axis", "way", "point", "moment"), (3,)),
-    **{"inertia": (6,), "rotation": (9,)},
+    **dict.fromkeys(("axis", "way", "point", "moment"), (3,)),
+    "inertia": (6,),
 }
 
 
@@ -101,13 +101,23 @@ def unit_vector(axis: Any, off: float, what: str) -> Ball:
     return way
 
 
-def frame(what: str, rotation: Any, position: Any, off: float) -> Pose:
-    """A frame, which is a rotation but for its error: what stretches would reach farther than it seems."""
-    r, slack = rotation.reshape(3, 3), 20 * off + 1e-14
-    x, y, z = r.tolist()
+def placed(said: list[tuple[str, Any]], keys: str = "") -> list[tuple[Any, ...]]:
+    """The values of mappings with these keys and a frame, and their frames, which are examined all at once: each is a
+    rotation but for its error, as what stretches would reach farther than it seems."""
+    found = [keys_of(each, what, f"{keys} {FRAME}") for what, each in said]
+    if not found:
+        return []
+    turns, places, off = ([x[i] for x in found] for i in (-3, -2, -1))
+    every = said[0][0] if len(said) == 1 else f"{said[0][0]} to {said[-1][0]}"
+    r, at = numbers(turns, (-1, 9), f"{every}: rotation"), numbers(places, (-1, 3), f"{every}: position")
+    r, rad = r.reshape(-1, 3, 3), np.zeros((len(r), 3, 3)) + np.array(off)[:, None, None]
+    even = np.abs(np.einsum("kij,klj->kil", r, r) - HERE[0].mid) <= 20 * rad + 1e-14
+    x, y, z = r.transpose(1, 2, 0)
     right = (x[1] * y[2] - x[2] * y[1]) * z[0] + (x[2] * y[0] - x[0] * y[2]) * z[1] + (x[0] * y[1] - x[1] * y[0]) * z[2]
-    need(np.abs(r @ r.T - HERE[0].mid).max() <= slack and right > 0, f"{what}: is no rotation")
-    return Ball(r, np.full((3, 3), off)), Ball(position, np.full(3, off))
+    good = even.all(axis=(1, 2)) & (right > 0)
+    need(good.all(), f"{said[int(np.argmin(good))][0]}: is no rotation")
+    poses = ((Ball(r[i], rad[i]), Ball(at[i], rad[i, 0])) for i in range(len(found)))
+    return [(*x[:-3], pose) for x, pose in zip(found, poses, strict=True)]
 
 
 def shape_of(value: Any, what: str) -> tuple[Any, Any, Any, float]:
@@ -216,15 +226,16 @@ class World:
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
         need(version == VERSION, f"the world is not of version {VERSION}")
         self.joints, self.cuts = list[Joint](), cuts
-        for i, each in enumerate(joints):
-            self.add_joint(f"joints[{i}]", each, len(joints))
+        read = placed([(f"joints[{i}]", x) for i, x in enumerate(joints)], "name parent kind axis follows")
+        for i, each in enumerate(read):
+            self.add_joint(f"joints[{i}]", len(read), *each)
         leaders = [x.follows[0] for x in self.joints if x.follows]
         need(all(self.joints[i].follows is None for i in leaders), "joints: one that is followed follows another one")
         self.own = len(self.joints)  # joints of the robot; the others follow the time
         numbers(list(self.held.values()), (-1,), "held")
+        read = placed([(f"links.{name}", x) for name, x in links.items()], "joint")
         self.links = {
-            name: self.carried_frame(f"links.{name}", *keys_of(x, f"links.{name}", f"joint {FRAME}"))
-            for name, x in links.items()
+            name: (self.carrier(f"links.{name}", x), pose) for name, (x, pose) in zip(links, read, strict=True)
         }
         self.read_motion(motion)
         self.tracks = list[tuple[Any, Ball]]()  # of joints that follow the time: times, and values there
@@ -233,8 +244,8 @@ class World:
         self.pieces, self.parts = list[Piece](), dict[str, Any]()  # parts: of each body, by the numbers of their points
         self.counts = dict[tuple[str, str], int]()  # of bodies of each name and kind
         self.surfaces = dict[int, tuple[Ball, Any]]()  # of divided meshes: points, and triangles by their numbers
-        for i, each in enumerate(bodies):
-            self.add_body(i, each)
+        for i, each in enumerate(placed([(f"bodies[{i}]", x) for i, x in enumerate(bodies)], "name kind shape joint")):
+            self.add_body(i, *each)
         self.lay_tracks()
         self.pair_up(apart)
         self.stack_up()
@@ -243,8 +254,9 @@ class World:
         obstacles = {x.name for x in self.pieces if x.kind == "obstacle"}
         need({*own} <= obstacles, "clearances.own: of no obstacle")
 
-    def add_joint(self, what: str, each: Any, count: int) -> None:
-        name, parent, kind, axis, follows, *place = keys_of(each, what, f"name parent kind axis follows {FRAME}")
+    def add_joint(
+        self, what: str, count: int, name: str, parent: int, kind: str, axis: Any, follows: Any, pose: Pose
+    ) -> None:
         good = -1 <= parent < len(self.joints) and kind in KINDS_OF_JOINTS and name not in self.held
         need(good and name not in [x.name for x in self.joints], f"{what}: name, kind or parent")
         if follows is not None:
@@ -252,20 +264,19 @@ class World:
             factor, add = numbers(follows[1:], (2,), what).tolist()
             need(0 <= follows[0] < count and factor, f"{what}.follows: no joint of the world, or by the factor 0")
             follows = (follows[0], factor, add)
-        pose, way = frame(what, *place), unit_vector(axis, place[2], what)
+        way = unit_vector(axis, pose[1].rad, what)
         self.joints.append(Joint(name, parent, pose, way, kind == "revolute", follows))
 
-    def carried_frame(self, what: str, joint: int, *place: Any, timed: bool = False) -> tuple[int, Pose]:
-        """The joint that carries a frame, and the frame in the joint's. Obstacles are carried by joints that follow the
-        time (`timed`), and nothing else is."""
+    def carrier(self, what: str, joint: int, timed: bool = False) -> int:
+        """The joint that carries a frame. Obstacles are carried by joints that follow the time (`timed`), and nothing
+        else is."""
         good = joint == -1 or (0 <= joint < len(self.joints) and (joint >= self.own) == timed)
         need(good, f"{what}.joint: no joint that may carry it")
-        return joint, frame(what, *place)
+        return joint
 
-    def add_body(self, number: int, each: Any) -> None:
+    def add_body(self, number: int, name: str, kind: str, shape: Any, joint: int, pose: Pose) -> None:
         """Note a body as pieces: a mesh as its hull, or as the hulls of the groups of its triangles."""
         what = f"bodies[{number}]"
-        name, kind, shape, *place = keys_of(each, what, f"name kind shape joint {FRAME}")
         need(kind in KINDS, f"{what}.kind: {', '.join(KINDS)}")
         last = KINDS.index(self.pieces[-1].kind) if self.pieces else 0
         need(KINDS.index(kind) >= last, f"{what}: links, held objects, obstacles, in order")
@@ -273,7 +284,7 @@ class World:
         need(as_said, f"{what}: '{name}' is a link, or is to be one")
         before = self.counts.get((name, kind), 0)
         need(kind == "link" or not before, f"{what}: the name '{name}' is taken")
-        joint, pose = self.carried_frame(what, *place, timed=kind == "obstacle")
+        self.carrier(what, joint, kind == "obstacle")
         called = f"{named(name)} {before}" if kind == "link" else f"{'obstacle ' * (kind == 'obstacle')}{named(name)}"
         own, key, self.counts[name, kind] = (name, kind, number, called, joint, pose), str(number), before + 1
         points, parts, sweep, off = shape_of(shape, what)
@@ -360,19 +371,20 @@ class World:
             need(joint[one] == joint[two] or why != "moving as one", f"not_compared[{i}]: the two do move")
             self.left_out[one, two] = self.left_out[two, one] = why
         need(own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        rows = list[tuple[int, int]]()
-        for a, b in ((i, j) for i in range(own) for j in range(i + 1, len(pieces))):
-            one, two = pieces[a], pieces[b]
-            within = two.kind != "obstacle"
-            excused = one.name == two.name or (one.name, two.name) in self.left_out
-            if not (excused if within else one.joint == two.joint == -1):
-                rows.append((a, b))
-        self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        number, links = np.array([[x.body, x.kind == "link"] for x in pieces], dtype=np.int64).reshape(-1, 2).T
-        near = np.unique(number[self.pairs[links[self.pairs].sum(axis=1) < 2]], axis=0)  # of two links it is assumed
-        ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
+        place, still = {name: i for i, name in enumerate(joint)}, np.array([x.joint for x in pieces]) == -1
+        excused = np.eye(len(joint), dtype=bool)
+        for one, two in self.left_out:
+            excused[place[one], place[two]] = True
+        robots, apart = np.array([place[x.name] for x in robot], dtype=np.int64), ~(still[:own, None] & still)
+        apart[:, :own] = ~excused[robots[:, None], robots]
+        self.pairs = np.argwhere(np.triu(apart, 1))
+        met = [(pieces[a], pieces[b]) for a, b in self.pairs.tolist() if self.surfaces]
+        near = sorted(
+            {(a.body, b.body) for a, b in met if not a.kind == b.kind == "link"}
+        )  # of two links it is assumed
+        ways = [way for a, b in near for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
-        self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
+        self.within = self.pairs[:, 1] < own  # pairs of the robot with itself
 
     def stack_up(self) -> None:
         """Collect joints (n, ...) and pieces (g, ...) in arrays, with the centres of balls around the pieces, in the
@@ -386,7 +398,11 @@ class World:
 
         self.turning = np.array([x.turns for x in self.joints])
         self.axis = stack([x.axis for x in self.joints])
-        self.frames = stack([x.pose[0] for x in self.joints]), stack([x.pose[1] for x in self.joints])
+        self.origins, still = stack([x.pose[1] for x in self.joints]), stack([x.pose[0] for x in self.joints])
+        about, along = dot("ijk,nk->nij", CROSS, self.axis), dot("nij,nj->ni", still, self.axis)
+        once = dot("nij,njk->nik", still, about) * self.turning[:, None, None]
+        self.turns = still, once, dot("nij,njk->nik", once, about)  # by a: still + sin a once + (1 - cos a) twice
+        self.along = along * ~self.turning[:, None]
         self.joint, self.off = of(lambda x: x.joint).astype(int), of(lambda x: x.off)
         self.turn, self.at, self.sweep = pose(0, 3, 3), pose(1, 3), of(lambda x: x.sweep, 3)
         corners = np.concatenate([np.zeros((0, 3)), *(x.corners for x in self.pieces)])

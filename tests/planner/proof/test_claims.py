@@ -19,10 +19,11 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.path_constraints import Relative, Upright, Within
 from hdplan.scenes.timing import Timing
 from hdplan.verify import RejectedError, effects
+from hdplan.verify.balls import HERE
 from hdplan.verify.effects import bonds_of_path, check_path, check_torques, chord, reached
 from hdplan.verify.kernel import Motion
 from hdplan.verify.reading import read_world
-from hdplan.verify.world import Bond, World, frame
+from hdplan.verify.world import Bond, World
 
 from .worlds import read as read_files
 
@@ -70,7 +71,7 @@ def read(folder: Path) -> tuple[Setup, World, hdplan.Trajectory]:
 
 def torques_kept(world: World) -> None:
     """Check the torques of a world by its own limits."""
-    check_torques(world, world.limits, world.loads)
+    check_torques(world)
 
 
 def bonds_of(world: World) -> list[Bond]:
@@ -259,7 +260,8 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
         }  # fmt: skip
 
     def met(*targets: list[dict]) -> bool:
-        return reached(world, world.limits, [{"poses": each} for each in targets], "goal")
+        world.goal = [{"poses": each} for each in targets]
+        return reached(world, "goal")
 
     for _ in range(20):
         inside = goal(2e-3 * (1 - 1e-6), 0.3 * (1 - 1e-6))
@@ -275,7 +277,7 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
 @pytest.mark.parametrize(("size", "good"), [(1.0, True), (1 - 1e-9, False), (0.6, False), (1.1, False)])
 def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
     """One of length 0.3 that is turned by 1.28 rad is nearer to the vertical than a unit vector turned by 1 rad."""
-    world = cast(World, SimpleNamespace(links={"a": (-1, frame("a", np.eye(3).ravel(), np.zeros(3), 0.0))}))
+    world = cast(World, SimpleNamespace(links={"a": (-1, HERE)}))
     path = [{"kind": "upright", "link": "a", "axis": [0, 0, size], "off": 0.0, "tolerance": 1.0}]
     if good:
         assert len(bonds_of_path(world, path, lambda: True)) == 1

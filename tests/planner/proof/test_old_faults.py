@@ -118,7 +118,7 @@ def test_a_motion_that_begins_or_ends_at_speed_keeps_no_torque_limit(rates: list
         forged(tmp_path, scene, ["pan", "lift"], motion)
     world = read(tmp_path / "s.yaml", tmp_path / "m.json")
     with pytest.raises(RejectedError, match="begins or ends with a jump"):
-        check_torques(world, world.limits, world.loads)
+        check_torques(world)
 
 
 @pytest.mark.parametrize("over", [1e-3, 1e-6])

@@ -316,7 +316,7 @@ def same_dynamics(reading: Reading, third: Third, rows: Rows, rng: Random) -> No
     parts = [((x["mass"], x["moment"], inertia_of(x)), x["off"]) for x in said["loads"]]
     loads = [[Ball(each, off) for each in three] for three, off in parts]
     with np.errstate(all="ignore"):
-        bounds = torques(joints, loads, *(Line(x, np.zeros((k, n)), np.zeros((k, n))) for x in (q, v, a)))
+        bounds = torques(rows.world, loads, *(Line(x, np.zeros((k, n)), np.zeros((k, n))) for x in (q, v, a)))
     data, places = third.model.createData(), [third.model.idx_vs[third.model.getJointId(x)] for x in names]
     for i, values in enumerate(whole):
         rates = (third.rates(dict(zip(names, x[i], strict=True))) for x in (v, a))

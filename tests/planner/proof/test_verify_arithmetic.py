@@ -18,7 +18,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError, balls
 from hdplan.verify.balls import Ball
-from hdplan.verify.effects import check_rates
+from hdplan.verify.effects import check_limit
 from hdplan.verify.kernel import Motion
 from hdplan.verify.moving import turn_of
 from hdplan.verify.world import World
@@ -194,22 +194,25 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
         found = motion.curve.at_time(np.linspace(times[0], times[-1], 4001), order)
         greatest = np.abs(found).max(axis=0)
         for factor, good in ((1.03, True), (0.999, False)):
-            limits = {name: (factor * greatest).tolist()}
+            world.limits = {name: (factor * greatest).tolist()}
             if good:
-                check_rates(world, limits, name)
+                check_limit(world, name)
             else:
                 with pytest.raises(RejectedError, match=f"limits.{name}: joint .* is beyond it"):
-                    check_rates(world, limits, name)
+                    check_limit(world, name)
+        with pytest.raises(RejectedError, match=r"limits.position: one for every joint"):  # which a world always has
+            check_limit(world, "position")
         if order > 1 and trial == 0:
-            limits = {name: [1e6] * n}
-            check_rates(world, limits, name)
+            world.limits = {name: [1e6] * n}
+            check_limit(world, name)
             rates[order - 2][-1, 2] = 1e-3
             hdplan.Trajectory(setup.robot.joint_names, curve.rows, dict(setup.robot.locked), times, *rates).save(
                 tmp_path / "m.json"
             )
             world = read_and_planned(setup, find_scene("panda_carry"), tmp_path / "m.json")
+            world.limits = {name: [1e6] * n}
             with pytest.raises(RejectedError, match="jump"):
-                check_rates(world, limits, name)
+                check_limit(world, name)
 
 
 @pytest.mark.parametrize(("scene", "kind"), motions())
