@@ -86,7 +86,6 @@ def limits_of(world: World, name: str) -> tuple[Any, Any]:
     """The least and the most (n,) of values, rates or torques of all joints, with what they may be passed by; infinite
     where nothing limits them."""
     said, value = world.limits.get(name), name == "position"
-    said = [[None, None]] * world.own if value and not said else said
     need(type(said) is list and len(said) == world.own, f"limits.{name}: one for every joint is expected")
     pairs = (zip(x if value else (x, x), (-np.inf, np.inf), strict=True) for x in said)
     ends = [[none if x is None else number(x, f"limits.{name}") for x, none in pair] for pair in pairs]

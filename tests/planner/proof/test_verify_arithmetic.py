@@ -200,6 +200,8 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
             else:
                 with pytest.raises(RejectedError, match=f"limits.{name}: joint .* is beyond it"):
                     check_limit(world, name)
+        with pytest.raises(RejectedError, match=r"limits.position: one for every joint"):  # which a world always has
+            check_limit(world, "position")
         if order > 1 and trial == 0:
             world.limits = {name: [1e6] * n}
             check_limit(world, name)
