@@ -49,7 +49,6 @@ HOMES = {  # of each heavy library
     "daqp": {"planner.control"},
     "av": {"planner.page"},
     "coacd": {"planner.collision"},
-    "toppra": {"planner.timing"},
     "yaml": {"scenes"},
     "mcap": {"planner.motion"},
     "mcap_ros2": {"planner.motion"},
@@ -159,7 +158,7 @@ def test_a_plan_with_a_known_arm_loads_only_what_it_needs() -> None:
         "code = 1\n"
         "try:\n    with contextlib.redirect_stdout(said): hdplan.cli.main()\n"
         "except SystemExit as end: code = end.code\n"
-        "rare = {'scipy', 'pydantic', 'trimesh', 'fcl', 'jax', 'matplotlib', 'viser', 'daqp', 'toppra', 'coacd',"
+        "rare = {'scipy', 'pydantic', 'trimesh', 'fcl', 'jax', 'matplotlib', 'viser', 'daqp', 'coacd',"
         " 'rich.progress', 'numpy.ma'};"
         "print(code, 'certified' in said.getvalue(), sorted(rare & set(sys.modules)))"
     )

@@ -58,8 +58,8 @@ class TorquesFound:
     proven: Array  # (n,) bound on |τ| over the whole motion, between the samples too
     found: Array  # (n,) largest |τ| at a sample
     times: Array  # (n,) of those samples [s]
-    overload: Overload | None  # the worst relative to its limit, if there is any
-    overloaded: tuple[int, ...]  # intervals between rows in which gravity alone exceeds a limit
+    overload: Overload | None  # the worst relative to its limit, if there is any, where a sample exceeds its limit
+    overloaded: tuple[int, ...]  # then the intervals between rows in which gravity alone exceeds a limit
     samples: int  # at which torques were computed
 
     @property
@@ -167,7 +167,12 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
     first = np.arange(len(interval)) - np.repeat(np.cumsum(count) - count, count)
     start, end = first / count[interval], (first + 1) / count[interval]
     sampled = _Torques(model, robot, orders, limits)
-    at_start, at_end = sampled.at(interval, start), sampled.at(interval, end)
+    of_point = np.repeat(
+        np.arange(len(count)), count + 1
+    )  # both ends of every interval between rows, and what is between
+    place = np.arange(len(of_point)) - np.repeat(np.cumsum(count + 1) - count - 1, count + 1)
+    torques, begins = sampled.at(of_point, place / count[of_point]), np.arange(len(interval)) + interval
+    at_start, at_end = torques[begins], torques[begins + 1]
 
     proven = np.zeros(robot.n)
     for halving in range(HALVINGS + 1):
@@ -185,6 +190,8 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
         between = sampled.at(interval, middle)
         interval, start, end = np.tile(interval, 2), np.r_[start, middle], np.r_[middle, end]
         at_start, at_end = np.vstack([at_start[open_], between]), np.vstack([between, at_end[open_]])
+    if (sampled.found > limits).any():
+        sampled.look_for_overloads()
     return TorquesFound(
         joint_names=robot.joint_names,
         limits=limits,
@@ -205,33 +212,42 @@ class _Torques:
         self.found, self.times = np.zeros(robot.n), np.zeros(robot.n)
         self.overload: Overload | None = None
         self.overloaded: set[int] = set()
-        self.samples = 0
+        self.points: list[tuple[Index, Array]] = []
+
+    @property
+    def samples(self) -> int:
+        """At how many points torques were computed."""
+        return sum(len(interval) for interval, _ in self.points)
 
     def at(self, interval: Index, fraction: Array) -> Array:
         """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""
         q, v, a = (order.at(interval, fraction) for order in self.orders[:3])
-        configurations = self.robot.pin_q(q)
-        torques, gravity = np.empty_like(q), np.empty_like(q)
-        for row, configuration in enumerate(configurations):
-            torques[row] = pin.rnea(self.model, self.data, configuration, v[row], a[row])
-            gravity[row] = pin.computeGeneralizedGravity(self.model, self.data, configuration)
-        curve = self.orders[0]
-        start = np.zeros(len(curve)) if curve.times is None else curve.times
-        self._keep(torques, gravity, interval, start[interval] + fraction * curve.widths[interval])
+        rows = zip(self.robot.pin_q(q), v, a, strict=True)
+        torques = np.array([pin.rnea(self.model, self.data, *row) for row in rows]).reshape(-1, self.robot.n)
+        self.points.append((interval, fraction))
+        size = np.abs(torques)
+        at = size.argmax(axis=0)
+        largest = size[at, np.arange(len(at))]
+        larger = largest > self.found
+        self.found = np.where(larger, largest, self.found)
+        self.times = np.where(larger, self._times(interval, fraction)[at], self.times)
         return torques
 
-    def _keep(self, torques: Array, gravity: Array, interval: Index, times: Array) -> None:
-        self.samples += len(torques)
-        rows = np.abs(torques).argmax(axis=0)
-        largest = np.abs(torques)[rows, np.arange(len(rows))]
-        larger = largest > self.found
-        self.found, self.times = np.where(larger, largest, self.found), np.where(larger, times[rows], self.times)
+    def look_for_overloads(self) -> None:
+        """Find where gravity alone exceeds a limit, at the same points."""
+        interval, fraction = (np.concatenate(each) for each in zip(*self.points, strict=True))
+        rows = self.robot.pin_q(self.orders[0].at(interval, fraction))
+        gravity = np.array([pin.computeGeneralizedGravity(self.model, self.data, row) for row in rows])
         shares = np.abs(gravity) / self.limits
         self.overloaded.update(interval[(shares > 1.0).any(axis=1)].tolist())
         row, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
-        if shares[row, joint] > max(1.0, self._overloaded()):
+        if shares[row, joint] > 1.0:
+            when = float(self._times(interval, fraction)[row])
             name, torque = self.robot.joint_names[joint], float(abs(gravity[row, joint]))
-            self.overload = Overload(name, float(times[row]), torque, float(self.limits[joint]))
+            self.overload = Overload(name, when, torque, float(self.limits[joint]))
 
-    def _overloaded(self) -> float:
-        return self.overload.torque / self.overload.limit if self.overload else 0.0
+    def _times(self, interval: Index, fraction: Array) -> Array:
+        """The times [s] of points."""
+        curve = self.orders[0]
+        start = np.zeros(len(curve)) if curve.times is None else curve.times
+        return np.asarray(start[interval] + fraction * curve.widths[interval])

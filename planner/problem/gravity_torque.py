@@ -16,18 +16,27 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.compiled.loops import Record, library
 from hdplan.distance.symbolic.closed import closed_function
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, band_below
+from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
+from hdplan.planner.problem.terms import Penalty
+from hdplan.planner.robot.loads import with_loads
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.errors import naming
+from hdplan.scenes.once import freeze, made_once, read_only
 
 ARM = 0.1  # [m] stands for a torque at its limit: with the hinge's band, the penalty sets in at 80 % of it
 
@@ -40,6 +49,10 @@ class GravityTorques:
     masses: Array  # (nj,) of the bodies
     centres: Array  # (nj, 3) in their joints' frames [m]
     supports: Mask  # (nj, n) whether a body moves with a coordinate
+
+    def __post_init__(self) -> None:
+        """Share the arrays read-only."""
+        freeze(self)
 
     @cached_property
     def before(self) -> Mask:
@@ -195,6 +208,35 @@ class StaticTorque(Hinge):
 
     measure: GravityMeasure
 
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """As every hinge's."""
+        if loops := library():
+            return self._by_loop(loops, kinematics, None).depth
+        return super().depth(kinematics, parameter)
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
+        """As every hinge's."""
+        if loops := library():
+            found = self._by_loop(loops, kinematics, samples.weight)
+            return found if found.depth.any() else None
+        return super().at_samples(kinematics, samples)
+
+    def _by_loop(self, loops: ModuleType, kinematics: KinematicsBatch, weight: Array | None) -> Penalty:
+        """The penalty at samples; without weights (B,) only the depth."""
+        batch, n = kinematics.columns.shape[:2]
+        asked = 0 if weight is None else batch
+        found = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
+        given = kinematics.placements, kinematics.columns, weight
+        return Penalty(loops.gravity_hinge(self._record.struct, *given, *found), *found)
+
+    @cached_property
+    def _record(self) -> Record:
+        """The C struct `gravity`."""
+        measure, torques, band = self.measure, self.measure.torques, float(band_below(np.array(ARM)))
+        supports, scale = torques.supports.astype(np.int64), ARM / measure.limits
+        bodies = torques.gravity, torques.masses, torques.centres, supports
+        return Record("gravity", *bodies, measure.joints, scale, ARM - band, band, self.activation)
+
     def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
         """Σ ½ max(|v| − (t − b), 0)², with the torques' closed derivatives."""
         kinematics, measure = place.kinematics, self.measure
@@ -213,6 +255,14 @@ class StaticTorque(Hinge):
         )
 
 
+@made_once(8)
+def _loaded(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> tuple[GravityTorques, Array]:
+    """Gravity's torques of a robot with loads, and bounds on them: the same for all goals, and closer to obstacles."""
+    model = with_loads(robot, payload, attached)
+    torques = GravityTorques.of(model)
+    return torques, read_only(torques.most(model, np.stack([robot.lower, robot.upper], axis=1)))
+
+
 def static_torque(setup: Setup) -> StaticTorque | None:
     """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
@@ -221,9 +271,8 @@ def static_torque(setup: Setup) -> StaticTorque | None:
     robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
         return None
-    model = setup.loaded_model
-    torques = GravityTorques.of(model)
-    bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
+    with naming(setup.scene.source):
+        torques, bound = _loaded(robot, setup.scene.payload, setup.scene.attached)
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is NaN proves nothing
     if not len(joints):
         return None

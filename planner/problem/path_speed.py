@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.problem.terms import MotionPenalty
 from hdplan.scenes.array_types import Array
 
@@ -44,6 +45,10 @@ class PathSpeed:
     def value(self, positions: Array) -> MotionPenalty:
         """Cost, gradient and Hessian, which is exact, at waypoints (N, n); its depth is 0."""
         count, n = positions.shape
+        gradient, diagonal, coupling = np.zeros((count, n)), np.zeros((count, n, n)), np.zeros((count - 1, n, n))
+        if loops := library():
+            cost = loops.path_speed(np.ascontiguousarray(positions), self.shares, gradient, diagonal, coupling)
+            return MotionPenalty(float(cost), gradient, diagonal, coupling, np.zeros(count - 1))
         x = np.diff(positions, axis=0) * self.shares
         size = np.abs(x)
         largest = size.max(axis=1, keepdims=True)
@@ -59,7 +64,6 @@ class PathSpeed:
         second_order = (2 - P) / total[..., None] * direction[:, :, None] * direction[:, None, :]
         second_order[:, range(n), range(n)] += (P - 1) * slender
         second_order *= (count - 1) * outer[..., None] * self.shares[:, None] * self.shares
-        gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
         gradient[1:] += slope
         gradient[:-1] -= slope
         diagonal[1:] += second_order

@@ -58,8 +58,8 @@ class Objective(ABC):
         """Return a lower bound of it for all timings of waypoints (N, n)."""
         return 0.0
 
-    def unimprovable(self, path: Array, value: float) -> bool:
-        """Whether a motion along waypoints (N, n) is hardly ever improved to less than `value`."""
+    def unimprovable(self, least: float, value: float) -> bool:
+        """Whether a motion whose `least_along` is known is hardly ever improved to less than `value`."""
         return False
 
     def longest(self, value: float) -> float:
@@ -105,9 +105,9 @@ class Time(Objective):
         assert motion.duration is not None
         return motion.duration
 
-    def unimprovable(self, path: Array, value: float) -> bool:
+    def unimprovable(self, least: float, value: float) -> bool:
         """Whether even the fastest law takes SLOWEST_IMPROVED times as long, whatever its jerk."""
-        return self.retimer.quickest_along(path) > SLOWEST_IMPROVED * value
+        return least > SLOWEST_IMPROVED * value
 
     def longest(self, value: float) -> float:
         """Return the duration itself."""
@@ -122,8 +122,8 @@ class Time(Objective):
         return self.retimer.shortest(problem.start, problem.goal)
 
     def least_along(self, path: Array) -> float:
-        """Return the time that it takes with every joint at its limit of velocity."""
-        return self.retimer.shortest_along(path)
+        """Return the time of the fastest law, whatever its jerk."""
+        return self.retimer.quickest_along(path)
 
 
 class Smoothness(Objective):

@@ -1,12 +1,12 @@
 """Better motions after the first certified one, in rounds: each improves one motion, and its result is kept only if it
 is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; each that
-follows, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
-before (SAME_WAY): perhaps there is a better way around, or a better goal. To improve a motion is to solve until it has
-converged, with the penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of
-its path speed, and with its end sliding along the goal set. What promises most is retimed and certified; if it is not
-certified, the next.
+Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; the
+second, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
+before (SAME_WAY): perhaps there is a better way around, or a better goal; each that follows, the most promising of what
+is left and MORE others. To improve a motion is to solve until it has converged, with the
+penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its path speed, and
+with its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -28,14 +28,15 @@ from hdplan.planner.search.touches import NOTHING_LEFT
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT
 from hdplan.scenes.array_types import Array
 
-CLOSER = (0.5, 0.3, 0.2)  # of the activation
+CLOSER = (0.5, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
+AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
-WAYS = 8  # that are compared in a round, before the most promising one is improved
+WAYS, MORE = 8, 4  # that are compared in a round, before the most promising one is improved
 
 
 def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> None:
@@ -51,6 +52,7 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
 
     further: Iterator[tuple[int, Callable[[], Guess]]] | None = None
     improved: list[Array] = []  # the ways (N, n) that were, as they were before
+    found: list[tuple[float, int, Array]] = []  # those that were not yet, with what they promise
     for _ in range(rounds):
         best, value = searches[taken].best, searches[taken].value
         assert best is not None
@@ -63,8 +65,7 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
                 _improve(searches[taken], stages(taken), best.path, value)
             further = _further(searches, seed)
             continue
-        found: list[tuple[float, int, Array]] = []
-        for i, draw in itertools.islice(further, WAYS):
+        for i, draw in itertools.islice(further, MORE if found else WAYS):
             search = searches[i]
             if search.objective.least(search.problem) >= value:
                 continue
@@ -72,22 +73,26 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
             search.begin()
             if solution := search.clear(search.problem, guess.positions, guess.weight):
                 path = solution.trajectory.positions
-                if all(np.abs(path - other).max() > SAME_WAY for other in improved):
-                    found.append((search.objective.least_along(path), i, path))
+                found.append((search.objective.least_along(path), i, path))
+        found = [each for each in found if all(np.abs(each[2] - other).max() > SAME_WAY for other in improved)]
         if found:
-            _, i, path = min(found, key=lambda each: each[:2])
+            most = min(range(len(found)), key=lambda k: found[k][:2])
+            least, i, path = found.pop(most)
             improved.append(path)
-            if not searches[i].objective.unimprovable(path, value) and _improve(searches[i], stages(i), path, value):
+            if not searches[i].objective.unimprovable(least, value) and _improve(searches[i], stages(i), path, value):
                 taken = i
 
 
 def _improve(search: Search, stages: Sequence[Problem], path: Array, value: float) -> bool:
     """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
-    led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less than
-    `value`."""
+    led, and its end slid to where that helps, the last again where much was gained; keep the most promising motion that
+    is certified, if it costs less than `value`."""
     promise, goal, farthest = search.objective.least_along, path[-1], FARTHEST
-    found: list[Array] = []
-    for stage in stages:
+    found: list[tuple[float, Array]] = []
+    led = [np.inf]  # what each stage promised
+    for turn, stage in enumerate([*stages, *AGAIN * [stages[-1]]]):
+        if turn >= len(stages) and led[-1] > (1.0 - MUCH) * led[-2]:
+            break
         problem = replace(stage, goal=goal)
         solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED)
         if solution is None:
@@ -95,24 +100,26 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
         before, path = path, solution.trajectory.positions
         if found and np.abs(path - before).max() < UNCHANGED:  # nothing is close: it is the same for those that follow
             break
-        found.append(path)
+        found.append((promise(path), path))
         end = search.slide(problem, solution, farthest) if search.slide else None
         if end is not None:
             moved = path + np.linspace(0.0, 1.0, len(path))[:, None] * (end - goal)
             solution = search.clear(replace(stage, goal=end), moved, solution.weight, CONVERGED)
-            if solution and promise(solution.trajectory.positions) < promise(path):
-                found.append(path := solution.trajectory.positions)
+            slid = promise(solution.trajectory.positions) if solution else np.inf
+            if solution and slid < found[-1][0]:
+                found.append((slid, path := solution.trajectory.positions))
                 goal = end
             else:
                 farthest *= SHORTER
+        led.append(found[-1][0])
     enough = (1.0 - GAIN) * value
-    for path in sorted(found, key=promise):
-        if promise(path) >= enough:
+    for least, path in sorted(found, key=lambda each: each[0]):
+        if least >= enough:
             break
         motions = search.timed(path, enough)
         if search.keep(path, motions):
             return True
-        if not motions and promise(path) > 0.0:  # those behind it promise even less
+        if not motions and least > 0.0:  # those behind it promise even less
             break
     return False
 

@@ -1,12 +1,11 @@
-"""What each limit of a scene means for the timing: a constraint for TOPP-RA, and a factor by which to stretch time.
+"""What each limit of a scene means for the timing: rows for the fastest law, and a factor by which to stretch time.
 
 When a motion is stretched in time by k, velocities fall by k, accelerations by k², and jerks by k³.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -14,6 +13,7 @@ from scipy.interpolate import BSpline
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
 from hdplan.scenes.array_types import Array
 
 MARGIN = 1e-6  # [–] of a limit that is left unused
@@ -31,8 +31,8 @@ class PathSamples(NamedTuple):
 class TimingLimit(Protocol):
     """One limit of a scene."""
 
-    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return TOPP-RA's constraint on a path at the points of a grid; None if it has none for this limit."""
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it on a path at the points of `grid`; None if the fastest law does not know this limit."""
         ...
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
@@ -52,18 +52,16 @@ class RateLimit:
         """Take the order of the derivative and its greatest absolute values."""
         self.order, self.limit = order, limit
 
-    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return toppra's own, for velocities and accelerations."""
-        return self._toppras
-
-    @cached_property
-    def _toppras(self) -> Any | None:
-        """It is the same on every path, and its making takes longer than its use."""
-        from toppra import constraint
-
-        both = np.stack([-self.limit, self.limit], axis=1)
-        known = {1: constraint.JointVelocityConstraint, 2: constraint.JointAccelerationConstraint}
-        return known[self.order](both) if self.order in known else None
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it, for velocities and accelerations."""
+        if self.order > 2:
+            return None
+        slope = spline(grid(), 1)
+        if self.order == 2:
+            return PathRows.both(slope, spline(grid(), 2), np.zeros_like(slope), self.limit)
+        with np.errstate(divide="ignore"):
+            most = np.minimum(self.limit / np.abs(slope), MOST).min(axis=1, keepdims=True) ** 2
+        return PathRows(np.zeros_like(most), np.ones_like(most), most)
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it by the chain rule."""

@@ -7,11 +7,10 @@ rows are executed and certified.
 points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing approximation):
 twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
 
-*The time law* (`time_laws`). The fastest one within the limits is TOPP-RA's (Pham & Pham, "A New Approach to
-Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched
-in time until every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is
-chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no obstacle moves, it is
-the fastest law, stretched to the duration.
+*The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window,
+then stretched in time until every limit holds on the executed curve (`limits`). Of several windows the one with the
+shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
+obstacle moves, it is the fastest law, stretched to the duration.
 
 *Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
 (`moving_ends`).
@@ -33,6 +32,7 @@ from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
+from hdplan.planner.timing.time_optimal import time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
@@ -45,7 +45,6 @@ WINDOWS = 20  # lengths of the averaging window that are tried
 FIRST_TRIED = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
-CHORDS = 100  # of a path, to bound its time
 SAMPLES = 400  # of a law, to compare windows
 STRETCHES = 20  # at most, each a little longer than needed
 TRIED = 8  # shorter durations that are tried
@@ -94,14 +93,6 @@ class Retimer:
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
         return least_time(goal - start, self.rates)
-
-    def shortest_along(self, path: Array) -> float:
-        """A time [s] that no motion along waypoints (N, n) undercuts, by the joints' velocities alone: a chord of the
-        path is not longer than its arc, whatever the norm."""
-        if "velocity" not in self.rates:
-            return 0.0
-        chords = np.diff(smooth(path)(np.linspace(0.0, 1.0, CHORDS + 1)), axis=0)
-        return float((np.abs(chords) / self.rates["velocity"]).max(axis=1).sum())
 
     def quickest_along(self, path: Array) -> float:
         """The time [s] of the fastest law along waypoints (N, n), whatever its jerk; ∞ where there is none."""
@@ -245,11 +236,9 @@ class Retimer:
         return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
 
     def _time_optimal(self, spline: BSpline) -> Stepwise:
-        """Return the fastest law within the limits known to TOPP-RA."""
-        from hdplan.planner.timing.time_optimal import grid, time_optimal  # toppra takes 0.3 s to import
-
-        asked = [limit.constraint(spline, grid()) for limit in self.limits]
-        return time_optimal(spline, [constraint for constraint in asked if constraint is not None])
+        """Return the fastest law within the limits that it knows."""
+        asked = [limit.rows(spline) for limit in self.limits]
+        return time_optimal([rows for rows in asked if rows is not None])
 
     def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
         """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""

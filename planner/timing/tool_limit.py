@@ -7,17 +7,15 @@ Both are sampled here, not bounded; the certificate bounds them.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.interpolate import BSpline
-from toppra.constraint import LinearConstraint
 
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
+from hdplan.planner.timing.time_optimal import PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
@@ -43,9 +41,18 @@ class ToolLimit:
         given = {1: follow.speed, 2: follow.acceleration}
         self.most = {order: (1.0 - MARGINS[order]) * value for order, value in given.items() if value is not None}
 
-    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return it on a path at the points of a grid."""
-        return _ToolConstraint(*self._slopes(spline, grid), self.most, spline.c.shape[1])
+    def rows(self, spline: BSpline) -> PathRows:
+        """Return it on a path at the points of `grid`."""
+        slope, bend = self._slopes(spline, grid())
+        size = np.linalg.norm(slope, axis=1)
+        way = slope / np.maximum(size, STANDS)[:, None]
+        along = (bend * way).sum(axis=1)
+        across = np.linalg.norm(bend - along[:, None] * way, axis=1)
+        found = [(0.0 * size, size**2, self.most[1] ** 2)] if 1 in self.most else []
+        for one, other in DIRECTIONS if 2 in self.most else ():
+            found.append((one * size, one * along + other * across, INSCRIBED * self.most[2]))
+        a, b, c = zip(*found, strict=True)
+        return PathRows(np.stack(a, axis=1), np.stack(b, axis=1), np.tile(c, (len(size), 1)))
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it at the samples."""
@@ -83,29 +90,3 @@ class ToolLimit:
         origin = state.rotations[:, self.joint] @ self.point + state.translations[:, self.joint]
         moved = (state.linear + np.cross(state.angular, origin[:, None])) * self.arm.supports[self.joint][:, None]
         return np.asarray(self.robot.fold(moved.transpose(0, 2, 1)))
-
-
-class _ToolConstraint(LinearConstraint):  # type: ignore[misc]
-    """F (a ü + b u̇² + c) ≤ g at the points of a grid on one path."""
-
-    def __init__(self, slope: Array, bend: Array, most: dict[int, float], dof: int) -> None:
-        """Take p' and p'' (k, 3) at the grid's points."""
-        super().__init__()
-        self.dof, self.identical = dof, True
-        size = np.linalg.norm(slope, axis=1)
-        way = slope / np.maximum(size, STANDS)[:, None]
-        along = (bend * way).sum(axis=1)
-        across = np.linalg.norm(bend - along[:, None] * way, axis=1)
-        none, rows, bounds = np.zeros_like(size), [], []
-        if 1 in most:
-            rows.append((none, size**2))
-            bounds.append(most[1] ** 2)
-        for one, other in DIRECTIONS if 2 in most else ():
-            rows.append((one * size, one * along + other * across))
-            bounds.append(INSCRIBED * most[2])
-        self.a, self.b = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
-        self.g = np.array(bounds)
-
-    def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-        """Return a, b, c, F, g; the path and its grid are those of the slopes."""
-        return self.a, self.b, np.zeros_like(self.a), np.eye(len(self.g)), self.g, None, None

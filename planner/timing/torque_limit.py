@@ -6,19 +6,19 @@ Torques are sampled here, not bounded; the certificate bounds them.
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+import math
 
 import numpy as np
 from scipy.interpolate import BSpline
-from toppra.constraint import LinearConstraint
 
 from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
+from hdplan.planner.timing.time_optimal import GRID, PathRows, grid
 from hdplan.scenes.array_types import Array
 
-SAMPLES = 2  # per interval between two rows
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
 LEAST_MARGIN = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
 
@@ -29,25 +29,36 @@ class TorqueLimit:
     def __init__(self, setup: Setup) -> None:
         """Build the dynamics. Raises InputError for loads that do not match the robot."""
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
+        self._along = functools.lru_cache(maxsize=1)(self._at_grid)
 
-    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return the torque constraint on a path; None if gravity alone exceeds a limit: then no time law helps, and
-        the certificate says where."""
-        torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-        return None if self._too_heavy(torques.c) else _TorqueConstraint(torques, (1 - MARGIN) * self.limit)
+    def _at_grid(self, spline: BSpline) -> PathTorques:
+        return self.dynamics.coefficients(*(spline(grid(), order) for order in range(3)))
+
+    def rows(self, spline: BSpline) -> PathRows | None:
+        """Return it on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
+        and the certificate says where."""
+        along = self._along(spline)
+        return None if self._too_heavy(along.c) else PathRows.both(along.a, along.b, along.c, (1 - MARGIN) * self.limit)
 
     def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Compute it at the samples."""
-        (slope, bend, _), (first, second, _) = samples.slopes, samples.rates
-        drive = self.dynamics.coefficients(samples.path(samples.u), slope, bend)
-        return self._stretch(drive.a * second + drive.b * first**2, drive.c)
+        """Compute it at the samples, from torques at the path's grid and even between them."""
+        along = self._along(samples.path)
+        where = np.clip(samples.u, 0.0, 1.0) * GRID
+        before = np.minimum(where.astype(np.int64), GRID - 1)
+        share = (where - before)[:, None]
+        a, b, c = ((1.0 - share) * each[before] + share * each[before + 1] for each in (along.a, along.b, along.c))
+        first, second, _ = samples.rates
+        return self._stretch(a * second + b * first**2, c)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""
-        parameters = np.linspace(0.0, 1.0, SAMPLES * (len(curve) - 1) + 1)
-        q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
-        gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
-        return float(self._stretch(self.dynamics.torques(q, v, a) - gravity, gravity).max(initial=0.0))
+        q, v, a = (evenly(curve.over_time(order)) for order in range(3))
+        count = len(q)
+        both = self.dynamics.torques(
+            *(np.concatenate([each, rest]) for each, rest in ((q, q), (v, 0.0 * v), (a, 0.0 * a)))
+        )
+        moving, gravity = both[:count], both[count:]
+        return float(self._stretch(moving - gravity, gravity).max(initial=0.0))
 
     def _stretch(self, moving: Array, gravity: Array) -> Array:
         """Return the k (m,) by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); 0 if
@@ -63,18 +74,8 @@ class TorqueLimit:
         return bool((np.abs(gravity) > (1 - LEAST_MARGIN) * self.limit).any())
 
 
-class _TorqueConstraint(LinearConstraint):  # type: ignore[misc]
-    """−limits ≤ a ü + b u̇² + c ≤ limits at the points of a grid on one path; toppra's own constraint would compute the
-    torques one point at a time."""
-
-    def __init__(self, torques: PathTorques, limits: Array) -> None:
-        """Take the torques at the grid's points and limits (n,)."""
-        super().__init__()
-        self.torques, self.limits = torques, limits
-        self.dof = len(limits)
-        self.identical = True  # F and g are the same at all points
-
-    def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-        """Return a, b, c, F, g of F (a ü + b u̇² + c) ≤ g; the path and its grid are those of the torques."""
-        both = np.vstack([np.eye(self.dof), -np.eye(self.dof)])
-        return self.torques.a, self.torques.b, self.torques.c, both, np.tile(self.limits, 2), None, None
+def evenly(curve: Curve) -> Array:
+    """Return the values of a curve (2 N − 1, n) at its rows and half way between them."""
+    weights = np.array([math.comb(curve.degree, i) for i in range(curve.degree + 1)]) / 2.0**curve.degree
+    values = np.stack([curve.control[:, 0], np.einsum("d,kdn->kn", weights, curve.control)], axis=1)
+    return np.concatenate([values.reshape(-1, values.shape[2]), curve.control[-1:, -1]])

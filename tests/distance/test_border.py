@@ -12,6 +12,7 @@ import sys
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,11 @@ from hdplan.planner.collision import separation_loop
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.gravity_torque import static_torque
+from hdplan.planner.problem.path_speed import PathSpeed
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -46,6 +52,7 @@ OPTIONAL = {
     "side": {"parts"},
     "penalties": {"weight"},
     "term": {"solids"},
+    "gravity_hinge": {"weight"},
 }
 FREE = {
     "tables": {("planes", 0)},
@@ -86,6 +93,13 @@ def run_scenes() -> None:
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)
     hulls = (n, corners), (1, corners + 3.0)
+    heavy = static_torque(Setup(replace(problem.scene, limits=Limits(torque=(1.0,) * n)), problem.robot))
+    assert heavy is not None
+    heavy.at_samples(problem.placed(problem.samples.configurations(problem.polyline())), problem.samples)
+    heavy.depth(kinematics)
+    PathSpeed(np.ones(n)).value(problem.polyline())
+    slope = np.ones((GRID + 1, n))
+    time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
 
 

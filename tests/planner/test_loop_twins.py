@@ -14,7 +14,8 @@ from hdplan.planner.kinematics import forward
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.problem import samples
+from hdplan.planner.problem import pace, samples
+from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.solvers import newton_step
@@ -77,6 +78,22 @@ def test_newton_step(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(newton_step, "library", lambda: None)
     twin = newton_step.newton_step(problem, positions, state, 1e-3)
     np.testing.assert_allclose(found, twin, rtol=1e-7, atol=1e-9 * np.abs(twin).max())
+
+
+@pytest.mark.parametrize("waypoints", [1, 2, 6])
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_pace(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Joints without a limit, steps that stand, and steps of any size."""
+    rng = np.random.default_rng(waypoints + 10 * n)
+    cost = PathSpeed(rng.choice([0.1, 2.0, np.inf], n, p=[0.4, 0.4, 0.2]) if n > 1 else np.ones(1))
+    for size in (1e-12, 1.0, 1e6):
+        positions = np.cumsum(size * rng.normal(size=(waypoints, n)) * rng.choice([0.0, 1.0], (waypoints, 1)), axis=0)
+        loop = cost.value(positions)
+        with monkeypatch.context() as patch:
+            patch.setattr(pace, "library", lambda: None)
+            twin = cost.value(positions)
+        for found, expected in zip(vars(loop).values(), vars(twin).values(), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])

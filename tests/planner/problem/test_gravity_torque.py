@@ -10,12 +10,14 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, Status
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.gravity_torque import GravityTorques, static_torque
+from hdplan.planner.problem import gravity_torque
+from hdplan.planner.problem.gravity_torque import GravityMeasure, GravityTorques, StaticTorque, static_torque
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -116,6 +118,28 @@ def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
         slope = (ahead.cost - behind.cost) / (2 * step)
         assert value.gradient[:, joint].sum() == pytest.approx(slope, rel=1e-5, abs=1e-9)
     assert (np.linalg.eigvalsh(value.curvature) >= -1e-12).all()
+
+
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@pytest.mark.parametrize("name", ["panda", "tiago", "baxter"])
+def test_loop_and_twin_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chains, a torso that slides and two arms; where no joint, one or all are overloaded."""
+    rng, robot = np.random.default_rng(8), load_robot(RobotSpec(name=name))
+    torques = GravityTorques.of(robot.model)
+    kinematics = Kinematics(robot.model).evaluate(robot.expand(robot.draw(rng, 40)))
+    largest = np.maximum(np.abs(torques.torque(kinematics)).max(axis=0), 1e-3)
+    for share in (2.0, 0.9, 0.1, 1e-9):
+        joints = np.flatnonzero(rng.random(len(largest)) < 0.7)
+        measure = GravityMeasure(torques, joints, share * rng.uniform(0.7, 1.3, len(joints)) * largest[joints])
+        term, samples = StaticTorque("static torque", measure, 0.02), Samples((40,))
+        loop, depth = term.at_samples(kinematics, samples), term.depth(kinematics)
+        with monkeypatch.context() as patch:
+            patch.setattr(gravity_torque, "library", lambda: None)
+            twin = term.at_samples(kinematics, samples)
+            assert depth == pytest.approx(term.depth(kinematics), rel=1e-12, abs=1e-12)
+        assert (loop is None) == (twin is None) == (share > 1.5)
+        for found, expected in zip(vars(loop).values(), vars(twin).values(), strict=True) if loop and twin else ():
+            assert found == pytest.approx(expected, rel=1e-9, abs=1e-11 * float(np.abs(expected).max()))
 
 
 def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:

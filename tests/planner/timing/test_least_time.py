@@ -68,7 +68,7 @@ def test_no_planned_motion_is_shorter(limits: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_timing_of_a_path_undercuts_its_shortest(seed: int) -> None:
+def test_no_timing_of_a_path_undercuts_its_fastest_law(seed: int) -> None:
     rng = np.random.default_rng(seed)
     limits = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
     retimer = Retimer(Setup.of(replace(load_scene("panda_bookshelf"), limits=limits)))
@@ -77,4 +77,4 @@ def test_no_timing_of_a_path_undercuts_its_shortest(seed: int) -> None:
     path = np.stack([np.interp(np.linspace(0, 2, 32), [0, 1, 2], column) for column in corners.T], axis=1)
     motion = retimer(Trajectory(robot.joint_names, path, robot.locked)).trajectory
     assert motion.duration is not None
-    assert 0.5 * motion.duration < retimer.shortest_along(path) <= motion.duration
+    assert 0.5 * motion.duration < retimer.quickest_along(path) <= motion.duration
