@@ -55,7 +55,7 @@ class TorqueRateLimit:
     def __init__(self, setup):
         self.setup = setup
 
-    def constraint(self, spline, grid):
+    def rows(self, spline):
         return None
 
     def stretch_of_law(self, samples):
