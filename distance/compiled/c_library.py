@@ -68,6 +68,15 @@ BY_COLUMNS = """\
       }
 """
 
+# Its smallest helpers (a square, fmin), which BRIEF would call for every number of a loop.
+HELPERS = re.compile(r"^casadi_real (casadi_\w+\(casadi_real x(?:, casadi_real y)?\) \{)", re.MULTILINE)
+INLINED = r"static __inline__ __attribute__((always_inline)) casadi_real \1"
+
+
+def quicker(source: str) -> str:
+    """The same C with loops that run faster, to the same bits."""
+    return HELPERS.sub(INLINED, source.replace(WAITING, BY_COLUMNS))
+
 
 def _cached(home: Path, stem: str, load: Callable[[str], Library]) -> Library | None:
     """Return an intact library of this stem from the disk cache."""
@@ -125,7 +134,7 @@ def loaded(name: str, source: str, load: Callable[[str], Library], more: tuple[s
     A cached file has its own checksum in its name: loading a damaged one would crash the process.
     """
     with compiling():
-        return _loaded(name, source.replace(WAITING, BY_COLUMNS), load, more)
+        return _loaded(name, quicker(source), load, more)
 
 
 def address(array: NDArray[Any]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
-from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.closed import ClosedForm, closed_function
 from hdplan.distance.symbolic.compiled_pair import twist_function
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.distance.symbolic.rigid_motions import bracket
@@ -51,7 +51,7 @@ def hdsdf_function(
             own = (turned, bracket(part)) if i == j else (0, 0)
             curvatures[i].append(up @ (block + own[1]) @ lifts[j][1].T + own[0])
     value = twisted(0)[0] + rigid_or_nan(pose_a, pose_b)
-    closed = closed_function("hdsdf", [pose_a, pose_b], value, slopes, curvatures)
+    closed = closed_function("hdsdf", [pose_a, pose_b], ClosedForm(value, slopes, curvatures))
     names = ["pose_a", "pose_b"], ["distance"]
     return ca.Function("hdsdf", [pose_a, pose_b], [closed(pose_a, pose_b)], *names, {"always_inline": True})
 

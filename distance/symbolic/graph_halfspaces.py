@@ -11,7 +11,7 @@ import functools
 
 import casadi as ca
 
-from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.closed import ClosedForm, closed_function
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.rigid_motions import bracket, by_entries, twice_by_entries
 
@@ -34,7 +34,8 @@ def halfspace_function(vertices: int, planes: int, gamma: int, shaping_length: f
         twice_by_entries()(placed, push, hessian) for placed, push in zip(placements, (wrench, -wrench), strict=True)
     )
     across = up_a @ (-hessian - bracket(wrench)) @ up_b.T
-    found = closed_function("halfspaces", placements, value, slopes, [[own_a, across], [across.T, own_b]], fixed)
+    form = ClosedForm(value, slopes, [[own_a, across], [across.T, own_b]])
+    found = closed_function("halfspaces", placements, form, fixed)
     return ca.Function(
         "halfspaces", given, [found(*given)], kernels[0].name_in(), ["distance"], {"always_inline": True}
     )

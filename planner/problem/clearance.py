@@ -28,9 +28,8 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
-    import casadi as ca
-
-    from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
+    from hdplan.distance.symbolic.closed import ClosedForm
+    from hdplan.planner.problem.symbolic_place import SymbolicPlace
 
 
 @dataclass(frozen=True)
@@ -87,16 +86,15 @@ class PairTerm(Term):
         """For the loops in C, if the distance is one of them."""
         return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs | ExactPairs) else None
 
-    def _written(self, place: SymbolicPlace | SymbolicMotion, ends: int) -> ca.Function:
-        """The penalty of one configuration, or of one interval, in symbols."""
+    def _written(self, places: Sequence[SymbolicPlace]) -> ClosedForm:
+        """The penalty of one configuration, or of one interval between two, in symbols."""
         from hdplan.planner.collision.growth import growths
-        from hdplan.planner.problem.pair_symbols import clearance_function
+        from hdplan.planner.problem.pair_symbols import clearance_form
 
         if not isinstance(self.distance, HdsdfPairs):
             raise InputError(f"form: {self.distance.how} is not written in symbols; allowed: external")
-        of_pairs = self.pairs, growths(self.pieces), self.distance.gamma, self.distance.shaping_length
-        frames = place.frames.shape[1]
-        return clearance_function(place.kinematics, *of_pairs, frames, place.exact, ends, place.movable)
+        shaped = self.distance.gamma, self.distance.shaping_length
+        return clearance_form(places, self.pairs, growths(self.pieces), *shaped)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
@@ -133,9 +131,9 @@ class Clearance(PairTerm):
             depth[seen] = np.maximum.reduceat(-inside.separation, starts)
         return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+    def written_at_sample(self, place: SymbolicPlace) -> ClosedForm:
         """Σ_pairs ½ min(D, 0)²."""
-        return self._written(place, 1)(place.q, place.frames)
+        return self._written([place])
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
         """Σ_pairs w_s D ∇²D at the samples."""

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, band_below
@@ -195,22 +195,18 @@ class StaticTorque(Hinge):
 
     measure: GravityMeasure
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+    def written_at_sample(self, place: SymbolicPlace) -> ClosedForm:
         """Σ ½ max(|v| − (t − b), 0)², with the torques' closed derivatives."""
-        kinematics, measure = place.kinematics, self.measure
-        q = ca.MX.sym("q", kinematics.n)
-        own = SymbolicPlace(kinematics, q, ca.MX(15, 0), place.exact)
-        torque, slopes, bent = measure.torques.written()(own.placements, own.columns)
+        n, measure = place.kinematics.n, self.measure
+        torque, slopes, bent = measure.torques.written()(place.placements[:, : place.kinematics.nj], place.columns)
         rows, scale = measure.joints.tolist(), ca.DM(ARM / measure.limits)
         value, by_q = scale * torque[rows], ca.diag(scale) @ slopes[rows, :]
         beyond = ca.fmax(ca.fabs(value) - ca.DM(measure.bound - band_below(measure.bound)), 0)
         push = beyond * ca.sign(value)
         curvature = by_q.T @ ca.diag(beyond > 0) @ by_q
         if place.exact:
-            curvature += ca.reshape(bent[:, rows] @ (push * scale), kinematics.n, kinematics.n)
-        return closed_function("torque", [q], ca.sumsqr(beyond) / 2, [push.T @ by_q], [[ca.densify(curvature)]])(
-            place.q
-        )
+            curvature += ca.reshape(bent[:, rows] @ (push * scale), n, n)
+        return ClosedForm(ca.sumsqr(beyond) / 2, [push.T @ by_q], [[curvature]])
 
 
 def static_torque(setup: Setup) -> StaticTorque | None:

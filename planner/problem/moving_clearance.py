@@ -28,8 +28,7 @@ from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    import casadi as ca
-
+    from hdplan.distance.symbolic.closed import ClosedForm
     from hdplan.planner.problem.symbolic_place import SymbolicPlace
 
 
@@ -59,7 +58,7 @@ class MovingClearance(Clearance):
         """Σ_pairs w_s D ∇²D at the samples; the obstacles' places do not depend on the motion."""
         return super().second_order(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+    def written_at_sample(self, place: SymbolicPlace) -> ClosedForm:
         """That of standing obstacles, as the frames that carry these are where they are at the sample's time."""
         return super().written_at_sample(place)
 

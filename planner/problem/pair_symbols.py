@@ -1,7 +1,7 @@
 """Clearance of body pairs in symbols: Σ_pairs ½ min(D, 0)² at one configuration, or at the two ends of an interval.
 
-In: the pairs. Out: one Function of joint values and of the frames that carry obstacles, by how much these have grown
-included, with first and second derivatives in closed form. It goes through the convex pieces one by one, and where a
+In: the pairs. Out: a closed form, first and second derivatives included, of joint values and of the frames that carry
+obstacles, with how much these have grown. It goes through the convex pieces one by one, and where a
 link body is near a piece through all link bodies (`one_pair`): so what is far away costs next to nothing in generated
 code.
 """
@@ -17,11 +17,10 @@ import casadi as ca
 import numpy as np
 
 from hdplan.distance.symbolic.all_planes import SIZES
-from hdplan.distance.symbolic.closed import CLOSED, closed_function
+from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.distance.symbolic.rigid_motions import by_entries, twice_by_entries
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.growth import Growths
-from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.one_pair import UNBRANCHED, PairKind, ball, box_seen, pair, pair_second_order, total, where
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array, Rows
@@ -29,26 +28,17 @@ from hdplan.scenes.array_types import Array, Rows
 FRAME = 12 + SIZES  # numbers of a frame: its placement, and by how much the sizes of what it carries have changed
 
 
-def clearance_function(
-    kinematics: Kinematics,
-    pairs: BodyPairs,
-    growths: Growths,
-    gamma: int,
-    shaping_length: float,
-    frames: int,
-    exact: bool,
-    ends: int = 1,
-    movable: bool = True,
-) -> ca.Function:
-    """Return the Function (q (n,) at each of `ends` configurations, frames (15, F)) -> penalty.
+def clearance_form(
+    places: Sequence[SymbolicPlace], pairs: BodyPairs, growths: Growths, gamma: int, shaping_length: float
+) -> ClosedForm:
+    """Return the penalty of one configuration, or of an interval between two: D is then that of the first body swept
+    between them. Derivatives are by the joint values of each, and by the frames (15, F) where these are movable.
 
-    Joints of the pairs beyond the robot's are frames. Without `exact` the second derivative is that of the residuals'
-    squares alone, Σ ∇D ∇Dᵀ where D < 0. With two ends D is that of the first body swept between them. Without `movable`
-    it has no derivatives by the frames.
+    Joints of the pairs beyond the robot's are frames. Where the places are not exact the second derivative is that of
+    the residuals' squares alone, Σ ∇D ∇Dᵀ where D < 0.
     """
-    carried = ca.MX.sym("frames", FRAME, frames)
-    values = [ca.MX.sym(f"q{k}", kinematics.n) for k in range(ends)]
-    places = [SymbolicPlace(kinematics, q, carried, exact, movable) for q in values]
+    kinematics, carried, ends = places[0].kinematics, places[0].frames, len(places)
+    exact, movable, frames = places[0].exact, places[0].movable, carried.shape[1]
     n, joints = kinematics.n, kinematics.nj
     changes = ca.horzcat(ca.MX.zeros(SIZES, joints), carried[12:, :])  # links do not grow
     value, slope = ca.MX(0), ca.MX.zeros(n * ends)
@@ -80,11 +70,9 @@ def clearance_function(
     slopes = [each.T for each in ca.vertsplit(slope, n)]
     curvatures = [ca.horzsplit(row, n) for row in ca.vertsplit(hessian, n)]
     if not movable:
-        return _handed_over(values, [carried], [value, *slopes], curvatures)
+        return ClosedForm(value, slopes, curvatures)
     of_frames = _slope(carried[:12, :], pushed, grown)
-    return _handed_over(
-        [*values, carried], [], [value, *slopes, of_frames], _with_frames(curvatures, carried[:12, :], bent)
-    )
+    return ClosedForm(value, [*slopes, of_frames], _with_frames(curvatures, carried[:12, :], bent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,21 +226,6 @@ def _with_frames(curvatures: list[list[ca.MX]], placements: ca.MX, bent: Sequenc
         across, within = _to_entries(n * len(curvatures)).map(frames)(placements, *bent)
     found = [[*row, part] for row, part in zip(curvatures, ca.vertsplit(across, n), strict=True)]
     return [*found, [*(row[-1].T for row in found), ca.diagcat(*ca.horzsplit(within, FRAME))]]
-
-
-def _handed_over(
-    given: list[ca.MX], fixed: list[ca.MX], known: list[ca.MX], curvatures: list[list[ca.MX]]
-) -> ca.Function:
-    """The Function of a value and its slopes that are known together: one evaluation serves both, as they are handed
-    over by a Function that has no derivative itself. CasADi looks for what they depend on in their expressions, so that
-    these have to name it."""
-    every = [*given, *fixed]
-    evaluated = ca.Function("pairs", every, known, CLOSED | {"is_diff_in": [False] * len(every)})
-    handed = [ca.MX.sym(f"known{k}", part.sparsity()) for k, part in enumerate(known)]
-    zero = ca.fmin(total([ca.sumsqr(each) for each in given]), 0)
-    value, *slopes = (part + zero for part in handed)
-    closed = closed_function("clearance", given, value, slopes, curvatures, [*fixed, *handed])
-    return ca.Function("clearance", every, [closed(*every, *evaluated.call(every))], {"always_inline": True})
 
 
 def _selection(carrier: Rows, count: int) -> ca.DM:

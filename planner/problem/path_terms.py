@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, band_below
 from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
@@ -57,7 +58,7 @@ class PathTerm(Hinge):
 
     measure: WrittenMeasure
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX:
+    def written_at_sample(self, place: SymbolicPlace) -> ClosedForm:
         """Σ ½ |r|²."""
         return place.half_square(self._residual, self.measure.carriers)
 

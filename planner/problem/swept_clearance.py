@@ -116,10 +116,12 @@ class SweptClearance(PairTerm):
         """h Σ_intervals Σ_pairs ½ min(D, 0)²."""
         import casadi as ca
 
-        count = motion.first.shape[1]
-        each = self._written(motion, 2).map(count)
+        from hdplan.planner.problem.closed_sum import closed_sum
+
+        count, places = motion.first.shape[1], motion.ends()
+        each = closed_sum("intervals", places, self._written(places), np.full(count, 1 / count))
         ends = motion.first, motion.first + motion.step
-        return ca.sum2(each(*ends, ca.repmat(motion.frames, 1, count))) / count
+        return each(*ends, ca.repmat(motion.frames, 1, count))
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""

@@ -11,10 +11,11 @@ from __future__ import annotations
 import copy
 import functools
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,7 @@ from hdplan.distance.symbolic.all_planes import SIZES
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
 from hdplan.planner.collision.growth import sizes_of
 from hdplan.planner.problem.assemble import on_frames
+from hdplan.planner.problem.closed_sum import closed_sum
 from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 from hdplan.planner.problem.terms import Term
 from hdplan.scenes.array_types import Array
@@ -173,14 +175,13 @@ class SymbolicPenalty:
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
         result = mark
         if at_sample:
-            options: Any = {"never_inline": True, "is_diff_in": [True, self.movable]}
-            mapped = ca.Function("sample", [q, carried], [sum(at_sample, ca.MX(0))], options).map(count)
             frames = ca.vertcat(ca.MX(0, count), *moving, ca.repmat(ca.vec(standing), 1, count))
             by_sample = ca.reshape(frames, FRAME, len(self.obstacles) * count)
-            result += mapped(looks, by_sample) @ ca.DM(samples.weight)
+            form = functools.reduce(operator.add, at_sample)
+            result += closed_sum("samples", [place], form, samples.weight)(looks, by_sample)
         still = ca.horzcat(ca.MX.zeros(FRAME, len(moving)), standing)
         motion = SymbolicMotion(kinematics, first, step, still, self.exact, self.movable)
-        over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
+        over_motion = [whole for term in terms if (whole := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
 
     def _frames(self, places: ca.MX) -> tuple[list[ca.MX], ca.MX, ca.MX]:

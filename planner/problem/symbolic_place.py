@@ -13,7 +13,7 @@ from typing import Protocol
 
 import casadi as ca
 
-from hdplan.distance.symbolic.closed import closed_function
+from hdplan.distance.symbolic.closed import ClosedForm
 from hdplan.distance.symbolic.rigid_motions import bracket
 from hdplan.planner.kinematics.forward import Kinematics
 
@@ -64,11 +64,26 @@ class SymbolicPlace:
         """Of a joint (3,) [m]."""
         return self._state[0][9:, joint]
 
-    def half_square(self, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...]) -> ca.MX:
+    def half_square(self, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...]) -> ClosedForm:
         """½ |r|² of residuals r, an expression of the places of `carriers`, joints. By these joints' motions it is
         differentiated, and by q with their screws: CasADi's own derivatives, through the whole tree, are many times as
         long."""
-        return _of_carriers(self.kinematics, residual, carriers, self.exact)(self.q)
+        joints, n = sorted(set(carriers)), self.kinematics.n
+        kernel = _by_motions(residual, joints, self.exact)
+        value, wrench, curved = kernel(ca.DM.zeros(6 * len(joints)), *(self.placements[:, joint] for joint in joints))
+        moves = [ca.DM(self.kinematics.supports[joint].astype(float)[None]) for joint in joints]
+        screws = [self.columns * ca.repmat(carried, 6, 1) for carried in moves]
+        wrenches = ca.vertsplit(wrench, 6)
+        blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(curved, 6)]
+        slope, hessian = ca.MX.zeros(1, n), ca.MX.zeros(n, n)
+        for one, by, row in zip(screws, wrenches, blocks, strict=True):
+            slope += by.T @ one
+            for block, other in zip(row, screws, strict=True):
+                hessian += one.T @ block @ other
+            if self.exact:
+                upper = ca.triu(-one.T @ bracket(by) @ one, False)  # joints come in the order of the tree
+                hessian += upper + upper.T
+        return ClosedForm(value, [slope], [[hessian]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,38 +103,16 @@ class _Moved:
         return origin + step + ca.cross(motion[3:], step) / 2
 
 
-def _of_carriers(
-    kinematics: Kinematics, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...], exact: bool
-) -> ca.Function:
-    """½ |r|² as a Function of q, closed."""
-    joints = sorted(set(carriers))
+def _by_motions(residual: Callable[[JointPlaces], ca.MX], joints: list[int], exact: bool) -> ca.Function:
+    """From motions (0) and placements of joints to ½ |r|², and its derivatives by the motions."""
     placements = {joint: ca.MX.sym(f"placement{joint}", 12) for joint in joints}
     motion = ca.MX.sym("motion", 6 * len(joints))
     found = residual(_Moved(placements, dict(zip(joints, ca.vertsplit(motion, 6), strict=True))))
     by_motion = ca.jacobian(found, motion)
     wrench = by_motion.T @ found
     curved = ca.jacobian(wrench, motion) if exact else by_motion.T @ by_motion
-    moved = ca.Function(
-        "moved", [motion, *placements.values()], [ca.densify(part) for part in (ca.sumsqr(found) / 2, wrench, curved)]
-    )
-    kernel = moved.expand()
-
-    q = ca.MX.sym("q", kinematics.n)
-    place = SymbolicPlace(kinematics, q, ca.MX(15, 0), exact)
-    value, wrench, curved = kernel(ca.DM.zeros(motion.numel()), *(place.placements[:, joint] for joint in joints))
-    moves = [ca.DM(kinematics.supports[joint].astype(float)[None]) for joint in joints]
-    screws = [place.columns * ca.repmat(carried, 6, 1) for carried in moves]
-    wrenches = ca.vertsplit(wrench, 6)
-    blocks = [ca.horzsplit(row, 6) for row in ca.vertsplit(curved, 6)]
-    slope, hessian = ca.MX.zeros(1, kinematics.n), ca.MX.zeros(kinematics.n, kinematics.n)
-    for one, by, row in zip(screws, wrenches, blocks, strict=True):
-        slope += by.T @ one
-        for block, other in zip(row, screws, strict=True):
-            hessian += one.T @ block @ other
-        if exact:
-            upper = ca.triu(-one.T @ bracket(by) @ one, False)  # joints come in the order of the tree
-            hessian += upper + upper.T
-    return closed_function("half_square", [q], value, [slope], [[hessian]])
+    results = [ca.densify(part) for part in (ca.sumsqr(found) / 2, wrench, curved)]
+    return ca.Function("moved", [motion, *placements.values()], results).expand()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,3 +125,12 @@ class SymbolicMotion:
     frames: ca.MX  # (15, F) of obstacles that stand; those of others are not meant to be looked at
     exact: bool
     movable: bool
+
+    def ends(self) -> tuple[SymbolicPlace, SymbolicPlace]:
+        """Both ends of one interval, as symbols."""
+        frames, n = ca.MX.sym("frames", *self.frames.shape), self.kinematics.n
+        one, other = (
+            SymbolicPlace(self.kinematics, ca.MX.sym(name, n), frames, self.exact, self.movable)
+            for name in ("first", "second")
+        )
+        return one, other

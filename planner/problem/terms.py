@@ -20,6 +20,7 @@ from hdplan.scenes.errors import InputError
 if TYPE_CHECKING:
     import casadi as ca
 
+    from hdplan.distance.symbolic.closed import ClosedForm
     from hdplan.planner.problem.samples import Samples
     from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 
@@ -87,8 +88,9 @@ class Term:
         `MotionPenalty`."""
         return None
 
-    def written_at_sample(self, place: SymbolicPlace) -> ca.MX | None:
-        """`at_samples` in symbols: the penalty of one configuration, without its weight. A class that has the one and
+    def written_at_sample(self, place: SymbolicPlace) -> ClosedForm | None:
+        """`at_samples` in symbols: the penalty of one configuration, without its weight, with its derivatives by the
+        place's q, and by its frames if these move. A class that has the one and
         not the other is refused where all of a problem is asked for in symbols."""
         return None
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.distance.compiled.c_library import WAITING
+from hdplan.distance.compiled.c_library import BY_COLUMNS, WAITING, quicker
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.build import build
 from hdplan.planner.collision.growth import sizes_of
@@ -179,6 +179,20 @@ def test_products_are_vectors_in_generated_c_with_the_same_bits() -> None:
     generator = ca.CodeGenerator("product.c")
     generator.add(function)
     assert WAITING in generator.dump()
+    assert quicker(generator.dump()).count(BY_COLUMNS) == 1
     one, other = rng.normal(size=(5, 7)), rng.normal(size=(7, 3))
     (found,) = RowFunction(function).once(one.ravel(order="F"), other.ravel(order="F"))
     np.testing.assert_array_equal(found.reshape(5, 3, order="F"), np.array(function(one, other)))
+
+
+def test_helpers_are_inlined_in_generated_c_with_the_same_bits() -> None:
+    """All of CasADi's helpers of one or two numbers are found, wherever else it has functions of numbers."""
+    x, y = ca.MX.sym("x", 9), ca.MX.sym("y", 9)
+    found = ca.vertcat(ca.fmin(x, y), ca.fmax(x, y), ca.fabs(x), x * x, ca.sign(y), ca.mmax(x))
+    function, rng = ca.Function("helpers", [x, y], [found]), np.random.default_rng(0)
+    generator = ca.CodeGenerator("helpers.c")
+    generator.add(function)
+    assert quicker(generator.dump()).count("always_inline") == 5
+    one, other = rng.normal(size=9), rng.normal(size=9)
+    one[:3], other[1:4] = (0.0, -0.0, np.inf), (-0.0, 0.0, -np.inf)
+    np.testing.assert_array_equal(RowFunction(function).once(one, other)[0], np.array(function(one, other)).ravel())
