@@ -36,7 +36,7 @@ class ClosedForm:
 
 
 def _added(one: Sequence[ca.MX], other: Sequence[ca.MX]) -> list[ca.MX]:
-    return [a + b for a, b in itertools.zip_longest(one, other, fillvalue=0)]
+    return [a + b for a, b in itertools.zip_longest(one, other, fillvalue=ca.MX(0))]
 
 
 def closed_function(name: str, given: Sequence[ca.MX], form: ClosedForm, fixed: Sequence[ca.MX] = ()) -> ca.Function:

@@ -13,13 +13,13 @@ import operator
 from collections.abc import Sequence
 
 import casadi as ca
-from numpy.typing import ArrayLike
 
 from hdplan.distance.symbolic.closed import CLOSED, ClosedForm, closed_function
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
+from hdplan.scenes.array_types import Array
 
 
-def closed_sum(name: str, places: Sequence[SymbolicPlace], form: ClosedForm, weights: ArrayLike) -> ca.Function:
+def closed_sum(name: str, places: Sequence[SymbolicPlace], form: ClosedForm, weights: Array) -> ca.Function:
     """Return the Function (x …, y) -> F of joint values at each of the places and of the frames, with as many times
     their columns as there are weights. The form has derivatives by these, or by joint values alone where frames are
     not movable."""

@@ -182,7 +182,7 @@ class SymbolicPenalty:
             result += closed_sum("samples", [place], form, samples.weight)(looks, by_sample)
         still = ca.horzcat(ca.MX.zeros(FRAME, len(moving)), standing)
         motion = SymbolicMotion(kinematics, first, step, still, self.exact, self.movable)
-        over_motion = [part for term in terms if (part := term.written_over_motion(motion)) is not None]
+        over_motion = [whole for term in terms if (whole := term.written_over_motion(motion)) is not None]
         return sum(over_motion, result)
 
     def _frames(self, places: ca.MX) -> tuple[list[ca.MX], ca.MX, ca.MX]:

@@ -365,3 +365,14 @@ def test_what_is_no_pose_is_refused() -> None:
     assert np.isnan(float(cost(x, p * 1.1)))  # not checked by `values`: never a penalty of 0
     with pytest.raises(InputError, match="poses: are parameters of form symbolic alone"):
         problem_of("planar_arm").casadi().values(1.0, {name: np.eye(4)})
+
+
+def test_one_evaluation_serves_cost_and_gradient_and_none_the_hessian() -> None:
+    program = problem_of("panda_cage").casadi(form="symbolic")
+    cost, x = program.standing["f"], program.x
+    hessian, gradient = ca.hessian(cost, x)
+    for results, expected in (([cost, gradient], 1), ([hessian], 0)):
+        function = ca.Function("found", [x, program.p], results)
+        calls = [k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CALL]
+        names = [function.instruction_MX(k).which_function().name() for k in calls]
+        assert names.count("samples_evaluated") == expected
