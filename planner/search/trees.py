@@ -1,0 +1,133 @@
+"""Ways through narrow places: two trees of free straight lines, from both ends, that grow until they meet.
+
+They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be free,
+by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a motion
+without contacts already, if not a smooth one, and given time they find every way that is wider than SPARE. One seeded
+generator makes all random draws: the same seed gives the same ways.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION
+from hdplan.planner.collision.exact import ExactPairs
+from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.roadmap import around_line
+from hdplan.scenes.array_types import Array, Rows
+
+SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
+KEPT = 0.5  # share of what the ends have to spare that is kept
+FINEST = 1e-4  # [m] that anything moves in the smallest interval of a line that is looked at
+LONGEST = 0.5  # of a line between two nodes [rad or m]
+TARGETS = 32  # that the trees grow towards at a time
+ROOM = 1 << 10  # nodes that there is room for at first
+SHORTCUTS = 60  # lines that are tried between two places of a way
+
+
+def free_space(problem: Problem, required: float) -> Record | None:
+    """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None where
+    more counts than which configurations are free, as with path constraints or moving obstacles, and without a C
+    compiler."""
+    terms, robot, linkage = problem.terms, problem.robot, problem.robot.linkage
+    if not library() or not problem.exact or terms.path or terms.moving_obstacles:
+        return None
+    less = problem.scene.planner.clearance - required
+    chain, travel = Chain.of(robot.model), robot.unfolded.inner.T
+    kept = []
+    for term, activation in ((terms.obstacles, problem.scene.planner.activation), (terms.self_collision, SELF_ACTIVATION)):
+        if term is not None:
+            assert isinstance(term, Clearance) and isinstance(term.distance, ExactPairs)
+            pairs, distance = term.pairs, term.distance
+            asked = (pairs.margins - activation - less)[pairs.halfspace_body]
+            floors, reach = _floors(problem, distance, asked), _reach(chain, distance, travel)
+            kept.append(Record("keeping", distance.record, pairs.tables, pairs.moves, reach, floors, pairs.radii))
+    m = problem.kinematics.n
+    leader, factor, offset = (
+        (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
+    )
+    return Record("space", problem.kinematics.tree, robot.n, leader, factor, offset, FINEST, tuple(kept))
+
+
+def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
+    """The gap that each pair has to keep (P,) [m]: what is asked and SPARE, or less where an end has less to spare. Where
+    the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
+    count = len(distance.pairs)
+    sample, pair = (index.ravel() for index in np.indices((2, count)))
+    found, _, _ = distance(problem.placed(np.stack([problem.start, problem.goal])), sample, pair)
+    gap = (found + distance.pairs.margins[distance.pairs.halfspace_body][pair]).reshape(2, count).min(axis=0)
+    return np.where(gap > asked, asked + np.minimum(SPARE, KEPT * (gap - asked)), -np.inf)
+
+
+def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
+    """How far the bodies of each pair move, seen from each other, per unit of each joint (P, m)."""
+    pairs = distance.pairs
+    first = _reach_of(chain, [(part.joint, part.body) for part in distance.parts], travel)
+    second = _reach_of(chain, [(solid.joint, solid.shape) for solid in distance.solids], travel)
+    return np.where(pairs.moves > 0, first[pairs.body], np.where(pairs.moves < 0, second[pairs.halfspace_body], 0.0))
+
+
+def _reach_of(chain: Chain, bodies: list[tuple[int, object]], travel: Array) -> Array:
+    found = np.zeros((len(bodies), len(chain.axes)))
+    carried = [(row, joint, body) for row, (joint, body) in enumerate(bodies) if joint > 0]
+    around = np.array([chain.around(joint, body.vertices, body.radius) for _, joint, body in carried])
+    if carried:
+        found[[row for row, _, _ in carried]] = chain.reach_around(np.array([j for _, j, _ in carried]), around, travel)
+    return found
+
+
+class Trees:
+    """A tree from the start and one from the goal."""
+
+    def __init__(self, problem: Problem, space: Record, rng: np.random.Generator) -> None:
+        """Begin with the ends alone."""
+        self.problem, self.space, self.rng = problem, space, rng
+        self.nodes = [np.tile(end, (ROOM, 1)) for end in (problem.start, problem.goal)]
+        self.parents = [np.full(ROOM, -1) for _ in self.nodes]
+        self.counts, self.grown = np.ones(2, np.int64), 0
+
+    def grow(self, targets: int) -> Array | None:
+        """Grow towards so many targets; return the way (C, n) between the ends, both included, once there is one."""
+        for _ in range(0, targets, TARGETS):
+            for side in (0, 1):
+                if self.counts[side] + 64 * TARGETS > len(self.parents[side]):
+                    self.nodes[side] = np.vstack([self.nodes[side]] * 2)
+                    self.parents[side] = np.tile(self.parents[side], 2)
+            joint = np.empty(2, np.int64)
+            drawn = around_line(self.problem, self.rng, TARGETS)
+            trees = (self.nodes[0], self.parents[0], self.nodes[1], self.parents[1])
+            used = library().grow_trees(self.space.struct, LONGEST, 0, drawn, self.counts, *trees, joint)
+            self.grown += used
+            if joint[0] >= 0:
+                return np.vstack([self._to(0, joint[0])[::-1], self._to(1, joint[1])[1:]])
+        return None
+
+    def _to(self, side: int, row: int) -> Array:
+        """The nodes from one back to its root."""
+        rows = [row]
+        while self.parents[side][rows[-1]] >= 0:
+            rows.append(int(self.parents[side][rows[-1]]))
+        return self.nodes[side][rows]
+
+
+def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
+    """Return a shorter way (C, n): with free straight lines between random places of it."""
+    for _ in range(SHORTCUTS):
+        if len(way) < 3:
+            break
+        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+        places = np.sort(rng.uniform(0.0, length[-1], 2))
+        corner = np.searchsorted(length, places, side="right") - 1
+        if corner[0] == corner[1]:
+            continue
+        ends = np.stack([np.interp(places, length, column) for column in way.T], axis=1)
+        if library().free_until(space.struct, *ends) == 1.0:
+            way = np.vstack([way[: corner[0] + 1], ends, way[corner[1] + 1 :]])
+    return way
