@@ -129,7 +129,7 @@ static double end_of(line* along, double low, double high, long long count) {
   const long long open = left_open(along, half, count);
   if (open == 0) return high;
   const long long first = along->active[0];
-  if (!(half * along->rates[first] >= along->of->finest)) {
+  if (!(half * along->rates[first] >= along->of->finest) || (open < 0 && along->whole)) {
     along->hit = first;
     return low;
   }
@@ -155,12 +155,13 @@ static void bound(const line* along, const double* reach, const double* moves, d
   }
 }
 
-double free_until(line* along, const double* from, const double* to) {
+double free_until(line* along, const double* from, const double* to, int whole) {
   const space* of = along->of;
   long long which = 0;
   along->from = from;
   along->to = to;
   along->hit = -1;
+  along->whole = whole;
   for (long long term = 0; term < of->terms; ++term) {
     const keeping* kept = of->kept[term];
     for (long long k = 0; k < kept->pairs->pairs; ++k, ++which)
@@ -221,8 +222,8 @@ WRAPPER(make_space) {
   return made(&taken, "space", &of, sizeof of);
 }
 
-WRAPPER(call_free_until) {
-  arguments taken = begin("free_until", given, count);
+WRAPPER(call_is_free) {
+  arguments taken = begin("is_free", given, count);
   const space* of = record(&taken, "space", "space");
   const long long n = of ? of->n : 0;
   const double *from = numbers(&taken, "from", SHAPE(n)), *to = numbers(&taken, "to", SHAPE(n));
@@ -230,14 +231,14 @@ WRAPPER(call_free_until) {
   long long* rows = scratch_indices(&taken, of ? of->pairs : 0);
   if (ready(&taken)) {
     line along = line_in(of, room, rows);
-    WITHOUT_LOCK(found = free_until(&along, from, to));
+    WITHOUT_LOCK(found = free_until(&along, from, to, 1));
   }
-  return ended(&taken, PyFloat_FromDouble(found));
+  return ended(&taken, PyBool_FromLong(found == 1.0));
 }
 
 PyMethodDef free_functions[] = {
     FUNCTION("keeping", make_keeping, "Pairs that are to stay apart."),
     FUNCTION("space", make_space, "A robot, and what is to stay apart."),
-    FUNCTION("free_until", call_free_until, "Up to which fraction of a line all pairs are proven to stay apart."),
+    FUNCTION("is_free", call_is_free, "Whether all pairs are proven to stay apart along a line."),
     END_OF_FUNCTIONS,
 };

@@ -34,14 +34,15 @@ typedef struct {
   const double *from, *to;
   double *rates, *bends, *normals, *joints, *placements, *columns;
   long long *active, hit;
+  int whole;
 } line;
 
 long long line_numbers(const space* of); /* of the room that a line needs */
 line line_in(const space* of, double* numbers, long long* indices);
 
 /* The fraction of the way from one configuration to another up to which every pair is proven to stay apart by more than
-   its floor. */
-double free_until(line* along, const double* from, const double* to);
+   its floor; or 1 where it is so all the way, and anything less elsewhere, if it has to be `whole`. */
+double free_until(line* along, const double* from, const double* to, int whole);
 
 /* The derivative (n) of the gap of the pair that was hit, at a configuration. */
 void uphill(line* along, const double* q, double* gradient);

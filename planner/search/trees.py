@@ -8,27 +8,27 @@ generator makes all random draws: the same seed gives the same ways.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import Record, library
-from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import around_line
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array
 
 SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
 KEPT = 0.5  # share of what the ends have to spare that is kept
-FINEST = 1e-4  # [m] that anything moves in the smallest interval of a line that is looked at
+FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
 LONGEST = 0.5  # of a line between two nodes [rad or m]
-TARGETS = 32  # that the trees grow towards at a time
-ROOM = 1 << 10  # nodes that there is room for at first
+TURN = 64  # targets of the trees, before another guess has its turn
+MOST = 64  # nodes of each tree for a target, at most
 SHORTCUTS = 60  # lines that are tried between two places of a way
 
 
@@ -83,51 +83,78 @@ def _reach_of(chain: Chain, bodies: list[tuple[int, object]], travel: Array) -> 
     return found
 
 
+def tree_ways(problem: Problem, required: float, seed: int) -> Iterator[Array | None]:
+    """Yield a way (N, n) as waypoints of a problem with exact distances, each time that two trees meet, and None after
+    each TURN targets by which they did not. None at all where there is no free space to be had."""
+    space = free_space(problem, required)
+    for again in itertools.count() if space else ():
+        rng, way = np.random.default_rng((seed, again)), None
+        trees = Trees(problem, space, rng)
+        while (way := trees.grow(TURN)) is None:
+            yield None
+        yield through(problem, shortened(space, way, rng))
+
+
 class Trees:
     """A tree from the start and one from the goal."""
 
     def __init__(self, problem: Problem, space: Record, rng: np.random.Generator) -> None:
         """Begin with the ends alone."""
         self.problem, self.space, self.rng = problem, space, rng
-        self.nodes = [np.tile(end, (ROOM, 1)) for end in (problem.start, problem.goal)]
-        self.parents = [np.full(ROOM, -1) for _ in self.nodes]
-        self.counts, self.grown = np.ones(2, np.int64), 0
+        self.nodes = [end[None].copy() for end in (problem.start, problem.goal)]
+        self.parents = [np.full(1, -1) for _ in self.nodes]
 
     def grow(self, targets: int) -> Array | None:
-        """Grow towards so many targets; return the way (C, n) between the ends, both included, once there is one."""
-        for _ in range(0, targets, TARGETS):
-            for side in (0, 1):
-                if self.counts[side] + 64 * TARGETS > len(self.parents[side]):
-                    self.nodes[side] = np.vstack([self.nodes[side]] * 2)
-                    self.parents[side] = np.tile(self.parents[side], 2)
-            joint = np.empty(2, np.int64)
-            drawn = around_line(self.problem, self.rng, TARGETS)
-            trees = (self.nodes[0], self.parents[0], self.nodes[1], self.parents[1])
-            used = library().grow_trees(self.space.struct, LONGEST, 0, drawn, self.counts, *trees, joint)
-            self.grown += used
-            if joint[0] >= 0:
-                return np.vstack([self._to(0, joint[0])[::-1], self._to(1, joint[1])[1:]])
-        return None
+        """Grow towards so many targets; return the way (C, n) between the ends, both included, if the trees meet."""
+        counts, joint = np.array([len(rows) for rows in self.parents]), np.empty(2, np.int64)
+        room = [np.vstack([nodes, np.empty((MOST * targets, nodes.shape[1]))]) for nodes in self.nodes]
+        rows = [np.append(parents, np.empty(MOST * targets, np.int64)) for parents in self.parents]
+        drawn, loops = around_line(self.problem, self.rng, targets), library()
+        assert loops is not None
+        loops.grow_trees(self.space.struct, LONGEST, drawn, counts, room[0], rows[0], room[1], rows[1], joint)
+        self.nodes = [nodes[:count] for nodes, count in zip(room, counts, strict=True)]
+        self.parents = [parents[:count] for parents, count in zip(rows, counts, strict=True)]
+        return np.vstack([self._to(0, joint[0])[::-1], self._to(1, joint[1])]) if joint[0] >= 0 else None
 
     def _to(self, side: int, row: int) -> Array:
         """The nodes from one back to its root."""
         rows = [row]
-        while self.parents[side][rows[-1]] >= 0:
-            rows.append(int(self.parents[side][rows[-1]]))
+        while (parent := int(self.parents[side][rows[-1]])) >= 0:
+            rows.append(parent)
         return self.nodes[side][rows]
 
 
 def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
-    """Return a shorter way (C, n): with free straight lines between random places of it."""
+    """Return a way (C, n) with fewer corners: by free straight lines between random places of it, then past single
+    corners."""
+    loops = library()
+    assert loops is not None
     for _ in range(SHORTCUTS):
-        if len(way) < 3:
-            break
         length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
         places = np.sort(rng.uniform(0.0, length[-1], 2))
-        corner = np.searchsorted(length, places, side="right") - 1
-        if corner[0] == corner[1]:
-            continue
+        first, last = (np.searchsorted(length, places, side="right") - 1).tolist()
         ends = np.stack([np.interp(places, length, column) for column in way.T], axis=1)
-        if library().free_until(space.struct, *ends) == 1.0:
-            way = np.vstack([way[: corner[0] + 1], ends, way[corner[1] + 1 :]])
+        if first < last and loops.is_free(space.struct, *ends):
+            way = np.vstack([way[: first + 1], ends, way[last + 1 :]])
+    before = len(way) + 1
+    while len(way) < before:
+        before, corner = len(way), 1
+        while corner < len(way) - 1:
+            if loops.is_free(space.struct, way[corner - 1], way[corner + 1]):
+                way = np.delete(way, corner, axis=0)
+            else:
+                corner += 1
     return way
+
+
+def through(problem: Problem, way: Array) -> Array:
+    """Return a way (C, n) as waypoints (N, n), its corners among them, the more on a line the longer it is; at equal steps
+    where there are more corners than waypoints."""
+    lines, spare = len(way) - 1, problem.waypoints - len(way)
+    if spare < 0:
+        return problem.polyline(way[1:-1])
+    length = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    ends = np.round(np.cumsum(length) / length.sum() * spare).astype(np.int64)
+    parts = 1 + np.diff(ends, prepend=0)
+    rows = [way[k] + np.arange(parts[k])[:, None] / parts[k] * (way[k + 1] - way[k]) for k in range(lines)]
+    return problem.clip(np.vstack([*rows, way[-1:]]))

@@ -6,13 +6,13 @@
 #include "../../distance/compiled/vectors.h"
 #include "free_loop.h"
 
-enum { SURFACES = 3, STEPS = 24 };
+enum { SURFACES = 3, STEPS = 16 };
 
-#define LEAST 1e-3    /* least length of a line that is kept */
-#define BACK 1e-3     /* [m] that a line ends before what it meets, at most half of it */
-#define AWAY 0.1      /* share of a step along a surface by which it leaves the surface */
+#define LEAST 1e-3 /* least length of a line that is kept */
+#define BACK 1e-3  /* [m] that a line ends before what it meets, at most half of it */
+#define AWAY 0.1   /* share of a step along a surface by which it leaves the surface */
 
-/* Nodes (capacity, n), of which `count` are there, the row of each one's parent, and how many are reached from it. */
+/* Nodes (capacity, n), of which `count` are there, and the row of each one's parent. */
 typedef struct {
   long long capacity, *count, *parents;
   double* nodes;
@@ -92,7 +92,7 @@ static long long grow(const growth* of, branches* tree, long long from, const do
     if (!(left > LEAST)) break;
     const double share = least_of(1.0, of->longest / left);
     for (long long i = 0; i < n; ++i) of->end[i] = surfaces || share < 1.0 ? q[i] + share * of->way[i] : target[i];
-    double reached = free_until(of->along, q, of->end);
+    double reached = free_until(of->along, q, of->end, 0);
     const int met = reached < 1.0;
     if (met) reached -= least_of(0.5 * reached, BACK / most_of(of->along->rates[of->along->hit], BACK));
     if (reached * share * left > LEAST) {
@@ -110,13 +110,12 @@ static long long grow(const growth* of, branches* tree, long long from, const do
   return from;
 }
 
-/* Grow two trees, in turn, towards `count` targets, and each then the other's to what was reached. Returns how many
-   targets were used; where the trees meet, the nodes there are in `joint`, else −1. */
-static long long grow_both(const growth* of, branches* trees, long long count, const double* targets, long long first,
-                           long long* joint) {
+/* Grow two trees, in turn, towards `count` targets, and each then the other's to what was reached, until they meet: the
+   nodes there are in `joint`, else −1. */
+static void grow_both(const growth* of, branches* trees, long long count, const double* targets, long long* joint) {
   joint[0] = joint[1] = -1;
   for (long long k = 0; k < count; ++k) {
-    const int side = (first + k) % 2;
+    const int side = k % 2;
     branches *one = trees + side, *other = trees + 1 - side;
     const double* target = targets + of->n * k;
     int arrived;
@@ -128,9 +127,8 @@ static long long grow_both(const growth* of, branches* trees, long long count, c
     if (!arrived) continue;
     joint[side] = reached;
     joint[1 - side] = met;
-    return k + 1;
+    return;
   }
-  return count;
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
@@ -149,7 +147,6 @@ WRAPPER(call_grow_trees) {
   const space* of = record(&taken, "space", "space");
   const long long n = of ? of->n : 0;
   growth growing = {.n = n, .longest = number(&taken, "longest")};
-  const long long first = whole(&taken, "first", 0, 1);
   const double* targets = numbers(&taken, "targets", SHAPE(ANY, n));
   const long long asked = taken.shape[0];
   long long* counts = written_indices(&taken, "counts", SHAPE(2));
@@ -158,19 +155,19 @@ WRAPPER(call_grow_trees) {
   trees[1] = tree_of(&taken, n, counts ? counts + 1 : NULL, "second_nodes", "second_parents");
   long long* joint = written_indices(&taken, "joint", SHAPE(2));
   double* room = scratch(&taken, of ? line_numbers(of) + (2 + SURFACES) * n : 0);
-  long long *rows = scratch_indices(&taken, of ? of->pairs : 0), used = 0;
+  long long* rows = scratch_indices(&taken, of ? of->pairs : 0);
   if (ready(&taken)) {
     line along = line_in(of, room, rows);
     growing.along = &along;
     growing.way = room + line_numbers(of);
     growing.end = growing.way + n;
     growing.normals = growing.end + n;
-    WITHOUT_LOCK(used = grow_both(&growing, trees, asked, targets, first, joint));
+    WITHOUT_LOCK(grow_both(&growing, trees, asked, targets, joint));
   }
-  return ended(&taken, PyLong_FromLongLong(used));
+  return ended(&taken, none());
 }
 
 PyMethodDef trees_functions[] = {
-    FUNCTION("grow_trees", call_grow_trees, "Grow two trees towards targets and each other; returns how many were used."),
+    FUNCTION("grow_trees", call_grow_trees, "Grow two trees towards targets and each other, until they meet."),
     END_OF_FUNCTIONS,
 };
