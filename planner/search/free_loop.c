@@ -8,6 +8,8 @@
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
+#define WIDE 0.15 /* [m] of what moves most, in an interval that is looked at in the middle alone: gaps would be in vain */
+
 long long line_numbers(const space* of) {
   return 5 * of->pairs + of->arm->n + 12 * of->arm->joints + 6 * of->arm->n;
 }
@@ -125,8 +127,10 @@ static long long left_open(line* along, double half, long long count) {
 /* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. */
 static double end_of(line* along, double low, double high, long long count) {
   const double middle = 0.5 * (low + high), half = 0.5 * (high - low);
+  const int wide = half * along->fastest > WIDE;
   place_between(along, middle);
-  const long long open = left_open(along, half, count);
+  long long open = left_open(along, wide ? 0.0 : half, count);
+  if (open == 0 && wide) open = count;
   if (open == 0) return high;
   const long long first = along->active[0];
   if (!(half * along->rates[first] >= along->of->finest) || (open < 0 && along->whole)) {
@@ -167,6 +171,8 @@ double free_until(line* along, const double* from, const double* to, int whole) 
     for (long long k = 0; k < kept->pairs->pairs; ++k, ++which)
       bound(along, kept->reach + k * of->arm->n, kept->moves + k * of->arm->n, along->rates + which, along->bends + which);
   }
+  along->fastest = 0.0;
+  for (which = 0; which < of->pairs; ++which) along->fastest = most_of(along->fastest, along->rates[which]);
   const double reached = end_of(along, 0.0, 1.0, of->pairs);
   return along->hit < 0 ? reached : least_of(reached, 1.0 - 1e-9);
 }

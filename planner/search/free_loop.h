@@ -32,7 +32,7 @@ typedef struct {
 typedef struct {
   const space* of;
   const double *from, *to;
-  double *rates, *bends, *normals, *joints, *placements, *columns;
+  double *rates, *bends, *normals, *joints, *placements, *columns, fastest;
   long long *active, hit;
   int whole;
 } line;

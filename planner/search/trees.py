@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from types import ModuleType
 
 import numpy as np
 
@@ -29,7 +30,7 @@ FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that
 LONGEST = 0.5  # of a line between two nodes [rad or m]
 TURN = 64  # targets of the trees, before another guess has its turn
 MOST = 64  # nodes of each tree for a target, at most
-SHORTCUTS = 60  # lines that are tried between two places of a way
+SHORTCUTS = 24  # lines that are tried between two places of a way
 
 
 def free_space(problem: Problem, required: float) -> Record | None:
@@ -125,10 +126,11 @@ class Trees:
 
 
 def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
-    """Return a way (C, n) with fewer corners: by free straight lines between random places of it, then past single
-    corners."""
+    """Return a way (C, n) with fewer corners: past as many as a free straight line leads, and by such lines between
+    random places of it."""
     loops = library()
     assert loops is not None
+    way = _past_corners(loops, space, way)
     for _ in range(SHORTCUTS):
         length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
         places = np.sort(rng.uniform(0.0, length[-1], 2))
@@ -136,15 +138,19 @@ def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
         ends = np.stack([np.interp(places, length, column) for column in way.T], axis=1)
         if first < last and loops.is_free(space.struct, *ends):
             way = np.vstack([way[: first + 1], ends, way[last + 1 :]])
-    before = len(way) + 1
-    while len(way) < before:
-        before, corner = len(way), 1
-        while corner < len(way) - 1:
-            if loops.is_free(space.struct, way[corner - 1], way[corner + 1]):
-                way = np.delete(way, corner, axis=0)
-            else:
-                corner += 1
-    return way
+    return _past_corners(loops, space, way)
+
+
+def _past_corners(loops: ModuleType, space: Record, way: Array) -> Array:
+    """From each corner that is kept to one far ahead, by half as many corners each time that the line is not free."""
+    kept, ahead = [0], len(way) - 1
+    while kept[-1] < len(way) - 1:
+        ahead = min(ahead, len(way) - 1 - kept[-1])
+        while ahead > 1 and not loops.is_free(space.struct, way[kept[-1]], way[kept[-1] + ahead]):
+            ahead //= 2
+        kept.append(kept[-1] + ahead)
+        ahead = 4 * ahead
+    return way[kept]
 
 
 def through(problem: Problem, way: Array) -> Array:
