@@ -113,7 +113,9 @@ static long long left_open(line* along, double half, long long count) {
     const keeping* kept = term_of(along->of, &pair);
     const double floor = kept->floors[pair], enough = floor + half * along->rates[which];
     if (at_least(kept, pair, along->placements) > enough) continue;
-    const double found = gap(kept->solids, kept->pairs, pair, along->placements, enough, along->normals + 3 * which);
+    double* normal = along->normals + 3 * which;
+    if (gap(kept->around, kept->pairs, pair, along->placements, enough, normal) > enough) continue;
+    const double found = gap(kept->solids, kept->pairs, pair, along->placements, enough, normal);
     if (found > enough || (found > floor && gap_through(along, kept, pair, which, half) > floor)) continue;
     const int near = !(found > floor);
     if (near) open = 0;
@@ -196,10 +198,13 @@ void uphill(line* along, const double* q, double* gradient) {
 
 WRAPPER(make_keeping) {
   arguments taken = begin("keeping", given, count);
-  keeping of = {.solids = record(&taken, "solids", "solids"), .pairs = record(&taken, "tables", "tables")};
+  keeping of = {.solids = record(&taken, "solids", "solids"), .around = record(&taken, "around", "solids")};
+  of.pairs = record(&taken, "tables", "tables");
   const long long pairs = of.pairs ? of.pairs->pairs : 0, bodies = of.pairs ? of.pairs->bodies : 0;
-  if (of.solids && of.pairs && (of.solids->bodies != bodies || of.solids->boxes != of.pairs->boxes))
-    wrong(&taken, "tables", "of these solids");
+  for (int k = 0; of.pairs && k < 2; ++k) {
+    const solids* each = k ? of.around : of.solids;
+    if (each->bodies != bodies || each->boxes != of.pairs->boxes) wrong(&taken, "tables", "of these solids");
+  }
   of.moves = numbers(&taken, "moves", SHAPE(pairs, ANY));
   const long long joints = taken.shape[1];
   of.reach = numbers(&taken, "reach", SHAPE(pairs, joints));

@@ -6,11 +6,12 @@
 #include "../collision/exact_loop.h"
 #include "../kinematics/forward_loop.h"
 
-/* Pairs that are to stay apart by more than their floors [m]. Per unit of each of the m joints of the model, a point of
+/* Pairs that are to stay apart by more than their floors [m], by their solids; the bodies `around` these have few vertices,
+   and are enough for most. Per unit of each of the m joints of the model, a point of
    the one moves by `reach` at most, seen from the other; `moves` is 1 where a joint moves the first alone, −1 the second.
    `radii` are those of the bodies' balls. */
 typedef struct {
-  const solids* solids;
+  const solids *solids, *around;
   const tables* pairs;
   const double *reach, *moves, *floors, *radii;
   long long joints; /* m */

@@ -49,7 +49,8 @@ def free_space(problem: Problem, required: float) -> Record | None:
             pairs, distance = term.pairs, term.distance
             asked = (pairs.margins - activation - less)[pairs.halfspace_body]
             floors, reach = _floors(problem, distance, asked), _reach(chain, distance, travel)
-            kept.append(Record("keeping", distance.record, pairs.tables, pairs.moves, reach, floors, pairs.radii))
+            around = ExactPairs(pairs, problem.bodies, distance.solids).record
+            kept.append(Record("keeping", distance.record, around, pairs.tables, pairs.moves, reach, floors, pairs.radii))
     m = problem.kinematics.n
     leader, factor, offset = (
         (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
