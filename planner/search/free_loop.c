@@ -104,19 +104,21 @@ static double gap_through(const line* along, const keeping* kept, long long pair
 }
 
 /* Look at the pairs that are active in the middle of an interval of half width `half`, and put those first of which it
-   says nothing about the whole; returns their number, or −1 where one, put first of all, is too near. */
-static long long left_open(line* along, double half, long long count) {
+   says nothing about the whole; returns their number, or −1 where one, put first of all, is too near. Where the interval
+   is wide, gaps are measured to no end but that. */
+static long long left_open(line* along, double half, int wide, long long count) {
   long long open = 0;
   for (long long k = 0; k < count; ++k) {
     const long long which = along->active[k];
     long long pair = which;
     const keeping* kept = term_of(along->of, &pair);
-    const double floor = kept->floors[pair], enough = floor + half * along->rates[which];
-    if (at_least(kept, pair, along->placements) > enough) continue;
-    double* normal = along->normals + 3 * which;
-    if (gap(kept->around, kept->pairs, pair, along->placements, enough, normal) > enough) continue;
-    const double found = gap(kept->solids, kept->pairs, pair, along->placements, enough, normal);
-    if (found > enough || (found > floor && gap_through(along, kept, pair, which, half) > floor)) continue;
+    const double floor = kept->floors[pair], moved = half * along->rates[which], enough = wide ? floor : floor + moved;
+    const double least = at_least(kept, pair, along->placements);
+    double *normal = along->normals + 3 * which, found = least;
+    if (least > floor + moved) continue;
+    if (!(found > enough)) found = gap(kept->around, kept->pairs, pair, along->placements, enough, normal);
+    if (!(found > enough)) found = gap(kept->solids, kept->pairs, pair, along->placements, enough, normal);
+    if (!wide && (found > enough || (found > floor && gap_through(along, kept, pair, which, half) > floor))) continue;
     const int near = !(found > floor);
     if (near) open = 0;
     along->active[k] = along->active[open];
@@ -129,10 +131,8 @@ static long long left_open(line* along, double half, long long count) {
 /* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. */
 static double end_of(line* along, double low, double high, long long count) {
   const double middle = 0.5 * (low + high), half = 0.5 * (high - low);
-  const int wide = half * along->fastest > WIDE;
   place_between(along, middle);
-  long long open = left_open(along, wide ? 0.0 : half, count);
-  if (open == 0 && wide) open = count;
+  const long long open = left_open(along, half, half * along->fastest > WIDE, count);
   if (open == 0) return high;
   const long long first = along->active[0];
   if (!(half * along->rates[first] >= along->of->finest) || (open < 0 && along->whole)) {

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-TIGHT = 1  # first guesses where the bodies overlap at an end, before trees and exact distances have their turn
+TIGHT = 2  # first guesses where the bodies overlap at an end, before trees and exact distances have their turn
 LATE = 9  # guesses after GUESSES before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 ALIKE = 0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
