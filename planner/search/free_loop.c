@@ -221,6 +221,8 @@ WRAPPER(make_space) {
   of.leader = indices(&taken, "leader", 0, of.n, SHAPE(m));
   of.factor = numbers(&taken, "factor", SHAPE(m));
   of.offset = numbers(&taken, "offset", SHAPE(m));
+  of.lower = numbers(&taken, "lower", SHAPE(of.n));
+  of.upper = numbers(&taken, "upper", SHAPE(of.n));
   of.finest = number(&taken, "finest");
   of.kept = (const keeping* const*)records(&taken, "kept", "keeping");
   of.terms = taken.shape[0];

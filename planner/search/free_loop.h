@@ -17,13 +17,14 @@ typedef struct {
   long long joints; /* m */
 } keeping;
 
-/* A robot whose m joints are at factor · q[leader] + offset for its n planned ones, and what is kept apart. No interval
+/* A robot whose m joints are at factor · q[leader] + offset for its n planned ones, these within limits, and what is kept
+   apart. No interval
    of a line is looked at in which something may move by less than `finest` [m]. */
 typedef struct {
   const tree* arm;
   long long n, terms, pairs;
   const long long* leader;
-  const double *factor, *offset;
+  const double *factor, *offset, *lower, *upper;
   const keeping* const* kept;
   double finest;
 } space;

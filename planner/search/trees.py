@@ -28,7 +28,7 @@ SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have 
 KEPT = 0.5  # share of what the ends have to spare that is kept
 FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
 LONGEST = 0.5  # of a line between two nodes [rad or m]
-TURN = 32  # targets of the trees, before another guess has its turn
+TURN = 64  # targets of the trees, before another guess has its turn
 MOST = 64  # nodes of each tree for a target, at most
 SHORTCUTS = 24  # lines that are tried between two places of a way
 
@@ -55,7 +55,8 @@ def free_space(problem: Problem, required: float) -> Record | None:
     leader, factor, offset = (
         (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
     )
-    return Record("space", problem.kinematics.tree, robot.n, leader, factor, offset, FINEST, tuple(kept))
+    joints = (problem.kinematics.tree, robot.n, leader, factor, offset, *robot.inner)
+    return Record("space", *joints, FINEST, tuple(kept))
 
 
 def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:

@@ -91,7 +91,10 @@ static long long grow(const growth* of, branches* tree, long long from, const do
     const double left = slide(of, surfaces);
     if (!(left > LEAST)) break;
     const double share = least_of(1.0, of->longest / left);
-    for (long long i = 0; i < n; ++i) of->end[i] = surfaces || share < 1.0 ? q[i] + share * of->way[i] : target[i];
+    for (long long i = 0; i < n; ++i) {
+      const double end = surfaces || share < 1.0 ? q[i] + share * of->way[i] : target[i];
+      of->end[i] = most_of(of->along->of->lower[i], least_of(of->along->of->upper[i], end));
+    }
     double reached = free_until(of->along, q, of->end, 0);
     const int met = reached < 1.0;
     if (met) reached -= least_of(0.5 * reached, BACK / most_of(of->along->rates[of->along->hit], BACK));
