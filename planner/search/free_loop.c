@@ -8,6 +8,7 @@
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
+#define MOST 131072.0 /* intervals that a line may need: nothing is said of a longer one */
 #define WIDE 0.15 /* [m] of what moves most, in an interval that is looked at in the middle alone: gaps would be in vain */
 
 long long line_numbers(const space* of) {
@@ -175,6 +176,10 @@ double free_until(line* along, const double* from, const double* to, int whole) 
   }
   along->fastest = 0.0;
   for (which = 0; which < of->pairs; ++which) along->fastest = most_of(along->fastest, along->rates[which]);
+  if (!(along->fastest <= MOST * of->finest)) {
+    along->hit = 0;
+    return 0.0;
+  }
   const double reached = end_of(along, 0.0, 1.0, of->pairs);
   return along->hit < 0 ? reached : least_of(reached, 1.0 - 1e-9);
 }

@@ -1,5 +1,5 @@
 """The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again; and where they keep failing by contacts, go on with exact distances, which take longer.
+again; and where they keep failing by contacts, go on with exact distances, which take longer, and with trees of free lines.
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
@@ -22,8 +22,8 @@ from hdplan.planner.problem.lay_out import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
-from hdplan.planner.search.trees import tree_ways
 from hdplan.planner.search.touches import once_more, touched
+from hdplan.planner.search.trees import tree_ways
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
@@ -365,9 +365,9 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
-    by contacts, trees of lines that are free by exact distances grow in turn with further guesses, and what they find is
-    a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies overlap at
-    an end, these alone, else, as the HD-SDF has no kinks, after LATE more, and in turn."""
+    by contacts, trees of lines that are free by exact distances grow in turn with further guesses, and what they find
+    is a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies
+    overlap at an end, these alone, else, as the HD-SDF has no kinks, after LATE more, and in turn."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)

@@ -1,15 +1,15 @@
 """Ways through narrow places: two trees of free straight lines, from both ends, that grow until they meet.
 
-They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be free,
-by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a motion
-without contacts already, if not a smooth one, and given time they find every way that is wider than SPARE. One seeded
-generator makes all random draws: the same seed gives the same ways.
+They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be
+free, by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a motion
+without contacts already, if not a smooth one. One seeded generator makes all random draws: the same seed gives the same
+ways. Without a C compiler there are none, and the roadmap's guesses have to do.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 
 import numpy as np
@@ -19,10 +19,10 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import around_line
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.shapes import Shape
 
 SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
 KEPT = 0.5  # share of what the ends have to spare that is kept
@@ -34,8 +34,8 @@ SHORTCUTS = 24  # lines that are tried between two places of a way
 
 
 def free_space(problem: Problem, required: float) -> Record | None:
-    """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None where
-    more counts than which configurations are free, as with path constraints or moving obstacles, and without a C
+    """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None
+    where more counts than which configurations are free, as with path constraints or moving obstacles, and without a C
     compiler."""
     terms, robot, linkage = problem.terms, problem.robot, problem.robot.linkage
     if not library() or not problem.exact or terms.path or terms.moving_obstacles:
@@ -43,14 +43,19 @@ def free_space(problem: Problem, required: float) -> Record | None:
     less = problem.scene.planner.clearance - required
     chain, travel = Chain.of(robot.model), robot.unfolded.inner.T
     kept = []
-    for term, activation in ((terms.obstacles, problem.scene.planner.activation), (terms.self_collision, SELF_ACTIVATION)):
+    for term, activation in (
+        (terms.obstacles, problem.scene.planner.activation),
+        (terms.self_collision, SELF_ACTIVATION),
+    ):
         if term is not None:
-            assert isinstance(term, Clearance) and isinstance(term.distance, ExactPairs)
+            assert isinstance(term.distance, ExactPairs)
             pairs, distance = term.pairs, term.distance
             asked = (pairs.margins - activation - less)[pairs.halfspace_body]
             floors, reach = _floors(problem, distance, asked), _reach(chain, distance, travel)
             around = ExactPairs(pairs, problem.bodies, distance.solids).record
-            kept.append(Record("keeping", distance.record, around, pairs.tables, pairs.moves, reach, floors, pairs.radii))
+            kept.append(
+                Record("keeping", distance.record, around, pairs.tables, pairs.moves, reach, floors, pairs.radii)
+            )
     m = problem.kinematics.n
     leader, factor, offset = (
         (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
@@ -60,8 +65,8 @@ def free_space(problem: Problem, required: float) -> Record | None:
 
 
 def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
-    """The gap that each pair has to keep (P,) [m]: what is asked and SPARE, or less where an end has less to spare. Where
-    the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
+    """The gap that each pair has to keep (P,) [m]: what is asked and SPARE, or less where an end has less to spare.
+    Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
     count = len(distance.pairs)
     sample, pair = (index.ravel() for index in np.indices((2, count)))
     found, _, _ = distance(problem.placed(np.stack([problem.start, problem.goal])), sample, pair)
@@ -77,9 +82,10 @@ def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
     return np.where(pairs.moves > 0, first[pairs.body], np.where(pairs.moves < 0, second[pairs.halfspace_body], 0.0))
 
 
-def _reach_of(chain: Chain, bodies: list[tuple[int, object]], travel: Array) -> Array:
+def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | None]], travel: Array) -> Array:
+    """How far bodies on joints move per unit of each joint (B, m); 0 of those in the world."""
     found = np.zeros((len(bodies), len(chain.axes)))
-    carried = [(row, joint, body) for row, (joint, body) in enumerate(bodies) if joint > 0]
+    carried = [(row, j, body) for row, (j, body) in enumerate(bodies) if j > 0 and isinstance(body, ConvexBody)]
     around = np.array([chain.around(joint, body.vertices, body.radius) for _, joint, body in carried])
     if carried:
         found[[row for row, _, _ in carried]] = chain.reach_around(np.array([j for _, j, _ in carried]), around, travel)
@@ -90,8 +96,10 @@ def tree_ways(problem: Problem, required: float, seed: int) -> Iterator[Array | 
     """Yield a way (N, n) as waypoints of a problem with exact distances, each time that two trees meet, and None after
     each TURN targets by which they did not. None at all where there is no free space to be had."""
     space = free_space(problem, required)
-    for again in itertools.count() if space else ():
-        rng, way = np.random.default_rng((seed, again)), None
+    if space is None:
+        return
+    for again in itertools.count():
+        rng = np.random.default_rng((seed, again))
         trees = Trees(problem, space, rng)
         while (way := trees.grow(TURN)) is None:
             yield None
@@ -156,8 +164,8 @@ def _past_corners(loops: ModuleType, space: Record, way: Array) -> Array:
 
 
 def through(problem: Problem, way: Array) -> Array:
-    """Return a way (C, n) as waypoints (N, n), its corners among them, the more on a line the longer it is; at equal steps
-    where there are more corners than waypoints."""
+    """Return a way (C, n) as waypoints (N, n), its corners among them, the more on a line the longer it is; at equal
+    steps where there are more corners than waypoints."""
     lines, spare = len(way) - 1, problem.waypoints - len(way)
     if spare < 0:
         return problem.polyline(way[1:-1])

@@ -54,7 +54,9 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
     for turn in range(LATE + 3):
         if turn % 2:
             guess = next(guesses)
-            assert guess.positions is found and guess.as_it_is and under_way.problem.exact
+            assert guess.positions is found
+            assert guess.as_it_is
+            assert under_way.problem.exact
         if overlap or turn >= LATE:
             np.testing.assert_array_equal(next(guesses).positions, next(exact))
             assert under_way.problem.exact
