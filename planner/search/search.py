@@ -1,5 +1,6 @@
 """The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again; and where they keep failing by contacts, go on with exact distances, which take longer, and with trees of free lines.
+again; and where they keep failing by contacts, go on with exact distances, which take longer, and with trees of free
+lines.
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
