@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import multiprocessing
 import pickle
 import subprocess
@@ -24,6 +25,7 @@ from hdplan.planner.collision import separation_loop
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.search.trees import tree_ways
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -61,6 +63,7 @@ FREE = {
     "draw_near": {("q", 0)},
     "close_rows": {("placements", 0), ("placements", 1), ("centres", 1)},
     "penalties": {("placements", 1)},
+    "grow_trees": {("targets", 0)},
 }
 
 
@@ -83,6 +86,7 @@ def run_scenes() -> None:
             term.inside(kinematics)
             term.depth(kinematics)
             term.pairs.close_between(kinematics)
+    assert any(way is not None for way in itertools.islice(tree_ways(exactly(problem), 0.0, 0), 9))
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)
     hulls = (n, corners), (1, corners + 3.0)
