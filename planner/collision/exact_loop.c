@@ -16,11 +16,13 @@ static void composed(const double* a, const double* b, double* found) {
   placed(a, b + 9, found + 9);
 }
 
-double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench) {
-  const long long body = pairs->body[pair], box = pairs->box[pair], other = of->bodies + box;
-  const double margin = of->margins[box];
+/* The signed gap of a pair, or a lower bound of it that is more than `far`; with where the second solid is, and in its
+   frame the normal and the nearest point of the first. */
+static double gap_at(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal,
+                     double* at_b, double* point) {
+  const long long body = pairs->body[pair], other = of->bodies + pairs->box[pair];
   const solid first = solid_of(of, body), second = solid_of(of, other);
-  double at_a[12], at_b[12], seen[12], apart[3], point[3];
+  double at_a[12], seen[12], apart[3];
   composed(frames + 12 * pairs->joint_a[pair], of->places + 12 * body, at_a);
   composed(frames + 12 * pairs->joint_b[pair], of->places + 12 * other, at_b);
   for (int i = 0; i < 3; ++i)
@@ -28,8 +30,35 @@ double exact(const solids* of, const tables* pairs, long long pair, const double
   difference(at_a + 9, at_b + 9, apart);
   turned_back(at_b, apart, seen + 9);
   const two_solids both = {&first, &second, seen};
-  const double distance = signed_distance(&both, margin, normal, point);
-  double world[3];
+  return signed_distance(&both, far, normal, point);
+}
+
+double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal) {
+  double at_b[12], point[3];
+  return gap_at(of, pairs, pair, frames, far, normal, at_b, point);
+}
+
+/* How far a solid on a joint reaches along a vector of the world. */
+static double reach_of(const solids* of, long long k, const double* frame, const double* v) {
+  const solid body = solid_of(of, k);
+  const double* place = of->places + 12 * k;
+  double local[3], own[3];
+  turned_back(frame, v, local);
+  turned_back(place, local, own);
+  return dot(v, frame + 9) + dot(local, place + 9) + reach_along(&body, own);
+}
+
+double gap_along(const solids* of, const tables* pairs, long long pair, const double* frames, const double* a,
+                 const double* b) {
+  const double back[3] = {-a[0], -a[1], -a[2]};
+  const double *first = frames + 12 * pairs->joint_a[pair], *second = frames + 12 * pairs->joint_b[pair];
+  return -reach_of(of, pairs->body[pair], first, back) - reach_of(of, of->bodies + pairs->box[pair], second, b);
+}
+
+double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench) {
+  const double margin = of->margins[pairs->box[pair]];
+  double at_b[12], point[3], world[3];
+  const double distance = gap_at(of, pairs, pair, frames, margin, normal, at_b, point);
   turned(at_b, normal, wrench);
   placed(at_b, point, world);
   cross(world, wrench, wrench + 3);

@@ -356,3 +356,9 @@ double signed_distance(const two_solids* of, double far, double* normal, double*
   for (int i = 0; i < 3; ++i) point[i] -= of->a->ball * normal[i];
   return distance - balls;
 }
+
+double reach_along(const solid* body, const double* v) {
+  double point[3];
+  support(body, v, point);
+  return dot(v, point) + body->ball * norm(v);
+}

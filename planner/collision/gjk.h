@@ -23,4 +23,7 @@ typedef struct {
    is the gap of the bodies along the normal: where rounding ends the search, it is too small and never too large. */
 double signed_distance(const two_solids* of, double far, double* normal, double* point);
 
+/* How far a body reaches along a vector, in its own frame: the largest v·p of its points p. */
+double reach_along(const solid* body, const double* v);
+
 #endif

@@ -108,11 +108,14 @@ typedef struct {
   double* slope;
 } room;
 
-/* Returns ½ Σ weight min(D, 0)² over the rows that `least` does not separate, −1 without memory; adds to derivatives. */
-static double penalties(const term* of, const samples* at, double least, const derivatives* to, const room* work) {
+/* Add ½ Σ weight min(D, 0)² over the rows that `least` does not separate to `cost`, and to derivatives. Returns 0, or −1
+   without memory. */
+static int penalties(const term* of, const samples* at, double least, const derivatives* to, const room* work,
+                     double* cost) {
   sum adding = {.of = of, .at = at, .to = to, .moving = work->moving, .slope = work->slope, .pair = -1};
-  if (visit(of->pairs, at->batch, at->joints, at->placements, NULL, of->pairs->reach, least, add, &adding)) return -1.0;
-  return adding.total;
+  if (visit(of->pairs, at->batch, at->joints, at->placements, NULL, of->pairs->reach, least, add, &adding)) return -1;
+  *cost += adding.total;
+  return 0;
 }
 
 /* --- a motion --------------------------------------------------------------------------------------------------- */
@@ -136,20 +139,16 @@ static void interpolate(const motion* of, const double* positions, double* q) {
       for (long long i = 0; i < n; ++i) *q++ = (1.0 - *fraction) * positions[i] + *fraction * positions[n + i];
 }
 
-/* The penalties of all terms at the samples of waypoints (N, n), and the kinematics there, as `forward` gives it; q
-   (batch, n) is scratch. */
-static double at_samples(const motion* of, double least, const double* positions, double* q, double* placements,
-                         double* columns, const derivatives* to, const room* work) {
+/* Add the penalties of all terms at the samples of waypoints (N, n), with the kinematics there, as `forward` gives it; q
+   (batch, n) is scratch. Returns 0, or −1 without memory. */
+static int at_samples(const motion* of, double least, const double* positions, double* q, double* placements,
+                      double* columns, const derivatives* to, const room* work, double* cost) {
   const samples at = {of->batch, of->robot->joints, placements, columns, of->weight};
-  double total = 0.0;
   interpolate(of, positions, q);
   forward(of->robot, of->batch, q, placements, columns);
-  for (long long k = 0; k < of->terms; ++k) {
-    const double found = penalties(of->each[k], &at, least, to, work);
-    if (found < 0.0) return -1.0;
-    total += found;
-  }
-  return total;
+  for (long long k = 0; k < of->terms; ++k)
+    if (penalties(of->each[k], &at, least, to, work, cost)) return -1;
+  return 0;
 }
 
 /* Sums over samples (batch, n) and (batch, n, n), carried back to waypoints, as `Samples` says: of a gradient to slope
@@ -237,8 +236,9 @@ WRAPPER(call_penalties) {
   const derivatives to = take_derivatives(&taken, at.weight ? at.batch : 0, at.batch, n);
   const room work = take_room(&taken, n);
   double cost = 0.0;
-  if (ready(&taken)) WITHOUT_LOCK(cost = penalties(of, &at, least, &to, &work));
-  return ended(&taken, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+  int failed = 0;
+  if (ready(&taken)) WITHOUT_LOCK(failed = penalties(of, &at, least, &to, &work, &cost));
+  return ended(&taken, failed ? no_memory() : PyFloat_FromDouble(cost));
 }
 
 WRAPPER(call_at_samples) {
@@ -252,8 +252,9 @@ WRAPPER(call_at_samples) {
   const derivatives to = take_derivatives(&taken, batch, batch, n);
   const room work = take_room(&taken, n);
   double *q = scratch(&taken, batch * n), cost = 0.0;
-  if (ready(&taken)) WITHOUT_LOCK(cost = at_samples(of, least, positions, q, placements, columns, &to, &work));
-  return ended(&taken, cost < 0.0 ? no_memory() : PyFloat_FromDouble(cost));
+  int failed = 0;
+  if (ready(&taken)) WITHOUT_LOCK(failed = at_samples(of, least, positions, q, placements, columns, &to, &work, &cost));
+  return ended(&taken, failed ? no_memory() : PyFloat_FromDouble(cost));
 }
 
 WRAPPER(call_to_waypoints) {

@@ -71,6 +71,15 @@ def onto_path(problem: Problem, q: Array) -> Array:
     return q
 
 
+def around_line(problem: Problem, rng: np.random.Generator, count: int) -> Array:
+    """Return random configurations (count, n) within the limits, denser near the straight line."""
+    robot, along = problem.robot, rng.uniform(size=(count, 1))
+    middle = problem.start + along * (problem.goal - problem.start)
+    spread = rng.choice(SPREADS, size=(count, 1))
+    drawn = robot.nearest_turn(robot.draw(rng, count), middle)
+    return np.clip(middle + spread * (drawn - middle), robot.lower, robot.upper)
+
+
 class Roadmap:
     """Configurations connected by straight lines, and the cost of each line; nodes 0 and 1 are start and goal."""
 
@@ -84,12 +93,7 @@ class Roadmap:
 
     def grow(self) -> None:
         """Add the clear ones among NODES random configurations, each connected to its nearest neighbours."""
-        along = self.rng.uniform(size=(NODES, 1))
-        middle = self.problem.start + along * (self.problem.goal - self.problem.start)
-        spread = self.rng.choice(SPREADS, size=(NODES, 1))
-        drawn = self.problem.robot.nearest_turn(self.problem.robot.draw(self.rng, NODES), middle)
-        drawn = middle + spread * (drawn - middle)
-        drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
+        drawn = around_line(self.problem, self.rng, NODES)
         if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)

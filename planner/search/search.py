@@ -1,5 +1,6 @@
 """The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again; and where they keep failing by contacts, go on with exact distances, which take longer.
+again; and where they keep failing by contacts, go on with exact distances, which take longer, and with trees of free
+lines.
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
@@ -23,6 +24,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
+from hdplan.planner.search.trees import tree_ways
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
@@ -44,7 +46,8 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-EXACT_AFTER = 9  # guesses after these before exact distances have their turn, where the bodies are free at both ends
+TIGHT = 2  # first guesses where the bodies overlap at an end, before trees and exact distances have their turn
+EXACT_AFTER = 9  # guesses after GUESSES before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 LITTLE_CHANGE = (
     0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
@@ -370,28 +373,35 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
-    by contacts, guesses are solved with exact distances, from the straight line again: after the first GUESSES where
-    bodies overlap at an end, else, as the HD-SDF has no kinks, after EXACT_AFTER more, and in turn."""
+    by contacts, trees of lines that are free by exact distances grow in turn with further guesses, and what they find
+    is a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies
+    overlap at an end, these alone, else, as the HD-SDF has no kinks, after EXACT_AFTER more, and in turn."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
     yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
-    yield from map(Guess, itertools.islice(ways, GUESSES - 1))
     loose, overlap = search.problem, ends_overlap(search.problem)
-    if not overlap:
-        yield from map(Guess, itertools.islice(ways, EXACT_AFTER))
+    yield from map(Guess, itertools.islice(ways, (TIGHT if overlap else GUESSES) - 1))
     exact = exactly(loose) if search.is_tight else loose
-    if exact is not loose:
-        search.problem, exactly_so = exact, seeds(exact, seed)
-        yield Guess(next(exactly_so), FIRST_WEIGHT)
-        for way in exactly_so:
-            if not overlap:
-                search.problem = loose
-                yield Guess(next(ways))
-            search.problem = exact
-            yield Guess(way)
+    if exact is loose:
+        yield from map(Guess, ways)
+    grown, exactly_so = tree_ways(exact, search.required, seed), _exact_guesses(exact, seed)
+    for turn in itertools.count():
+        search.problem = exact
+        if (way := next(grown, None)) is not None:
+            yield Guess(way, as_it_is=True)
+        if overlap or turn >= EXACT_AFTER:
+            yield next(exactly_so)
+        if not overlap:
+            search.problem = loose
+            yield Guess(next(ways))
+
+
+def _exact_guesses(problem: Problem, seed: int) -> Iterator[Guess]:
+    ways = seeds(problem, seed)
+    yield Guess(next(ways), FIRST_WEIGHT)
     yield from map(Guess, ways)
 
 

@@ -4,7 +4,8 @@
 
 extern PyMethodDef forward_functions[], inverse_functions[], reach_functions[], close_pairs_functions[],
     hdsdf_functions[], exact_functions[], separation_functions[], bounds_functions[], parts_functions[], newton_step_functions[],
-    evaluation_functions[], time_optimal_functions[], gravity_functions[], pace_functions[];
+    evaluation_functions[], time_optimal_functions[], gravity_functions[], pace_functions[], free_functions[],
+    trees_functions[];
 
 PyMODINIT_FUNC PyInit__loops(void);
 
@@ -14,7 +15,8 @@ PyMODINIT_FUNC PyInit__loops(void) {
       NULL, NULL, NULL};
   PyMethodDef* all[] = {forward_functions,    inverse_functions,    reach_functions,  close_pairs_functions,
                         hdsdf_functions,      exact_functions,      separation_functions, bounds_functions, parts_functions,
-                        newton_step_functions, evaluation_functions, time_optimal_functions, gravity_functions, pace_functions};
+                         newton_step_functions, evaluation_functions, time_optimal_functions, gravity_functions,
+                         pace_functions, free_functions, trees_functions};
   PyObject* module = PyModule_Create(&definition);
   size_t i;
   int failed = !module || add_record_type(module);

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import multiprocessing
 import pickle
 import subprocess
@@ -28,6 +29,7 @@ from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.gravity_torque import static_torque
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.trees import tree_ways
 from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -68,6 +70,7 @@ FREE = {
     "draw_near": {("q", 0)},
     "close_rows": {("placements", 0), ("placements", 1), ("centres", 1)},
     "penalties": {("placements", 1)},
+    "grow_trees": {("targets", 0)},
 }
 
 
@@ -90,6 +93,7 @@ def run_scenes() -> None:
             term.inside(kinematics)
             term.depth(kinematics)
             term.pairs.close_between(kinematics)
+    assert any(way is not None for way in itertools.islice(tree_ways(exactly(problem), 0.0, 0), 9))
     tree, n = problem.kinematics.tree, problem.robot.n
     corners, wide = np.eye(3), np.full(n, 0.1)
     hulls = (n, corners), (1, corners + 3.0)

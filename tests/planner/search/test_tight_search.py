@@ -4,6 +4,7 @@ ones are solved with exact distances."""
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from typing import Any
 
@@ -17,7 +18,7 @@ from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.search import search as searching
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
-from hdplan.planner.search.search import EXACT_AFTER, GUESSES, Search, _guesses
+from hdplan.planner.search.search import EXACT_AFTER, GUESSES, TIGHT, Search, _guesses
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -37,20 +38,28 @@ def failing(status: Status) -> Any:
 
 
 @pytest.mark.parametrize("overlap", [True, False])
-def test_the_first_guesses_are_as_ever_and_later_ones_exact(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At once where bodies overlap at an end, else later and in turn."""
+def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With exact guesses alone where bodies overlap at an end; else with those as ever, and later with both."""
     monkeypatch.setattr(searching, "ends_overlap", lambda problem: overlap)
+    found = np.full((32, 7), 7.0)
+    monkeypatch.setattr(searching, "tree_ways", lambda *given: itertools.cycle([None, found]))
     under_way = search(load_scene("panda_cage"))
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None)
     under_way.best = failing(Status.IN_CONTACT)
-    for _ in range(GUESSES + (0 if overlap else EXACT_AFTER)):
+    for _ in range(TIGHT if overlap else GUESSES):
         np.testing.assert_array_equal(next(guesses).positions, next(ever))
         assert under_way.problem is problem
     exact = seeds(exactly(problem), 5)
-    for _ in range(3):
-        np.testing.assert_array_equal(next(guesses).positions, next(exact))
-        assert under_way.problem.exact
+    for turn in range(EXACT_AFTER + 3):
+        if turn % 2:
+            guess = next(guesses)
+            assert guess.positions is found
+            assert guess.as_it_is
+            assert under_way.problem.exact
+        if overlap or turn >= EXACT_AFTER:
+            np.testing.assert_array_equal(next(guesses).positions, next(exact))
+            assert under_way.problem.exact
         if not overlap:
             np.testing.assert_array_equal(next(guesses).positions, next(ever))
             assert under_way.problem is problem

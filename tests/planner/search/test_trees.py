@@ -1,0 +1,140 @@
+"""Laws of the trees: what they find is free by the certificate and by the oracle at dense samples, the same seed finds
+the same, and what cannot be free is never said to be."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.build import build
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.assemble import exactly
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.trees import Trees, free_space, shortened, through, tree_ways
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.yaml_format.reader import load_scene
+
+pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
+
+SCENES = ("panda_cage", "panda_carry", "tiago_shelf")  # among bars, with a held object, with a joint that slides
+
+
+def exact(name: str) -> Problem:
+    return exactly(build(load_scene(name)))
+
+
+def space_of(problem: Problem, required: float = 0.0) -> Record:
+    found = free_space(problem, required)
+    assert found is not None
+    return found
+
+
+def is_free(space: Record, first: Array, last: Array) -> bool:
+    loops = library()
+    assert loops is not None
+    return bool(loops.is_free(space.struct, first, last))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_the_trees_find_is_certified_as_it_is(name: str) -> None:
+    problem = exact(name)
+    way = next(found for found in tree_ways(problem, 0.0, 3) if found is not None)
+    np.testing.assert_array_equal(way[[0, -1]], [problem.start, problem.goal])
+    assert way.shape == (problem.waypoints, problem.robot.n)
+    motion = Trajectory(problem.robot.joint_names, way, problem.robot.locked)
+    assert Certifier(problem.setup).certify(motion, required=0.0).certified
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_no_line_that_is_said_to_be_free_touches_anything(name: str) -> None:
+    """At dense samples of random lines, by the certificate's own oracle; and some are free, and some are not."""
+    problem, rng = exact(name), np.random.default_rng(5)
+    space, certifier = space_of(problem), Certifier(problem.setup)
+    said = []
+    for _ in range(60):
+        first, last = problem.robot.draw(rng, 2)
+        last = first + rng.uniform(0.05, 1.0) * (last - first)
+        said.append(is_free(space, first, last))
+        if said[-1]:
+            for t in np.linspace(0.0, 1.0, 12):
+                assert not certifier.contacts(first + t * (last - first), 0.0)
+    assert 0 < sum(said) < len(said)
+
+
+def test_a_line_back_is_as_free_and_a_point_is_a_line() -> None:
+    problem, rng = exact("panda_cage"), np.random.default_rng(6)
+    space, certifier = space_of(problem), Certifier(problem.setup)
+    for _ in range(40):
+        first, last = problem.robot.draw(rng, 2)
+        last = first + 0.2 * (last - first)
+        assert is_free(space, first, last) == is_free(space, last, first)
+        if is_free(space, first, first):
+            assert not certifier.contacts(first, 0.0)
+
+
+def test_the_same_seed_finds_the_same_and_another_one_another() -> None:
+    problem = exact("panda_cage")
+    ways = [next(found for found in tree_ways(problem, 0.0, seed) if found is not None) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(ways[0], ways[1])
+    assert np.abs(ways[0] - ways[2]).max() > 0.0
+
+
+def test_shortcuts_keep_the_ends_stay_free_and_are_never_longer() -> None:
+    problem, rng = exact("panda_cage"), np.random.default_rng(0)
+    space = space_of(problem)
+    trees, way = Trees(problem, space, rng), None
+    while way is None:
+        way = trees.grow(64)
+    short = shortened(space, way, rng)
+    np.testing.assert_array_equal(short[[0, -1]], way[[0, -1]])
+    assert all(is_free(space, *line) for line in itertools.pairwise(short))
+    length, before = (np.linalg.norm(np.diff(each, axis=0), axis=1).sum() for each in (short, way))
+    assert length <= before + 1e-9
+
+
+def test_corners_are_among_the_waypoints_as_long_as_they_fit() -> None:
+    problem, rng = exact("panda_cage"), np.random.default_rng(1)
+    for corners in (2, 3, problem.waypoints, problem.waypoints + 5):
+        way = np.clip(problem.robot.draw(rng, corners), *problem.robot.inner)
+        way[0], way[-1] = problem.start, problem.goal
+        found = through(problem, way)
+        assert found.shape == (problem.waypoints, problem.robot.n)
+        if corners <= problem.waypoints:
+            assert all(np.abs(found - corner).max(axis=1).min() < 1e-12 for corner in way)
+
+
+def test_the_clearance_is_kept_that_the_ends_allow() -> None:
+    scene = load_scene("panda_corridor")
+    scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=0.02))
+    problem = exactly(build(scene))
+    certifier = Certifier(problem.setup)
+    required, _ = reachable_clearance(problem.setup, certifier)
+    assert required > 0.0
+    way = next(found for found in tree_ways(problem, required, 0) if found is not None)
+    motion = Trajectory(problem.robot.joint_names, way, problem.robot.locked)
+    assert certifier.certify(motion, required=required).certified
+
+
+def test_trees_stay_within_the_limits() -> None:
+    """Also where surfaces are slid along."""
+    problem = exact("tiago_shelf")
+    trees = Trees(problem, space_of(problem), np.random.default_rng((3, 0)))
+    trees.grow(96)
+    lower, upper = problem.robot.inner
+    for nodes in trees.nodes:
+        assert len(nodes) > 9
+        assert np.all((nodes >= lower) & (nodes <= upper))
+
+
+@pytest.mark.parametrize("name", ["panda_conveyor", "panda_cup"])
+def test_there_are_none_where_more_counts_than_what_is_free(name: str) -> None:
+    """Moving obstacles, and path constraints; nor where distances are not exact."""
+    assert next(tree_ways(exact(name), 0.0, 0), None) is None
+    assert free_space(exact(name), 0.0) is None
+    assert free_space(build(load_scene("panda_cage")), 0.0) is None
