@@ -73,7 +73,6 @@ def file(path: Path, name: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(name=name or path.name, content=path.read_bytes())
 
 
-@pytest.mark.sampled(4)
 @pytest.mark.parametrize("word", edits.NEW)
 def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewer, word: str) -> None:
     first = viewer.scene
