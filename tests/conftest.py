@@ -1,20 +1,80 @@
-"""What all tests need."""
+"""What all tests need: the lanes of the suite, and what makes a test quick.
+
+By default: every law, but of one marked `sampled(n)` each n-th of its parameters' product. `-m slow`: their rest,
+and what takes long by itself. `-m core`: a law or two of every room, in less than a minute.
+"""
 
 from __future__ import annotations
 
+import inspect
 import os
+import signal
+import sys
 import threading
+from collections import Counter
+from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 
 from hdplan.planner.terminal import console
 
 
+def core(config: pytest.Config) -> bool:
+    return str(config.option.markexpr).startswith("core")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Have XLA compile without optimizing: what the default suite compiles runs once or twice. The slow laws and the
-    benchmarks run it as users do."""
-    if config.option.markexpr == "not slow":
+    benchmarks run it as users do. Bytecode is kept, whatever the environment says: a hundred child processes import
+    hdplan, and pytest rewrites the assertions of a file once."""
+    if core(config):
+        config.option.markexpr = "core and not slow"
+    if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read of the core only the files that have a part in it."""
+    if not core(config) or collection_path.suffix != ".py":
+        return None
+    return "@pytest.mark.core\n" not in collection_path.read_text(encoding="utf-8") or None
+
+
+@pytest.hookimpl(tryfirst=True)  # before those marked slow are left out
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep each n-th of a law marked `sampled(n)`, always the same ones; the others are slow."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        mark = item.get_closest_marker("sampled")
+        if mark and not item.get_closest_marker("slow"):
+            law = item.nodeid.partition("[")[0]
+            if seen[law] % mark.args[0]:
+                item.add_marker(pytest.mark.slow)
+            seen[law] += 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Say in words which law a test that failed holds, and of what."""
+    report = yield
+    if report.failed:
+        test, _, values = item.name.partition("[")
+        law = [test.removeprefix("test_").replace("_", " ").capitalize() + "."]
+        law += [inspect.cleandoc(item.function.__doc__)] if item.function.__doc__ else []  # type: ignore[attr-defined]
+        law += [f"Here: {values.removesuffix(']')}"] if values else []
+        report.sections.insert(0, ("The law", "\n".join(law)))
+    return report
+
+
+@pytest.fixture
+def ctrl_c_is_heard() -> Iterator[None]:
+    """By the test and by processes that it starts: what a shell starts in the background begins with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)

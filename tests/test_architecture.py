@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.util
 import re
 import subprocess
@@ -57,6 +58,7 @@ HOMES = {  # of each heavy library
 }
 
 
+@functools.cache
 def imports(path: Path) -> set[str]:
     """Names of modules that a file imports, at its head or within; hdplan's own without the prefix `hdplan.`."""
     found = set()
@@ -73,10 +75,10 @@ def name_of(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts)
 
 
-MODULES = {name_of(path): imports(path) for path in FILES}
+MODULES = {name_of(path): path for path in FILES}
 
 SOURCE = ROOT / "src" / "hdplan"
-KNOWN = {name.removesuffix(".__init__"): path for name, path in zip(MODULES, FILES, strict=True)} | {
+KNOWN = {name.removesuffix(".__init__"): path for name, path in MODULES.items()} | {
     ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
     for path in (SOURCE / "cli.py", SOURCE / "control.py", SOURCE / "symbolic.py", *(SOURCE / "verify").glob("*.py"))
 }
@@ -89,14 +91,20 @@ def room_of(module: str) -> str:
 
 def imported(module: str) -> set[str]:
     """The other rooms that a module imports."""
-    own = {name for name in MODULES[module] if name.split(".")[0] in ("scenes", "distance", "planner", "cli", "hdplan")}
+    own = {
+        name
+        for name in imports(MODULES[module])
+        if name.split(".")[0] in ("scenes", "distance", "planner", "cli", "hdplan")
+    }
     return {room_of(name) for name in own} - {room_of(module)}
 
 
-@pytest.mark.parametrize("module", sorted(set(MODULES) - set(DOORS)))
-def test_every_arrow_points_down(module: str) -> None:
-    below = ROOMS[: ROOMS.index(room_of(module))]
-    assert imported(module) <= set(below)
+@pytest.mark.core
+def test_every_arrow_points_down() -> None:
+    upward = {}
+    for module in set(MODULES) - set(DOORS):
+        upward[module] = imported(module) - set(ROOMS[: ROOMS.index(room_of(module))])
+    assert {module: rooms for module, rooms in upward.items() if rooms} == {}
 
 
 def test_the_certificate_rests_on_nothing_of_the_solvers() -> None:
@@ -116,7 +124,9 @@ def test_the_pages_say_what_the_certificate_rests_on(page: str) -> None:
 
 @pytest.mark.parametrize("library", HOMES)
 def test_heavy_libraries_stay_at_home(library: str) -> None:
-    users = {room_of(name) for name, used in MODULES.items() if any(each.split(".")[0] == library for each in used)}
+    users = {
+        room_of(name) for name, path in MODULES.items() if library in {each.split(".")[0] for each in imports(path)}
+    }
     assert users == HOMES[library]
 
 
@@ -182,3 +192,12 @@ def test_the_picture_of_the_house_is_fresh() -> None:
     spec.loader.exec_module(house)
     drawn = house.picture(*house.measured())
     assert drawn == house.PICTURE.read_text(encoding="utf-8"), "draw it again: python benchmarks/house.py"
+
+
+TESTS = sorted({path.parent for path in (ROOT / "tests").rglob("test_*.py")})
+
+
+@pytest.mark.core
+@pytest.mark.parametrize("folder", TESTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_room_has_a_law_in_the_core(folder: Path) -> None:
+    assert any("@pytest.mark.core\n" in path.read_text(encoding="utf-8") for path in folder.glob("test_*.py"))

@@ -26,6 +26,7 @@ import yaml
 from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
+from tests.waiting import until
 
 ARM = Path(shipped_scenes()["planar_arm"]).parent
 COMMAND = [sys.executable, "-m", "hdplan.cli"]
@@ -778,6 +779,7 @@ def test_a_terminal_sees_progress() -> None:
     assert "building the problem" in shown or "iteration" in shown  # whichever is on when the line is drawn
 
 
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "fatrop", "ipopt"])
 def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     scene, best = arm_scene(tmp_path, obstacles=[BLOCKED]), tmp_path / "best.json"
@@ -796,6 +798,12 @@ def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     assert json.loads(best.read_text(encoding="utf-8"))["verdict"]["status"] == "in_contact"
 
 
+def caught(status: str) -> int:
+    """The signals that a process has handlers for, by its /proc/PID/status, as bits."""
+    return int(status.split("SigCgt:")[1].split()[0], 16)
+
+
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are listed elsewhere")
 def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path) -> None:
     """A terminal sends it to both processes."""
@@ -803,14 +811,15 @@ def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path)
     command = [*COMMAND, "verify", "planar_arm", str(tmp_path / "any.json"), str(tmp_path / "any.json")]
     child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
-    while child.poll() is None and not children.read_text():
-        time.sleep(0.005)
-    time.sleep(0.1)  # it imports its libraries
+    until(children.read_text, "the checker begins")
+    status = Path(f"/proc/{children.read_text().split()[0]}/status")
+    until(lambda: caught(status.read_text()) >> (signal.SIGINT - 1) & 1, "Python hears Ctrl-C, and imports libraries")
     os.killpg(child.pid, signal.SIGINT)
     _, said = child.communicate(timeout=20)
     assert said == "hdplan: interrupted before anything was found\n"
 
 
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("command", ["plan", "check", "follow", "simulate", "plot", "explain", "view", "robots"])
 def test_ctrl_c_that_python_drops_ends_every_command(
     hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch, command: str
@@ -823,8 +832,8 @@ def test_ctrl_c_that_python_drops_ends_every_command(
 
     def endless(*_: object, **__: object) -> None:
         Last()
-        until = time.monotonic() + 20.0
-        while time.monotonic() < until:
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end:
             sum(range(100))
 
     Path("motion.csv").write_text("elbow,shoulder\n0.4,-0.8\n0.4,1.0\n", encoding="utf-8")
@@ -835,11 +844,7 @@ def test_ctrl_c_that_python_drops_ends_every_command(
     motion = ["planar_arm", "motion.csv"]
     given = {"plan": motion[:1], "explain": motion[:1], "robots": [], "plot": [*motion, "-o", "motion.png"]}
     monkeypatch.setattr(f"hdplan.planner.commands.{command}.{work[command]}", endless)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a shell starts behind
-    try:
-        done = hdplan(command, *given.get(command, motion))
-    finally:
-        signal.signal(signal.SIGINT, before)
+    done = hdplan(command, *given.get(command, motion))
     assert (done.code, done.out) == (130, "")
     assert done.err.strip() == "hdplan: interrupted before anything was found"
     assert os.listdir() == ["motion.csv"]
@@ -894,6 +899,7 @@ def child(*arguments: str, **within: str) -> Done:
     return Done(done.returncode, done.stdout.decode(), done.stderr.decode())
 
 
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("after", ["typer.main", "rich.text", "numpy.linalg"])
 def test_ctrl_c_while_it_starts_is_one_line(after: str) -> None:
     """While libraries are imported, some of which make errors of their own of it."""

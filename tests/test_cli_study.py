@@ -194,6 +194,7 @@ def test_unknown_names_are_refused(hdplan: Callable[..., Done], group: str) -> N
     assert f"hdplan {group} --help" in done.err
 
 
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 def test_ctrl_c_leaves_what_was_counted_and_says_so(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     command = [*COMMAND, "reproduce", "conservativeness", "--quick", "-o", str(tmp_path / "out")]

@@ -43,6 +43,7 @@ def test_commutative_associative_and_sign_preserving(gamma, tolerance):
     np.testing.assert_array_equal(holder_maximum(x, gamma), -holder_minimum(-x, gamma))
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_equals_the_definition(gamma, tolerance):
     x = _random()

@@ -63,6 +63,7 @@ def _size(body_a, body_b, *poses):
 # --- safety and bounds ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize("names", SAFETY, ids="-".join)
 def test_bodies_that_share_a_point_never_read_as_apart(names, rung, solids):
@@ -85,6 +86,7 @@ def test_any_witness_normal_is_safe(names, solids):
     assert found.max() <= ULPS * _size(body_a, body_b, poses_a, poses_b)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize("names", SAFETY, ids="-".join)
 def test_separation_is_a_lower_bound_and_no_rung_loosens_it(names, rung, solids, random_poses):
@@ -144,6 +146,7 @@ PATHS = {  # pose of a square at t = 0, its twist, how long: through kinks of th
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("gamma", [1, 2, 3])
 @pytest.mark.parametrize("name", PATHS)
 def test_differentiable_gamma_times_through_the_euclidean_kinks(name, gamma):
@@ -274,7 +277,7 @@ CHOICES = st.fixed_dictionaries(
 
 
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
-@trials(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@trials(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(body_a=BODY, pose_a=POSE, body_b=BODY, pose_b=POSE, choices=CHOICES)
 def test_any_bodies_at_any_pose(name, body_a, pose_a, body_b, pose_b, choices):
     """Finite, safe, below the exact distance, symmetric."""

@@ -56,6 +56,7 @@ def _check(found, body_a, a, body_b, b):
     assert over[worst] <= ORACLE * size[worst], (a[worst], b[worst], found[worst], exact[worst])
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("names", PAIRS, ids="-".join)
 def test_never_more_than_the_exact_distance(names):
     body_a, body_b = (BODIES[name] for name in names)

@@ -44,7 +44,7 @@ Asked = Callable[[Array], list[Array]]  # of some rows of the poses
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
-POSES = 200
+POSES = 80
 FEW = 8  # poses of what takes long for each
 FEW_THREADS = 3  # of what starts a process each time
 A, B = ConvexBody.platonic("dodecahedron"), ConvexBody.box([0.7, 0.4, 1.1])
@@ -147,6 +147,7 @@ def _call(function: ca.Function, a: Array, b: Array) -> Array:
     return np.array(function(a, b))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", WITNESSES)
 def test_threads_get_what_one_gets_alone(name: str) -> None:
     """Each asks for the poses in an order of its own, from an object that all share, and again from one of its own."""

@@ -79,6 +79,7 @@ def _scaled(found, factor):
 # --- the witnesses agree ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["casadi", "graph"])
 def test_casadi_agrees_with_numpy(name, union, settings, poses):
     found = [evaluator(witness, *union, **settings)(*poses) for witness in ("numpy", name)]
@@ -115,6 +116,7 @@ def test_witness_normals_go_to_every_pair(poses):
     assert np.all(found[0].value >= bare.value)
 
 
+@pytest.mark.sampled(4)
 def test_gradient_and_hessian_are_those_of_the_value(union, settings, poses):
     """Central differences along random twists."""
     body_a, body_b = union
@@ -164,6 +166,7 @@ def test_neither_order_nor_grouping_of_pieces_matters(name, poses):
         agree(first, other, poses, (MIXED, ELL), 2)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_copies_count_at_every_hard_pose(name, hard):
     """Of n equal pieces D is n^(∓1/p) times the piece's, with all derivatives: touching, aligned, tiny and huge."""
@@ -196,6 +199,7 @@ def test_float32_as_far_as_its_digits_go(poses):
     np.testing.assert_allclose(found.separation, right.separation, atol=1e-5)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 @pytest.mark.parametrize("case", HARD[::6], ids=lambda case: case.name)
 def test_hard_poses_in_many_digits(name, case):
@@ -271,6 +275,7 @@ def test_positive_exactly_where_every_pair_is_and_then_apart(union, poses):
     assert np.all(separation(body_a, poses[0], body_b, poses[1]) <= exact + 1e-8)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_symmetric_and_the_same_from_everywhere(name, poses, random_poses):
     settings = {"gamma": 3, "shaping_length": 0.01}
@@ -286,6 +291,7 @@ def test_symmetric_and_the_same_from_everywhere(name, poses, random_poses):
 # --- smoothness -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("gamma", [1, 2, 3])
 @pytest.mark.parametrize(("gap", "reach"), [(0.4, 0.8), (0.05, 0.5)], ids=["past", "through"])
 def test_differentiable_gamma_times_along_a_step(gamma, gap, reach):
@@ -293,7 +299,7 @@ def test_differentiable_gamma_times_along_a_step(gamma, gap, reach):
     largest change between neighbours vanishes with their spacing, as of a pair."""
     block, box = ConvexBody.box([1.0, 1.0, 0.4]), ConvexBody.box([0.3, 0.3, 0.3])
     step = ConvexBody.union([block, _shifted(block, 0.9, 0.1, 0.0)])
-    evaluate = evaluator("casadi", step, box, gamma=gamma, shaping_length=0.2)
+    evaluate = evaluator("compiled", step, box, gamma=gamma, shaping_length=0.2)
     times, twist = np.linspace(-reach, reach, 1201 if gamma == 3 else 601), np.array([1.0, 0.05, 0.0, 0.0, 0.0, 0.2])
     xi = np.concatenate([np.zeros(6), twist])
     generator = np.zeros((4, 4))

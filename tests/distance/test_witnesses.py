@@ -66,6 +66,7 @@ def _settings(number):
     }
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
 def test_casadi_agrees_with_numpy(number, branch, random_poses):
@@ -85,7 +86,7 @@ def test_batch_agrees_with_numpy(names, settings, random_poses):
         agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
-@pytest.mark.parametrize("name", ["casadi", "jax"])
+@pytest.mark.parametrize("name", ["casadi", pytest.param("jax", marks=pytest.mark.slow)])
 def test_witness_normals_agree(name, random_poses):
     bodies = BODIES["box"], BODIES["capsule"]
     poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)
@@ -143,6 +144,7 @@ def _names(path):
     return found
 
 
+@pytest.mark.core
 def test_the_witnesses_share_no_formula():
     """Each one's modules, down to what is shared: bodies, candidate normals, the checks of poses and parameters."""
     folder = Path(hdplan.distance.__file__).parent

@@ -16,7 +16,7 @@ from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.problem import samples
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.solvers import newton_step
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
@@ -31,9 +31,14 @@ def odd(rng: np.random.Generator, shape: tuple[int, ...], among: tuple[float, ..
     return np.where(rng.random(shape) < share, rng.choice(among, shape), rng.normal(size=shape))
 
 
+@pytest.fixture(scope="module")
+def tiago() -> Robot:
+    return load_robot(RobotSpec("tiago"))
+
+
 @pytest.mark.parametrize("batch", [0, 1, 3, 7, 17])
-def test_forward(batch: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    kinematics, rng = Kinematics(load_robot(RobotSpec("tiago")).model), np.random.default_rng(batch)
+def test_forward(batch: int, tiago: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinematics, rng = Kinematics(tiago.model), np.random.default_rng(batch)
     q = odd(rng, (batch, kinematics.n), (5e-324, -1e-310, 0.0, 40.0, -3e3))
     found = kinematics.evaluate(q)
     beyond = kinematics.evaluate(odd(rng, q.shape, NOT_FINITE))
@@ -80,8 +85,8 @@ def test_newton_step(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
-def test_reach(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    chain, rng = Chain.of(load_robot(RobotSpec("tiago")).model), np.random.default_rng(count)
+def test_reach(count: int, tiago: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    chain, rng = Chain.of(tiago.model), np.random.default_rng(count)
     n, among, intervals = len(chain.axes), (*ODD[:5], *NOT_FINITE), 3
     joints = rng.integers(0, n + 1, count)
     cylinders, travel = odd(rng, (count, 3), among, 0.1), odd(rng, (n, 2), ODD[:5])

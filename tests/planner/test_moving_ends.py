@@ -62,7 +62,7 @@ def planned() -> tuple[Scene, hdplan.PlanResult]:
     return scene, hdplan.plan(scene)
 
 
-@pytest.mark.parametrize("robot", ["panda", "ur5", "kinova"])
+@pytest.mark.parametrize("robot", ["panda", "ur5", pytest.param("kinova", marks=pytest.mark.slow)])
 def test_random_velocities_are_planned_from_within_their_limits(robot: str) -> None:
     for seed in range(2):
         rest = scene_of(robot, seed)

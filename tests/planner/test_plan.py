@@ -103,6 +103,7 @@ def test_shipped_scenes_are_certified_by_default(name: str) -> None:
         assert (summary["clearance_m"], summary["worst"]) == (None, None)
 
 
+@pytest.mark.core
 def test_the_same_seed_gives_the_same_bytes() -> None:
     one, other = (plan(load_scene("panda_corridor"), seed=3) for _ in range(2))
     assert one.trajectory.positions.tobytes() == other.trajectory.positions.tobytes()
@@ -117,6 +118,7 @@ def test_the_other_solvers_come_through_too(solver: str) -> None:
     assert result.summary()["solver"] == solver
 
 
+@pytest.mark.core
 def test_the_clearance_that_is_asked_for_is_proven() -> None:
     result = plan(planar(clearance=0.02))
     assert result.certified

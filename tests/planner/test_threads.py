@@ -57,6 +57,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CHECKED)
 def test_motions_are_certified_as_alone(name: str) -> None:
     """From one certifier that all share, and from one of each thread's own."""
@@ -118,6 +119,7 @@ def assert_same(step: Step, other: Step) -> None:
         np.testing.assert_array_equal(part, expected)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("distance", ["hdsdf", "euclidean", "hdsdf-boxes", "gdf"])
 def test_steps_are_as_alone(distance: str) -> None:
     """Of one controller that all share, and of each thread's own."""

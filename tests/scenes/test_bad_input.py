@@ -280,6 +280,7 @@ CASES = {
 }
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("case", CASES)
 def test_refused_in_one_clear_line(tmp_path: Path, case: str) -> None:
     text, fragments = CASES[case]

@@ -44,6 +44,7 @@ def test_closed_forms(hard, tolerance):
     np.testing.assert_allclose(bulk, hard.distance, rtol=0, atol=bound)
 
 
+@pytest.mark.sampled(5)
 def test_ground_truth_has_the_closed_forms(hard, tolerance, monkeypatch):
     monkeypatch.setattr(oracle, "_proven", _nothing_proven)
     size = max(1.0, abs(hard.distance), np.abs(hard.body_a.vertices).max())
@@ -52,6 +53,7 @@ def test_ground_truth_has_the_closed_forms(hard, tolerance, monkeypatch):
     _check_proof(found, hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, tolerance["exact"] * size)
 
 
+@pytest.mark.sampled(5)
 def test_coal_and_ground_truth_agree(pair, random_poses, tolerance, monkeypatch):
     body_a, body_b = pair
     signs = set()
@@ -67,6 +69,8 @@ def test_coal_and_ground_truth_agree(pair, random_poses, tolerance, monkeypatch)
     assert True in signs
 
 
+@pytest.mark.core
+@pytest.mark.sampled(5)
 def test_separating_axes_are_exact_in_contact_and_a_lower_bound_apart(pair, random_poses, tolerance):
     body_a, body_b = pair
     for pose_a, pose_b in zip(random_poses(3, 12, 0.4), random_poses(4, 12, 0.4), strict=True):
@@ -114,6 +118,7 @@ def test_exactly_parallel_contacts_of_boxes(tolerance):
         assert abs(found.distance - truth) <= tolerance["oracle"]
 
 
+@pytest.mark.sampled(5)
 def test_bulk_is_the_loop(pair, random_poses, tolerance, monkeypatch):
     body_a, body_b = pair
     rng = np.random.default_rng(8)

@@ -101,6 +101,7 @@ def test_stopped_it_keeps_whole_steps() -> None:
     assert [(e.bodies, e.setting.shaping_length) for e in found.entries] == [(TINY.bodies[0], x) for x in (1e-3, 1e-2)]
 
 
+@pytest.mark.slow
 def test_hessians_give_the_bend_which_grows_with_gamma() -> None:
     kernels = (("paper", 1, "float64"), ("paper", 8, "float64"))
     found = study(replace(TINY, bodies=TINY.bodies[:1], kernels=kernels, shaping_lengths=(1e-2,), orders=("hessian",)))

@@ -43,6 +43,7 @@ def test_a_seed_gives_the_same_poses():
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.sampled(5)
 def test_touching_poses_touch(pair, tolerance):
     body_a, body_b = pair
     poses_a, poses_b = touching_poses(body_a, body_b, np.random.default_rng(4), 100)
@@ -51,6 +52,7 @@ def test_touching_poses_touch(pair, tolerance):
     assert np.mean(np.abs(distances) <= tolerance["oracle"]) > 0.4, "about half of them just touch"
 
 
+@pytest.mark.sampled(5)
 def test_they_touch_but_for_rounding(pair, monkeypatch):
     monkeypatch.setattr(oracle, "_proven", lambda *arguments: np.zeros(len(arguments[-1].distances), dtype=bool))
     body_a, body_b = pair

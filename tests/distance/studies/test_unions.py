@@ -9,6 +9,7 @@ from hdplan.distance import ConvexBody, signed_distances
 from hdplan.distance.studies.unions import PIECES, cut, cut_bodies, study_unions
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("pieces", PIECES)
 def test_a_cut_box_is_the_box(pieces, random_poses):
     finest, box = cut_bodies()["box"], ConvexBody.box([0.6, 0.3, 0.2])

@@ -66,6 +66,7 @@ def _differences(bodies, a, b, h, **settings):
     return (values[::2] - values[1::2]) / (2 * h)
 
 
+@pytest.mark.sampled(5)
 def test_values_equal_the_reference(pair, random_poses, tolerance):
     function = hdsdf_function(*pair)
     for spread in (0.15, 0.5, 2.0):  # deep, near, apart
@@ -88,6 +89,7 @@ def test_values_equal_the_reference_for_all_settings(settings, random_poses, tol
         )
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("gamma", [1, 2, 4])
 @pytest.mark.parametrize("bodies", SMALL, ids=lambda b: f"{len(b[0].vertices)}x{len(b[1].vertices)}")
 def test_derivatives_are_those_of_the_reference(bodies, gamma, random_poses, tolerance):
@@ -120,6 +122,7 @@ def _of_hard(body_a, body_b, gamma):
     return _along_twists(hdsdf_function(body_a, body_b, gamma=gamma))
 
 
+@pytest.mark.sampled(5)
 def test_finite_and_right_at_hard_poses(hard, tolerance):
     """Touching, parallel, identical, deep, tiny gaps, extreme scales: value as the reference, derivatives finite."""
     for gamma in (1, 2, 4):

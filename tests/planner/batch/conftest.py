@@ -7,7 +7,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pytest
 
 from hdplan.planner.batch.local_cluster import SETTINGS
 from hdplan.planner.batch.worker_pool import worker_pool
+from tests.waiting import until
 
 HERE = Path(__file__).parent
 
@@ -39,8 +39,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     settings = {f"DASK_{key.replace('.', '__').replace('-', '_').upper()}": str(x) for key, x in SETTINGS.items()}
     here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with dask("scheduler", *here, "--scheduler-file", str(file), **settings):
-        while not file.is_file():
-            time.sleep(0.02)
+        until(file.is_file, "the scheduler has an address")
         address = str(json.loads(file.read_text())["address"])
         with dask("worker", address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard", **settings):
             yield address

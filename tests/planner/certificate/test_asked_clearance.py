@@ -33,6 +33,7 @@ def bent(motion: Trajectory, rng: np.random.Generator) -> Trajectory:
     return dataclasses.replace(motion, positions=motion.positions + bump)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_corridor", "ur5_table", "planar_arm"])
 def test_what_is_certified_keeps_what_is_asked_and_what_is_not_does_not(name: str) -> None:
     """Against exact distances at samples: certified with at least what must be kept, and too close only where less is

@@ -154,6 +154,7 @@ def sampled(robot: Robot, obstacles: tuple[Obstacle, ...], q: Array) -> tuple[di
 # --- never optimistic -----------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(  # sampling the meshes of xarm7, of 5000 triangles each, takes seconds
     ("name", "count"),
     [("panda", 3), ("ur5", 3), ("branched", 6), ("xarm7", 1)]
@@ -364,6 +365,7 @@ def test_cut_pieces_hold_the_whole_surface() -> None:
 # --- the motion bounds ----------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("leaving", [0.0, 0.3], ids=["straight", "curved"])
 @pytest.mark.parametrize("name", ["panda", "kinova", "branched"])
 def test_no_point_moves_farther_than_its_bounds(name: str, leaving: float, branched_urdf: Path) -> None:

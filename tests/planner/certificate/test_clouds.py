@@ -83,6 +83,7 @@ def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int
     return smallest
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_proof_is_never_above_the_least_distance_to_any_ball_and_close_to_it(seed: int) -> None:
     rng, robot = np.random.default_rng(seed), load_robot("panda")

@@ -102,6 +102,7 @@ def to_file(mesh: TriangleMesh, path: Path) -> Path:
 # --- the solid by itself ----------------------------------------------------------------------------
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "torn", "twice"])
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 0.8), (1.0, 0.8, 0.6)], ids=["solid", "hollow", "nested"])
 def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:

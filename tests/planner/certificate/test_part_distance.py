@@ -197,6 +197,7 @@ def test_the_distance_to_a_convex_body_is_exact_too(seed: int) -> None:
         assert truth == 0.0 or found >= truth - SAME, name
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("compiled", [True, False])
 def test_no_bound_is_above_the_distance_anywhere_on_the_interval(
     compiled: bool, monkeypatch: pytest.MonkeyPatch

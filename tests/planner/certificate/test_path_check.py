@@ -107,6 +107,7 @@ def random_curve(rng: np.random.Generator, robot: Robot, kind: int) -> Curve:
     )[int(rng.integers(3))]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("base", [Pose(), UPSIDE_DOWN, TILTED], ids=["standing", "upside down", "tilted"])
 @pytest.mark.parametrize("name", ROBOTS)
 def test_dense_samples_never_find_more_than_is_proven(name: str, base: Pose, tmp_path: Path) -> None:
@@ -185,6 +186,7 @@ def _planar_case(robot: Robot, spec: RobotSpec, rng: np.random.Generator) -> boo
     return kept
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("turn", [UPSIDE_DOWN, TILTED, Pose((1.0, 2.0, 0.5), (0.0, 0.0, 1.0, 0.0))])
 def test_a_box_that_moves_with_the_base_sees_the_same(turn: Pose) -> None:
     rng = np.random.default_rng(9)
@@ -216,6 +218,7 @@ def test_upside_down_an_axis_points_the_other_way() -> None:
         assert one.kept[0].worst == pytest.approx(other.kept[0].worst, abs=1e-6)
 
 
+@pytest.mark.core
 def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     scene = load_scene("ur5_table")
     robot = load_robot(scene.robot)

@@ -112,6 +112,7 @@ def random_curve(rng: np.random.Generator, robot: Robot, kind: int) -> Curve:
     )[kind % 3 if kind < 3 else int(rng.integers(3))]
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", LINKS)
 @pytest.mark.parametrize("turned", [False, True])
 def test_dense_samples_never_find_more_than_is_proven(name: str, turned: bool, tmp_path: Path) -> None:

@@ -219,6 +219,7 @@ WILD_OBSTACLES: dict[str, Callable[[], Obstacle]] = {
 }
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("thing", WILD_OBSTACLES)
 @pytest.mark.parametrize("wild", [*WILD_MOTIONS, "tame"])
 def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing: str, slide: Scene) -> None:

@@ -114,6 +114,7 @@ def test_what_is_proven_holds_at_every_moment(name: str, tmp_path: Path) -> None
         assert f"'{robot.joint_names[joint]}'" in lower.text
 
 
+@pytest.mark.core
 def test_a_torque_exactly_at_its_limit_is_not_called_proven() -> None:
     robot = _robot("panda", Path())
     q = robot.draw(np.random.default_rng(3), 1).repeat(2, axis=0)

@@ -158,6 +158,7 @@ def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin:
     return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
@@ -169,6 +170,7 @@ def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, no
     assert 0 < inside < len(bodies)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:

@@ -256,6 +256,7 @@ def with_fcl(name: str) -> Scene:
     return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, distance="fcl"))
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage"])
 def test_a_plan_by_it_is_certified(name: str) -> None:
     assert hdplan.plan(with_fcl(name)).certified

@@ -123,6 +123,7 @@ def check(body: HalfspaceBody, points: Array, size: float, touches: bool = True,
         np.testing.assert_allclose(np.abs(local).max(axis=0), body.half_size, atol=TOUCH * size)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("normals", SLOTS)
 @pytest.mark.parametrize("name", SHAPES)
 def test_supports_are_exact(name: str, normals: str) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.loops import library
+from hdplan.distance.symbolic import row_function
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.planner.collision import hdsdf
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
@@ -61,6 +62,7 @@ def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pyt
     kinematics, rows = poses(), everywhere(pairs)
     found = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
     monkeypatch.setattr(hdsdf, "library", lambda: None)
+    monkeypatch.setattr(row_function, "_library", lambda _: None)  # the interpreter: to compile it takes seconds
     expected = HdsdfPairs(pairs, gamma, length)(kinematics, *rows)
     assert (expected[0] < 0).mean() > 0.2
     assert (expected[0] > 0).mean() > 0.2
@@ -69,6 +71,7 @@ def test_as_casadi(pairs: BodyPairs, gamma: int, length: float, monkeypatch: pyt
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=ROUNDING)
 
 
+@pytest.mark.core
 def test_the_wrench_is_the_derivative(pairs: BodyPairs) -> None:
     """By central differences along random twists, where D is smooth: at order 3 all over but at D = 0."""
     distance, kinematics, step = HdsdfPairs(pairs, 3, 0.01), poses(), 1e-6

@@ -73,6 +73,7 @@ def _inside(bodies: list[LinkBody], points: np.ndarray) -> np.ndarray:
     return np.any([distance_to_hull(points, b.body.vertices)[0] <= b.body.radius + ROUNDING for b in bodies], axis=0)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*ARMS, "panda_collision", pytest.param("talos_left_arm", marks=pytest.mark.slow)])
 def test_bodies_contain_the_collision_geometry(name: str) -> None:
     robot, random = load_robot(RobotSpec(name=name)), np.random.default_rng(0)
@@ -123,6 +124,7 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
     assert sum(row.bodies for row in rows) <= 30
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ARMS)
 def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
@@ -130,6 +132,7 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
     assert link_bodies(load_robot(RobotSpec(name=name)))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ARMS)
 def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""

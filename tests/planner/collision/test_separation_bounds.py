@@ -125,6 +125,7 @@ def assert_kept(robot: Robot, count: int, seed: int) -> int:
     return looked
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_random_configurations_keep_the_bound(name: str, folder: Path) -> None:
     arm = named(name, folder)
@@ -172,6 +173,7 @@ def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Ar
     return separation_loop.separation(loops, tree, hulls, radii, moves, (low, high), -np.inf, 0.9, 1)[0]
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
     """Polytopes, needles and plates, near, far and one in the other: exact where apart, never positive where not."""

@@ -40,6 +40,7 @@ def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
     return Rates.of(named, float(rng.choice([0.001, 0.005, 0.02])), float(rng.choice([0.0, 0.2])))
 
 
+@pytest.mark.core
 def test_whatever_is_commanded_within_the_window_all_limits_are_kept_and_rest_is_reached() -> None:
     rng = np.random.default_rng(0)
     for _ in range(60):

@@ -110,6 +110,7 @@ def test_gradients_are_those_of_finite_differences(settings: BarrierSettings, ro
         assert np.max(errors) < loose
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("normals", ["paper", "paper-multiset"])
 def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
     rng = np.random.default_rng(2)
@@ -134,6 +135,7 @@ def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
         np.testing.assert_allclose(rows.gradient, np.array(gradient), atol=1e-10)
 
 
+@pytest.mark.core
 def test_gradients_are_those_of_the_reference(robot: Robot) -> None:
     """NumPy's closed form by the body's twist, times Pinocchio's own Jacobian: nothing shared with the kernels."""
     rng = np.random.default_rng(9)
@@ -424,12 +426,13 @@ def test_rows_that_cannot_be_met_are_met_as_well_as_can_be() -> None:
 # --- what comes, what is stuck, what is none ---------------------------------------------------------------
 
 
-def test_a_ball_that_comes_is_given_way_to(robot: Robot) -> None:
+@pytest.mark.parametrize("count", [9, pytest.param(24, marks=pytest.mark.slow)])
+def test_a_ball_that_comes_is_given_way_to(count: int, robot: Robot) -> None:
     """Slow balls from all sides, aimed at the arm: none meets it, but for those that cross the shoulder, which cannot
     move aside."""
     ready, met = np.array(READY), 0
     column = np.array([0.0, 0.0, 1.0])
-    for k, direction in enumerate(directions(24)):
+    for k, direction in enumerate(directions(count)):
         target = kinematics_of(robot).evaluate(ready).translations[0, 4 + k % 4]
         way = target + np.linspace(-0.4, 0.3, 50)[:, None] * direction
         if np.linalg.norm(way - column * np.clip(way[:, 2:], 0.0, 0.4), axis=1).min() < 0.3:
@@ -444,14 +447,15 @@ def test_a_ball_that_comes_is_given_way_to(robot: Robot) -> None:
         motion = Trajectory(robot.joint_names, run.positions, robot.locked, run.times)
         assert Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False).certified, k
         met += 1
-    assert met >= 8
+    assert met >= count / 3
 
 
-def test_what_stands_holds_whatever_comes(robot: Robot) -> None:
+@pytest.mark.parametrize("starts", [3, pytest.param(6, marks=pytest.mark.slow)])
+def test_what_stands_holds_whatever_comes(starts: int, robot: Robot) -> None:
     """A fast ball drives the arm among boxes: of what stands nothing falls below its margin, or further below."""
     rng = np.random.default_rng(12)
     gave = 0
-    for q in robot.draw(rng, 6):
+    for q in robot.draw(rng, starts):
         hand = kinematics_of(robot).evaluate(q).translations[0, 7]
         velocity = rng.normal(size=3)
         ball = Obstacle("ball", Sphere(0.08), Pose(tuple((hand - 0.3 * velocity).tolist())),
@@ -470,28 +474,27 @@ def test_what_stands_holds_whatever_comes(robot: Robot) -> None:
     assert gave
 
 
-def test_a_wall_that_no_joint_can_leave_does_not_freeze_the_arm(robot: Robot) -> None:
-    inside = 0
-    for gap in (-0.01, 0.005):
-        wall = Obstacle("wall", Box((0.02, 0.5, 0.2)), Pose((-0.0725 - gap - 0.01, 0.0, 0.15)))
-        scene = scene_of(wall)
-        controller = Controller.of(scene, ControlSettings(), robot)
-        goal = np.array(READY) + [0.5, 0.3, -0.3, 0.3, 0.3, 0.3, 0.3]
-        run = simulate(controller, np.array(READY), replace(standing(goal, gain=4.0), tolerance=0.02), 4.0)
-        assert Mode.STOPPED not in run.counted
-        away = np.abs(run.positions[-1] - goal)
-        assert away[1:].max() < 0.02  # turning about its own axis may bring link1 closer: then it does not
-        inside += run.slacks[0] < 0.0
-        motion = Trajectory(robot.joint_names, run.positions, robot.locked)
-        assert Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False).certified
-    assert inside
+@pytest.mark.parametrize(("gap", "inside"), [(-0.01, True), (0.005, False)])
+def test_a_wall_that_no_joint_can_leave_does_not_freeze_the_arm(gap: float, inside: bool, robot: Robot) -> None:
+    wall = Obstacle("wall", Box((0.02, 0.5, 0.2)), Pose((-0.0725 - gap - 0.01, 0.0, 0.15)))
+    scene = scene_of(wall)
+    controller = Controller.of(scene, ControlSettings(), robot)
+    goal = np.array(READY) + [0.5, 0.3, -0.3, 0.3, 0.3, 0.3, 0.3]
+    run = simulate(controller, np.array(READY), replace(standing(goal, gain=4.0), tolerance=0.02), 4.0)
+    assert Mode.STOPPED not in run.counted
+    away = np.abs(run.positions[-1] - goal)
+    assert away[1:].max() < 0.02  # turning about its own axis may bring link1 closer: then it does not
+    assert run.slacks[0] < 0.0 or not inside
+    motion = Trajectory(robot.joint_names, run.positions, robot.locked)
+    assert Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False).certified
 
 
-def test_a_robot_on_the_flat_spot_moves_on(robot: Robot) -> None:
+@pytest.mark.parametrize("starts", [2, pytest.param(5, marks=pytest.mark.slow)])
+def test_a_robot_on_the_flat_spot_moves_on(starts: int, robot: Robot) -> None:
     """Inside the margin, where D and its derivative vanish: the arm leaves toward what is free, and slides along the
     obstacle toward what is not; it does not stand, and never touches."""
     rng, done = np.random.default_rng(3), 0
-    while done < 5:
+    while done < starts:
         scene = scene_of(*random_boxes(rng, 4))
         controller = Controller.of(scene, ControlSettings(period=0.01), robot)
         certifier, outer = Certifier(Setup.of(scene, robot)), controller.barriers.obstacle_pairs
@@ -622,7 +625,7 @@ def test_joint_limits_are_never_crossed(robot: Robot) -> None:
         assert (run.positions <= robot.upper + 1e-9).all()
 
 
-@pytest.mark.parametrize("starts", [15, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
 def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
     """With settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,
     and where the barriers held at the start it keeps what the rule promises."""
@@ -685,21 +688,27 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
     assert moved  # it is not that nothing goes any more
 
 
-def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:
-    """The look-ahead's law: Δ ≥ δ at every sample, whatever the kinks, even with a distance that has them."""
-    rng = np.random.default_rng(8)
-    for barriers_settings, margin in (
+@pytest.mark.parametrize("starts", [3, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("barriers", "margin"),
+    [
         (BarrierSettings(growth=0.02), -2.5e-4),
         (BarrierSettings(), 4e-3),
         (BarrierSettings("euclidean", growth=0.0), 0.01),
-    ):
-        settings = ControlSettings(barriers_settings, margin, 1e-3 if margin > 0 else margin, rate=20.0, period=0.02)
-        scene = scene_of(*random_boxes(rng, 5))
-        controller = Controller.of(scene, settings, robot)
-        for q in robot.draw(rng, 10):
-            run = simulate(controller, q, standing(robot.draw(rng, 1)[0]), 0.8)
-            first = run.slacks[0]
-            assert run.slacks.min() >= min(first, 0.0) - 1e-9
+    ],
+    ids=["grown", "hdsdf", "euclidean"],
+)
+def test_slacks_stay_above_zero_once_they_are(
+    barriers: BarrierSettings, margin: float, starts: int, robot: Robot
+) -> None:
+    """The look-ahead's law: Δ ≥ δ at every sample, whatever the kinks, even with a distance that has them."""
+    rng = np.random.default_rng(8)
+    settings = ControlSettings(barriers, margin, 1e-3 if margin > 0 else margin, rate=20.0, period=0.02)
+    controller = Controller.of(scene_of(*random_boxes(rng, 5)), settings, robot)
+    for q in robot.draw(rng, starts):
+        run = simulate(controller, q, standing(robot.draw(rng, 1)[0]), 0.8)
+        first = run.slacks[0]
+        assert run.slacks.min() >= min(first, 0.0) - 1e-9
 
 
 def test_measures_of_commands() -> None:

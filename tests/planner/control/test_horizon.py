@@ -49,6 +49,7 @@ def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     return Obstacle("view", cloud, Pose((0.6, 0.1, 0.4), (0.1, 0.3, -0.3, 0.9)), 0.01), *boxes, ball
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("distance", ["hdsdf", "euclidean"])
 @pytest.mark.parametrize("spec", [PANDA, HANGING, RobotSpec("ur5")], ids=["panda", "hanging", "ur5"])
 def test_no_pair_nearer_than_the_horizon_is_overlooked(distance: str, spec: RobotSpec) -> None:

@@ -106,6 +106,7 @@ def tried(file: Path) -> tuple[FixedArray | None, str]:
         return None, str(error)
 
 
+@pytest.mark.core
 def test_every_format_gives_the_same_points(tmp_path: Path, written: tuple[str, bytes]) -> None:
     ending, data = written
     file = tmp_path / f"scan.{ending.upper()}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import os
 import shutil
 from dataclasses import replace
@@ -181,12 +182,19 @@ def test_reading_keeps_what_is_in_memory(folder: Path) -> None:
 
 
 ROOT = Path(__file__).parents[3]
-CALLS = {
-    (getattr(node.func, "id", ""), ".".join(file.relative_to(ROOT).with_suffix("").parts))
-    for file in (ROOT / "planner").rglob("*.py")
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-    if isinstance(node, ast.Call)
-}
+
+
+@functools.cache
+def calls() -> set[tuple[str, str]]:
+    """Each function that a module of the planner calls by its bare name, with the module."""
+    return {
+        (getattr(node.func, "id", ""), ".".join(file.relative_to(ROOT).with_suffix("").parts))
+        for file in (ROOT / "planner").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+    }
+
+
 TRIANGLES = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><up_axis>{up}</up_axis></asset>
 <library_geometries><geometry id="g"><mesh>
@@ -228,4 +236,4 @@ DOORS = {  # what opens files of geometry, and who may call it
 
 @pytest.mark.parametrize("reader", DOORS)
 def test_only_the_door_reads(reader: str) -> None:
-    assert {user for called, user in CALLS if called == reader} == DOORS[reader]
+    assert {user for called, user in calls() if called == reader} == DOORS[reader]

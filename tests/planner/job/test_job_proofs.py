@@ -211,6 +211,7 @@ def shifted(key: str, row: int, column: str, by: float) -> Callable[[Trajectory]
     return change
 
 
+@pytest.mark.core
 def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
     """Though hashes and worlds in the proof are those of the forged files."""
     scene, motion, data = files
@@ -245,6 +246,7 @@ def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: 
             judged(scene, other, data)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "changes",
     [

@@ -43,6 +43,7 @@ def _compare(robot: Robot, count: int) -> None:
             np.testing.assert_allclose(moved, world, atol=EXACT, rtol=0)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ARMS)
 def test_arms_agree_with_pinocchio(name: str) -> None:
     _compare(_load(name), 20)
@@ -54,6 +55,7 @@ def test_every_listed_robot_agrees_with_pinocchio(name: str) -> None:
     _compare(_load(name), 3)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["panda", "double_pendulum_continuous", "finger_edu", "anymal_c_simple"])
 def test_all_kinds_of_joints_agree_with_pinocchio(name: str) -> None:
     _compare(_load(name), 5)

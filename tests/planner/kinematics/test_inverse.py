@@ -36,6 +36,7 @@ def both_ways(aim: Aim, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], t
     return aim.linearized(q), aim._replace(loops=None).linearized(q)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("free", FREE_ROTATIONS)
@@ -71,6 +72,7 @@ def test_no_turn_and_a_half_turn_are_turns_to_the_target(free: str) -> None:
                 np.testing.assert_allclose(*turns, atol=NEARLY)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("free", FREE_ROTATIONS)
 def test_slopes_are_derivatives_of_the_error(free: str) -> None:
     robot = load_robot(RobotSpec(name="panda"))

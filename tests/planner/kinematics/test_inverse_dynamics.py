@@ -58,6 +58,7 @@ def _rnea(model: pin.Model, robot: Robot, q: Floats, v: Floats, a: Floats) -> Fl
     return np.array([pin.rnea(model, data, *state).copy() for state in zip(robot.pin_q(q), v, a, strict=True)])
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize("name", ARMS)
 def test_torques_agree_with_pinocchio(name: str, base: str) -> None:

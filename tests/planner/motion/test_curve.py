@@ -54,6 +54,7 @@ def test_cubics_through_a_splines_rows_are_the_spline() -> None:
     np.testing.assert_allclose(curve.at_parameter(curve.parameter_of(when)), spline(when), atol=1e-12)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("seed", range(4))
 def test_no_value_lies_outside_the_bounds(seed: int) -> None:
     for curve in curves(seed):

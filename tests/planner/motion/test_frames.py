@@ -11,6 +11,7 @@ from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.robot_spec import RobotSpec
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["panda", "ur5", "tiago", "kinova"])
 def test_many_at_once_are_pinocchios_one_by_one(name: str) -> None:
     robot = load_robot(RobotSpec(name=name))

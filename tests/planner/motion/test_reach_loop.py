@@ -16,6 +16,7 @@ COUNT, INTERVALS = 40, 12  # bodies, intervals
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda", "tiago", "baxter", "ur5"])
 def test_as_in_numpy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     chain, rng = Chain.of(load_robot(RobotSpec(name)).model), np.random.default_rng(2)

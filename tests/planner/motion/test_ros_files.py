@@ -268,6 +268,7 @@ def test_ros_1_counts_secs_and_nsecs(tmp_path: Path) -> None:
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("ending", ROS)
 def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, ending: str) -> None:
     """Wherever it was cut: never read as a shorter motion."""

@@ -42,6 +42,7 @@ def frames_of(path: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24").astype(float) for frame in container.decode(video=0)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("ending", "browser"), [(".gif", True), (".gif", False), (".mp4", False)])
 def test_a_film_shows_the_motion(
     setup: Setup, motion: ShownMotion, ending: str, browser: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -61,6 +61,7 @@ def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) 
     assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
 
 
+@pytest.mark.core
 def test_names_are_text_and_never_markup(setup: Setup, motion: ShownMotion) -> None:
     hostile = "</script><script>window.hurt = 1</script>"
     renamed = dataclasses.replace(setup, scene=dataclasses.replace(setup.scene, name=hostile))
@@ -70,6 +71,7 @@ def test_names_are_text_and_never_markup(setup: Setup, motion: ShownMotion) -> N
     assert page._repr_html_().count("<") == 2  # the frame alone: what is inside is escaped
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["panda_cage", "panda_gate", "panda_carry"])
 def test_a_pandas_page_is_small(name: str) -> None:
     result = hdplan.plan(hdplan.load_scene(name))

@@ -195,6 +195,7 @@ def test_rates_of_a_motion_that_speeds_up(planned: Planned) -> None:
     np.testing.assert_allclose(accelerations, [[2.0, 0.0], [2.0, 0.0]])
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage"])
 def test_the_planners_clearance_is_below_the_exact_one_and_that_not_below_the_proven(name: str) -> None:
     scene = load_scene(name)

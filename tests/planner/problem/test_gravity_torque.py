@@ -80,6 +80,7 @@ def test_gravity_and_its_slope_agree_with_pinocchio(name: str, tmp_path: Path) -
         np.testing.assert_allclose(slope[row], expected, atol=1e-10)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", NAMES)
 def test_no_configuration_loads_a_joint_beyond_its_bound(name: str, tmp_path: Path) -> None:
     robot = _robot(name, tmp_path)

@@ -66,6 +66,7 @@ def at_samples(problem: Problem, term: Term, q: Array) -> tuple[Array, Array] | 
     )
 
 
+@pytest.mark.sampled(7)
 @every_scene
 @pytest.mark.parametrize("seed", [1, 2])
 def test_differences_of_the_gradient_at_samples(name: str, seed: int) -> None:
@@ -94,6 +95,7 @@ def blocks_times(diagonal: Array, coupling: Array, moved: Array) -> Array:
     return result
 
 
+@pytest.mark.sampled(2)
 @every_scene
 def test_differences_of_the_gradient_of_the_motion(name: str) -> None:
     """Every term by itself, along random motions of all waypoints."""

@@ -137,6 +137,7 @@ def test_the_plan_is_wrong_where_obstacles_are_taken_to_stand() -> None:
 # --- the certificate --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_certificate_is_never_optimistic_about_the_relative_motion(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -198,6 +198,7 @@ def test_penalty_scales_with_its_weight_alone(planar: Problem) -> None:
 # --- the CasADi form --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.core
 def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: WholeGraph) -> None:
     evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
     for weight in (1.0, WEIGHT, 1e7):

@@ -65,7 +65,11 @@ def with_shapes(scene: Scene, shapes: dict[str, Shape]) -> Scene:
     return dataclasses.replace(scene, obstacles=tuple(obstacles))
 
 
-@pytest.mark.parametrize("changes", [{}, {"moving": True}, {"swept": True}, {"normals": "faces"}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"moving": True}, {"normals": "faces"}, pytest.param({"swept": True}, marks=pytest.mark.slow)],
+    ids=str,
+)
 def test_other_sizes_are_those_of_a_problem_built_anew(changes: dict[str, bool]) -> None:
     """Value, gradient and Hessian, exact and Gauss-Newton's; the derivatives by sizes asked for or not."""
     problem, rng, seen = problem_of(**changes), np.random.default_rng(6), 0.0

@@ -51,6 +51,7 @@ def agree(problem: Problem, motions: list[Array], exact: bool = True) -> float:
     return seen
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", sorted(shipped_scenes()))
 def test_every_shipped_scene(name: str) -> None:
     problem = problem_of(name)
@@ -87,6 +88,7 @@ def random_scene(seed: int, varied: bool) -> Scene:
     return few_waypoints(dataclasses.replace(scene, obstacles=(*scene.moving, *obstacles)), 3, **changes)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("chunk", range(4))
 def test_random_scenes(chunk: int) -> None:
     seen = 0
@@ -179,6 +181,7 @@ def turned(pose: Array, rng: np.random.Generator) -> Array:
     return result
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage", "panda_vase"])
 def test_moved_obstacles_are_those_of_a_problem_built_anew(name: str) -> None:
     problem, rng = problem_of(name), np.random.default_rng(8)

@@ -94,6 +94,7 @@ def bounds(world: World, spans: np.ndarray) -> np.ndarray:
     return kept[0]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("robot", ROBOTS, ids=[name for name, *_ in ROBOTS])
 def test_torques_of_pinocchio_are_within_the_bounds_which_are_tight(robot: tuple, tmp_path: Path) -> None:
     rng = np.random.default_rng(len(robot[0]))
@@ -118,6 +119,7 @@ def test_torques_of_pinocchio_are_within_the_bounds_which_are_tight(robot: tuple
     assert slack[2] < slack[1] / 10
 
 
+@pytest.mark.core
 def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accepted(tmp_path: Path) -> None:
     _, world, _ = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(5)))
     spans = np.arange(0, 4, 2.0**-9)
@@ -234,6 +236,7 @@ def test_an_angle_just_beyond_what_is_allowed_is_longer_than_its_chord(angle: fl
     assert 2 * np.sin(angle / 2) * (1 - 1e-12) <= allowed < 2 * np.sin((angle + 2e-9) / 2)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("free", ["none", "x", "z", "all"])
 def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(10)

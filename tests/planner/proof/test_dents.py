@@ -105,6 +105,7 @@ def hit(p: list[int], n: list[int], triangle: list[list[int]]) -> bool:
     return t >= 0 and min(sides) >= 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ray_is_taken_only_where_it_misses_every_triangle(seed: int) -> None:
     """Of random triangles, some slivers, in whole numbers; and it is taken wherever it clearly misses."""
@@ -133,6 +134,7 @@ def bumpy(rng: Random, level: int) -> tuple[Array, Any]:
     return np.asarray(ball.vertices) * rng.uniform(0.4, 1.0, (len(ball.vertices), 1)), np.asarray(ball.faces)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_points_within_a_star_have_no_ray_and_those_outside_have_one(seed: int) -> None:
     """Turned and placed anyhow, of numbers that are off, held or an obstacle."""

@@ -36,6 +36,7 @@ def shapes_of(world: World) -> list[tuple[int, int, bool]]:
     return [(*pair, within) for pair, within in zip(world.pairs.tolist(), world.within.tolist(), strict=True)]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_obstacle_is_compared_whatever_its_name(name: str, tmp_path: Path) -> None:
     """Free of the arm or in its way, with ignored pairs of links of that name, with a clearance of its own."""

@@ -144,7 +144,7 @@ def test_meshes_of_other_kinds_are_taken_from_the_proof_and_named(tmp_path: Path
         check(*files, proof.data)
 
 
-QUICK = ("kinova_shelf", "panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
+QUICK = ("panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
 
 
 @pytest.mark.parametrize(
@@ -520,6 +520,7 @@ def test_trees_with_gaps_are_rejected(name: str, proven: Callable[[str], Proven]
             rejected(" and .*(leaf|leaves|depths)", lambda data=data: each.verify(data))
 
 
+@pytest.mark.core
 def test_damaged_files_are_rejected(proven: Callable[[str], Proven]) -> None:
     """Cut short, bytes changed before and after compression: never another error, and nothing false is accepted."""
     each, rng = proven("panda_cage"), np.random.default_rng(2)

@@ -150,6 +150,7 @@ def write(rng: Random, folder: Path) -> bool:
     return True
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(x, marks=pytest.mark.slow) for x in range(12, 150))])
 def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)

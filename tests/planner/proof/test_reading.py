@@ -20,6 +20,7 @@ COAL = 1e-5  # [m] by which coal says less than the distance of round bodies
 MOMENTS = 25
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_cage", "panda_carry", "panda_gate"])
 def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
     """What is proven is at most the gap at the plane, and that at most the exact distance: of links, of what they hold,

@@ -16,6 +16,7 @@ import rewritings
 original = cache(rewritings.Original)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["ur5_table", "panda_cup"])
 @pytest.mark.parametrize("seed", range(5))
 def test_rewritten_files_are_accepted(name: str, seed: int, tmp_path: Path) -> None:

@@ -212,6 +212,7 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
                 check_rates(world, limits, name)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind: str, tmp_path: Path) -> None:
     """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""

@@ -81,6 +81,7 @@ def offs(value: Any) -> Iterator[float]:
         yield from offs(each)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_worlds_are_plain_and_complete(name: str) -> None:
     """What is not listed as not compared is just what the certificate compares."""
@@ -193,6 +194,7 @@ def placed_alike(setup: Setup) -> None:
 ROBOTS = {(spec.name, spec.urdf, spec.base): name for name in SHIPPED for spec in [load_scene(name).robot]}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROBOTS.values())
 def test_robots_of_shipped_scenes_are_where_pinocchio_has_them(name: str) -> None:
     placed_alike(Setup.of(load_scene(name)))

@@ -474,6 +474,7 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
             _ = Setup.of(own_scene(replace(spec, locked=locked), start, goal)).query
 
 
+@pytest.mark.core
 def test_what_joints_beside_the_group_carry_counts_in_the_certificate(two_arms: RobotSpec) -> None:
     """The right arm, held: where the start has it, it is in the left one's way or not."""
     spec = replace(two_arms, group="left", ignore_pairs=(("left_1", "left_2"), ("right_1", "right_2")))

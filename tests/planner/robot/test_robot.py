@@ -481,6 +481,7 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monk
     assert load_scene_robot(scene) is not kept
 
 
+@pytest.mark.core
 def test_random_configurations_lie_within_the_limits_and_reach_all_of_them(tmp_path: Path) -> None:
     """Slides are drawn from their whole range, however long, turning joints from one turn of it."""
     rng = np.random.default_rng(0)

@@ -53,6 +53,7 @@ def aimed(scene: Scene, *targets: Any) -> Scene:
     return dataclasses.replace(scene, goal=Goals(targets))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", ["planar_arm", "ur5_table", "panda_cage", "kinova_shelf"])
 @pytest.mark.parametrize("free", ["none", "z", "all"])
 def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> None:
@@ -171,6 +172,7 @@ def test_a_request_s_pose_is_planned_to_whatever_else_its_start_names() -> None:
     assert any("wheel" in note for note in result.notes)
 
 
+@pytest.mark.core
 def test_the_same_seed_gives_the_same_bytes() -> None:
     scene = load_scene("panda_grasp")
     first, second = plan(scene, seed=3), plan(scene, seed=3)

@@ -175,6 +175,7 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
 # --- plans ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.core
 def test_where_waiting_is_the_only_way_the_motion_waits(gate: Scene, problem: Problem) -> None:
     line = Retimer(problem.setup)(Trajectory(problem.robot.joint_names, problem.polyline(), problem.robot.locked))
     assert not Certifier(problem.setup).certify(line.trajectory).certified

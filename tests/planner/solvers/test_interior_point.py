@@ -54,6 +54,7 @@ def better(problem: Problem, solution: Solution) -> bool:
 
 
 @each
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("how", ["stop", "deadline", "Ctrl-C"])
 def test_an_end_within_the_first_run_keeps_what_was_found(cage: Problem, solver: str, how: str) -> None:
     """After it nothing is evaluated for the run any more: one evaluation judges the motion."""
@@ -99,6 +100,7 @@ def test_a_run_takes_few_evaluations(cage: Problem, solver: str) -> None:
     assert STEPS <= watched.count <= 3 * STEPS
 
 
+@pytest.mark.sampled(3)
 @each
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "panda_cup", "panda_conveyor", "panda_heavy"])
 def test_scenes_with_every_kind_of_term_are_certified(name: str, solver: str) -> None:

@@ -428,6 +428,7 @@ def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
         assert_same_motion(one, other.trajectory.positions[::-1], other, PATH)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor"])
 def test_a_plan_back_is_the_plan_there(name: str) -> None:
     scene = shipped(name)
@@ -469,6 +470,7 @@ def test_standing_still_in_contact_costs_the_same_however_often_it_is_looked_at(
 # --- closed forms -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["empty", "ur5_table"])
 @every_solver
 def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -> None:

@@ -116,6 +116,7 @@ def test_cost_falls(problem: Problem, solver: str) -> None:
     assert last.cost < first.cost
 
 
+@pytest.mark.core
 @every_solver
 def test_the_same_problem_gives_the_same_bytes(solver: str) -> None:
     one, other = (run(build(arm()), solver) for _ in range(2))

@@ -123,6 +123,7 @@ def test_the_euclidean_distance_chatters_and_the_hd_sdf_does_not(exact: Outcome,
         assert outcome.mesh_clearance > 0.0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("turn", [0.0, 0.12])
 def test_fitted_bodies_are_commanded_as_smoothly_as_by_the_exact_distance(turn: float) -> None:
     """Walls parallel and turned, our controller and its defaults, at about the same clearance."""

@@ -111,6 +111,7 @@ def test_the_summary_has_a_line_per_rung_and_the_advice(measured: Study, tmp_pat
     assert "float32" in notes["sign of D"]
 
 
+@pytest.mark.core
 def test_an_interrupted_study_is_written_and_says_so(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,6 +56,7 @@ def passes(scene: hdplan.Scene, folder: Path, compiler: str) -> str:
     return prefix
 
 
+@pytest.mark.sampled(2)
 @needs_compiler
 @pytest.mark.parametrize("name", ["planar_arm", "panda_carry", "panda_table_pick"])
 def test_the_generated_test_passes(name: str, tmp_path: Path) -> None:

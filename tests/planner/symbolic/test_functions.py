@@ -145,6 +145,7 @@ def derivatives(found: symbolic.SceneClearance, weights: Array, poses: Array) ->
     return ca.Function("all", [q], [distance, ca.jacobian(distance, q), ca.hessian(ca.dot(weights, distance), q)[0]])
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", SCENES)
 def test_the_distances_are_the_planners_with_both_derivatives(name: str) -> None:
     scene = hdplan.load_scene(name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 import threading
-import time
 from collections.abc import Callable
 from types import SimpleNamespace
 
@@ -16,6 +15,7 @@ from hdplan.planner.solvers.solution import Iteration
 from hdplan.planner.terminal import console
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.progress import tell
+from tests.waiting import PATIENCE, until
 
 BUILDING = "hdplan: building the problem (the first time with a robot takes some seconds) ..."
 
@@ -25,12 +25,9 @@ def long_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console, "LONG_WAIT", 0.0)
 
 
-def until(said: Callable[[], str], words: str) -> list[str]:
+def lines_with(said: Callable[[], str], words: str) -> list[str]:
     """The lines that are there as soon as these words are."""
-    end = time.monotonic() + 10.0
-    while words not in said():
-        assert time.monotonic() < end, said()
-        time.sleep(0.01)
+    until(lambda: words in said(), words)
     return said().splitlines()
 
 
@@ -44,7 +41,7 @@ def errors(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
 @pytest.mark.usefixtures("long_at_once")
 def test_a_long_step_is_named_while_it_lasts(errors: io.StringIO) -> None:
     with console.waiting("following") as steps:
-        assert until(errors.getvalue, "following") == ["hdplan: following ..."]
+        assert lines_with(errors.getvalue, "following") == ["hdplan: following ..."]
         steps.detail("half of it")
         steps.begin("drawing")
         assert errors.getvalue().splitlines() == ["hdplan: following ...", "hdplan: drawing ..."]
@@ -53,7 +50,7 @@ def test_a_long_step_is_named_while_it_lasts(errors: io.StringIO) -> None:
 @pytest.mark.usefixtures("long_at_once")
 def test_what_a_step_is_at_is_named(errors: io.StringIO) -> None:
     with console.waiting("building"):
-        until(errors.getvalue, "building")
+        lines_with(errors.getvalue, "building")
         tell("fitting bodies to arm_link")
         assert errors.getvalue().splitlines() == ["hdplan: building ...", "hdplan: fitting bodies to arm_link ..."]
     tell("nobody listens any more")
@@ -63,7 +60,7 @@ def test_what_a_step_is_at_is_named(errors: io.StringIO) -> None:
 def test_one_line_a_while_names_what_a_step_is_at(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console, "LONG_WAIT", 0.01)
     with console.waiting("building"):
-        until(errors.getvalue, "building")
+        lines_with(errors.getvalue, "building")
         monkeypatch.setattr(console, "LONG_WAIT", threading.TIMEOUT_MAX)
         for link in range(50):
             tell(f"fitting bodies to link {link}")
@@ -76,26 +73,26 @@ def test_a_quick_command_says_nothing(errors: io.StringIO) -> None:
         steps.begin("drawing")
     with console.measuring() as (report, _):
         report(0, 3, "first")
-    while threading.active_count() > threads:
-        time.sleep(0.01)
+    until(lambda: threading.active_count() <= threads, "the threads end")
     assert errors.getvalue() == ""
 
 
 @pytest.mark.usefixtures("long_at_once")
 def test_nothing_is_said_where_nothing_is_to_be_shown(errors: io.StringIO) -> None:
+    threads = threading.active_count()
     with console.waiting("following", shown=False) as steps:
         steps.begin("drawing")
         steps.detail("half of it")
     with console.progress(PlannerSettings(), shown=False) as (report, _):
         report(Event(1))
-    time.sleep(0.1)
+    until(lambda: threading.active_count() <= threads, "the threads end")
     assert errors.getvalue() == ""
 
 
 @pytest.mark.usefixtures("long_at_once")
 def test_a_search_says_that_it_builds_and_that_it_searches(errors: io.StringIO) -> None:
     with console.progress(PlannerSettings(), shown=True) as (report, stop):
-        until(errors.getvalue, "building")
+        lines_with(errors.getvalue, "building")
         for k in range(3):
             report(Event(1, step=Iteration(k, 1.0, 0.0, 0.0, 0.0)))
         assert not stop()
@@ -106,7 +103,7 @@ def test_a_search_says_that_it_builds_and_that_it_searches(errors: io.StringIO) 
 @pytest.mark.parametrize("of", [1, 7, 10, 500_000])
 def test_a_measurement_says_at_most_every_tenth(errors: io.StringIO, of: int) -> None:
     with console.measuring() as (report, _):
-        until(errors.getvalue, "measuring")
+        lines_with(errors.getvalue, "measuring")
         for done in range(0, of + 1, max(of // 1000, 1)):
             report(done, of, f"case {done}")
     first, *lines = errors.getvalue().splitlines()
@@ -139,11 +136,14 @@ def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: p
 
 
 def test_nobody_reading_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = threading.Event()
+
     class Gone(io.StringIO):
         def write(self, text: str) -> int:
+            tried.set()
             raise BrokenPipeError
 
     monkeypatch.setattr(console, "sys", SimpleNamespace(stderr=Gone()))
     with console.waiting("following") as steps:
-        time.sleep(0.1)
+        assert tried.wait(PATIENCE)
         steps.begin("drawing")

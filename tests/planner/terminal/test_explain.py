@@ -183,6 +183,7 @@ def test_size_counts_the_unknowns(planar: Problem) -> None:
     assert rows(build(arm(ignore=True)), "size")["distance"] == "not needed"
 
 
+@pytest.mark.core
 def test_every_setting_is_shown_with_its_origin() -> None:
     scene = arm()
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, waypoints=12, clearance=0.01))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import functools
 import gc
 import signal
 import sys
@@ -19,12 +18,7 @@ from hdplan.planner.terminal.interrupts import INTERRUPTED, TERMINATED, ended_by
 SOON = 5.0  # [s]; a wish that stays lost is one that is not heard by then
 
 
-@pytest.fixture(autouse=True)
-def ctrl_c_is_not_ignored() -> Iterator[None]:
-    """As it is in what a shell starts in the background."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+pytestmark = pytest.mark.usefixtures("ctrl_c_is_heard")
 
 
 class Last:
@@ -155,6 +149,7 @@ def test_who_waits_for_ctrl_c_hears_it_once() -> None:
         work_on(0.35)
 
 
+@pytest.mark.core
 def test_a_note_ends_nothing_and_the_second_ctrl_c_ends_at_once() -> None:
     with ended_by_signals(), noting() as note:
         note()
@@ -191,10 +186,12 @@ def test_a_note_taken_during_an_interior_point_run_outlives_it() -> None:
 def test_all_is_as_before_afterwards() -> None:
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = [*map(signal.getsignal, numbers), sys.unraisablehook]
-    for loss in (lambda: None, functools.partial(in_a_destructor, signal.SIGINT)):
-        with contextlib.suppress(KeyboardInterrupt), ended_by_signals():
-            loss()
-            time.sleep(0.2)
+    with ended_by_signals():
+        pass
+    with contextlib.suppress(KeyboardInterrupt), ended_by_signals():
+        in_a_destructor(signal.SIGINT)
+        time.sleep(SOON)
+        pytest.fail("nothing ended the wait")
     assert [*map(signal.getsignal, numbers), sys.unraisablehook] == before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert (INTERRUPTED, TERMINATED) == (128 + signal.SIGINT, 128 + signal.SIGTERM)

@@ -27,6 +27,7 @@ def curve_of(braking: Braking) -> Curve:
     return Curve.through(braking.away, np.arange(len(braking) + 1) * H, braking.velocity, braking.acceleration)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("swing", [1.0, 3.0])
 def test_braking_keeps_its_limits_from_the_state_to_standstill(swing: float) -> None:
     found = 0

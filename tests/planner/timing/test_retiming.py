@@ -205,6 +205,7 @@ def test_corners_have_infinite_acceleration_and_cubics_infinite_jerk() -> None:
     assert np.isinf(shares["jerk"])
 
 
+@pytest.mark.core
 def test_a_motion_too_fast_is_not_certified_and_one_without_times_is_refused() -> None:
     scene, robot = limited(LIMITS[0], name="panda_bookshelf")
     result = hdplan.plan(scene)

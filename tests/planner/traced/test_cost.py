@@ -126,6 +126,7 @@ def test_derivatives_are_right_where_vertices_tie() -> None:
     np.testing.assert_allclose(np.moveaxis(np.array(slopes), -1, 0), changes, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.core
 def test_terms_that_are_not_in_it_are_refused_by_name() -> None:
     conveyor, exact = hdplan.load_scene("panda_conveyor"), hdplan.load_scene("planar_arm")
     exact = dataclasses.replace(exact, planner=dataclasses.replace(exact.planner, distance="fcl"))

@@ -29,8 +29,8 @@ from tests.planner.view.in_browser import (
     plainly,
     press,
     seen,
-    until,
 )
+from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says
 

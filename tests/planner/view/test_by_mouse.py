@@ -39,8 +39,8 @@ from tests.planner.view.in_browser import (
     slow_line,
     tab_of,
     typed,
-    until,
 )
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 BALL = Thing("obstacle", "ball")

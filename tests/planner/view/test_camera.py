@@ -48,6 +48,7 @@ def test_the_sides_look_along_the_axes() -> None:
         assert towards @ axis > 0.9999, name
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
     """Against the same way walked in small steps."""

@@ -105,16 +105,12 @@ def test_a_film_that_is_interrupted_is_no_film(
     assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
 
+@pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for a child there")
 def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        # Ctrl-C is ignored in what a shell starts in the background: asked for again here
-        code = (
-            "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-            "import hdplan.cli; hdplan.cli.main()"
-        )
-        command = [sys.executable, "-c", code, "view", "planar_arm", "--port", str(port)]
+        command = [sys.executable, "-m", "hdplan.cli", "view", "planar_arm", "--port", str(port)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
             assert child.stdout is not None
             line = child.stdout.readline()

@@ -25,8 +25,8 @@ from tests.planner.view.in_browser import (
     plainly,
     seen,
     selected,
-    until,
 )
+from tests.waiting import until
 
 BALL = Thing("obstacle", "ball")
 

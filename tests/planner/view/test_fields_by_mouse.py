@@ -31,8 +31,8 @@ from tests.planner.view.in_browser import (
     press,
     tab_of,
     typed,
-    until,
 )
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 BALL, PRISM = Thing("obstacle", "ball"), Thing("obstacle", "prism")

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import http.client
 import json
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +23,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import MOST_BYTES
 from hdplan.scenes.scene import Scene
+from tests.waiting import until
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -84,13 +84,6 @@ def comes_in(viewer: Viewer, page: ClientConnection) -> None:
 
 def here(viewer: Viewer) -> str:
     return f"127.0.0.1:{viewer.port}"
-
-
-def until(true: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not true():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
 
 
 def renaming(viewer: Viewer, value: str = "mine") -> dict[str, Any]:

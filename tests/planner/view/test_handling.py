@@ -7,7 +7,6 @@ import dataclasses
 import html
 import re
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +27,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
+from tests.waiting import until
 
 Opener = Callable[..., Viewer]
 HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
@@ -203,10 +203,7 @@ def test_presses_count_each(viewer: Viewer) -> None:
 def test_motions_are_measured_once_edits_pause(viewer: Viewer) -> None:
     sent(viewer, field(viewer, "add"), "box")
     shown = viewer.motions.shown[0]
-    deadline = time.monotonic() + 20
-    while not (viewer.motions.holds(shown) and shown.motion.measured):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    until(lambda: viewer.motions.holds(shown) and shown.motion.measured, "it is measured")
     assert viewer.worker.settle(20)
     assert "certified" in viewer.panel.verdict
 
@@ -254,8 +251,7 @@ def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Sce
     planner = viewer.scene.planner
     assert (planner.waypoints, planner.distance, planner.clearance, planner.polish) == (17, "fcl", 0.01, 2)
     viewer.panel.planning.toggle()
-    while viewer.panel.planning.running:
-        time.sleep(0.02)
+    until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
     shown = viewer.motions.named(NAME)
     assert shown is not None
@@ -263,8 +259,7 @@ def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Sce
     assert (shown.result.solver, shown.result.seed, len(shown.result.trajectory)) == ("chomp", 3, 17)
     settings.seed.value = -1
     viewer.panel.planning.toggle()
-    while viewer.panel.planning.running:
-        time.sleep(0.02)
+    until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
     assert "seed" in viewer.panel.planning.said
 

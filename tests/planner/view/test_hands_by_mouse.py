@@ -27,8 +27,8 @@ from tests.planner.view.in_browser import (
     plainly,
     press,
     tab_of,
-    until,
 )
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 BALL = Thing("obstacle", "ball")

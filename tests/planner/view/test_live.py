@@ -123,10 +123,11 @@ def test_the_newest_scene_is_planned_and_those_between_are_dropped(
     assert viewer.motions.active.motion.certificate.certified
 
 
-def test_whatever_is_dragged_live_is_true(viewer: Viewer) -> None:
+@pytest.mark.parametrize("drags", [15, pytest.param(40, marks=pytest.mark.slow)])
+def test_whatever_is_dragged_live_is_true(drags: int, viewer: Viewer) -> None:
     """At random, without waiting: what is said of a motion is said of the scene that it names."""
     rng = np.random.default_rng(3)
-    for _ in range(40):
+    for _ in range(drags):
         thing = things(viewer.edited)[rng.integers(len(things(viewer.edited)))]
         place = place_of(viewer.edited, thing, viewer.stage.tip)
         pose = dataclasses.replace(

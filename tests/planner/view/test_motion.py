@@ -116,6 +116,7 @@ def test_the_tip_is_between_the_fingers(robot: Robot) -> None:
     np.testing.assert_allclose(hand.actInv(tip.placement(q).translation), [0, 0, 0.11], atol=0.015)
 
 
+@pytest.mark.core
 def test_inverse_kinematics_reaches_what_is_near(robot: Robot) -> None:
     tip, rng = Tip.of(robot), np.random.default_rng(5)
     for q in robot.draw(rng, 10):

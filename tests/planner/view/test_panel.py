@@ -3,7 +3,6 @@ about, new shapes stand on the eye's side, and long names take no room."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -24,6 +23,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.waiting import until
 
 Opener = Callable[..., Viewer]
 BALL = Thing("obstacle", "ball")
@@ -58,10 +58,7 @@ def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, v
     typed(viewer, field, value)
     assert "not done: " in viewer.panel.editing.said
     assert handle.value == value
-    deadline = time.monotonic() + 20
-    while handle.value != before:
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    until(lambda: handle.value == before, "the value of before is back")
     assert "not done: " in viewer.panel.editing.said
 
 

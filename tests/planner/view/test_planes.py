@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene
+from tests.waiting import until
 
 Opener = Callable[..., Viewer]
 PATIENCE = 30.0  # [s]
@@ -28,11 +28,12 @@ PATIENCE = 30.0  # [s]
 
 def waited_for(viewer: Viewer, words: str) -> str:
     """What the layer says once it says `words`."""
-    until = time.monotonic() + PATIENCE
-    while words not in (said := html.unescape(viewer.panel.layers.plane.said)):
-        assert time.monotonic() < until, said
-        time.sleep(0.02)
-    return said
+
+    def said() -> str:
+        return html.unescape(viewer.panel.layers.plane.said)
+
+    until(lambda: words in said(), words)
+    return said()
 
 
 def switch(viewer: Viewer, on: bool) -> None:

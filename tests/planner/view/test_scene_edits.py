@@ -103,6 +103,7 @@ def test_an_obstacle_gets_a_speed_where_times_are_known(edited: Edited) -> None:
     assert scene_edits.lasting(timed, None).scene == edited.scene
 
 
+@pytest.mark.core
 def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
     way = TimedPoses((0.5, 1.0, 2.5), (ROD.pose, Pose((0.6, 0.2, 0.1)), Pose((0.6, 0.4, 0.1))))
     scene = dataclasses.replace(

@@ -38,6 +38,7 @@ def spec_of(robot: str) -> tuple[RobotSpec, Robot]:
     return spec, load_scene_robot(type(scene)(**{**vars(scene), "robot": spec}))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda", "ur5", "xarm7", "kinova"])
 def test_visual_meshes_stand_where_pinocchio_has_them(name: str) -> None:
     """trimesh reads their colours, assimp their places: both see the same box around each joint's meshes."""

@@ -38,6 +38,7 @@ from hdplan.scenes.shapes import Box, Sphere
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import together
+from tests.waiting import until
 
 Opener = Callable[..., Viewer]
 
@@ -54,10 +55,7 @@ def by_worker(viewer: Viewer, job: Callable[[], None]) -> None:
 
 def planned(viewer: Viewer) -> None:
     viewer.panel.planning.start()
-    deadline = time.monotonic() + 60
-    while viewer.panel.planning.running:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
 
 
@@ -90,10 +88,7 @@ def test_the_segment_is_as_long_as_the_clearance_that_is_said(viewer: Viewer) ->
 def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
     viewer.panel.player.speed.value = "4"
     viewer.panel.player.play()
-    deadline = time.monotonic() + 20
-    while viewer.panel.player.playing:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    until(lambda: not viewer.panel.player.playing, "the end")
     assert viewer.panel.player.time == 1.0
     assert viewer.panel.player.button.label == "Play"
 
@@ -162,9 +157,7 @@ def test_a_motion_plays_in_real_time(opened: Opener, drifting: Scene, timed: Tra
     viewer = opened(drifting, timed=timed)
     began = time.monotonic()
     viewer.panel.player.play()
-    while viewer.panel.player.playing:
-        assert time.monotonic() < began + 20
-        time.sleep(0.01)
+    until(lambda: not viewer.panel.player.playing, "the end")
     assert viewer.panel.player.time == 1.5
     assert 1.4 < time.monotonic() - began < 3.0  # later where the machine has other things to do
 
@@ -469,8 +462,7 @@ def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
 def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, scene: Scene) -> None:
     viewer = opened(scene)
     together(lambda _: viewer.panel.planning.start(), 3)
-    while viewer.panel.planning.running:
-        time.sleep(0.02)
+    until(lambda: not viewer.panel.planning.running, "the plan ends")
     assert viewer.worker.settle(20)
     assert "certified: at least" in viewer.panel.planning.said
     assert viewer.panel.planning.button.label == "Plan"
@@ -480,6 +472,7 @@ def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, sce
 MORE = [pytest.param(name, marks=pytest.mark.slow) for name in ("panda_carry", "ur5_payload")]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["panda_grasp", "panda_conveyor", *MORE])
 def test_other_scenes_are_saved_as_they_are(opened: Opener, name: str, tmp_path: Path) -> None:
     viewer = opened(load_scene(name))

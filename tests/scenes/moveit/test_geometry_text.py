@@ -96,6 +96,7 @@ def refusal(folder: Path, text: str | bytes) -> str:
     return said
 
 
+@pytest.mark.core
 def test_the_new_form(tmp_path: Path) -> None:
     scene = load(tmp_path, NEW)
     assert [obstacle.name for obstacle in scene.obstacles] == ["table top", "table top/1", "ball"]

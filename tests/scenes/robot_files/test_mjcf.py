@@ -92,6 +92,7 @@ def sizes(geometry: object) -> tuple[float, ...]:
     raise AssertionError(geometry)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("degree", [True, False])
 def test_bodies_are_where_pinocchio_has_them(degree: bool, tmp_path: Path) -> None:
     rng, compared = np.random.default_rng(int(degree)), 0

@@ -55,6 +55,7 @@ timing: {duration: 3, rate: 250}
 """  # noqa: E501
 
 
+@pytest.mark.core
 def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
     scene = read(tmp_path, SAMPLE)
     still, cart, door = scene.obstacles
@@ -343,6 +344,7 @@ def random_scene(seed: int) -> Scene:
     )
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("seed", range(100))
 def test_what_is_written_reads_back_bit_for_bit(tmp_path: Path, seed: int) -> None:
     scene = random_scene(seed)

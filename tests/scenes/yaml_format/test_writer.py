@@ -73,6 +73,8 @@ def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
     return *said, found.text, found.notes, certifier.contacts(rows[0])
 
 
+@pytest.mark.sampled(3)
+@pytest.mark.core
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_read_back_the_same(name: str, tmp_path: Path) -> None:
     scene = load_scene(name)
