@@ -234,16 +234,16 @@ def test_a_worker_that_dies_or_hangs_is_a_finding_and_the_rest_goes_on(tmp_path)
 
 
 SIEGES = {
-    "certificate": 10,
-    "input": 30,
-    "semantics": 10,
-    "meshes-files": 60,
-    "control": 3,
-    "robots-files": 20,
+    "certificate": 4,
+    "input": 10,
+    "semantics": 4,
+    "meshes-files": 20,
+    "control": 1,
+    "robots-files": 7,
 }
 
 
-@pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [1, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SIEGES)
 def test_a_seeded_minute_of_the_siege_finds_nothing(name, times, tmp_path) -> None:
     count = SIEGES[name] * times

@@ -86,7 +86,7 @@ def test_batch_agrees_with_numpy(names, settings, random_poses):
         agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
-@pytest.mark.parametrize("name", ["casadi", "jax"])
+@pytest.mark.parametrize("name", ["casadi", pytest.param("jax", marks=pytest.mark.slow)])
 def test_witness_normals_agree(name, random_poses):
     bodies = BODIES["box"], BODIES["capsule"]
     poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)

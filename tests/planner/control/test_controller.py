@@ -110,6 +110,7 @@ def test_gradients_are_those_of_finite_differences(settings: BarrierSettings, ro
         assert np.max(errors) < loose
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("normals", ["paper", "paper-multiset"])
 def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
     rng = np.random.default_rng(2)

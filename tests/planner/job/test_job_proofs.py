@@ -246,6 +246,7 @@ def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: 
             judged(scene, other, data)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "changes",
     [

@@ -54,6 +54,7 @@ def assert_same(one: Evaluation, other: Evaluation) -> None:
         np.testing.assert_allclose(first, second, rtol=0, atol=ROUNDING * max(np.abs(second).max(), 1.0))
 
 
+@pytest.mark.sampled(2)
 def test_as_in_numpy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     tried = motions(problem, 5)
     compiled = [problem.evaluate(positions, WEIGHT) for positions in tried]

@@ -51,7 +51,7 @@ def agree(problem: Problem, motions: list[Array], exact: bool = True) -> float:
     return seen
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", sorted(shipped_scenes()))
 def test_every_shipped_scene(name: str) -> None:
     problem = problem_of(name)

@@ -151,7 +151,7 @@ def test_meshes_of_other_kinds_are_taken_from_the_proof_and_named(tmp_path: Path
         check(*files, proof.data)
 
 
-QUICK = ("kinova_shelf", "panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
+QUICK = ("panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
 
 
 @pytest.mark.parametrize(

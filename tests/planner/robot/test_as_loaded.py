@@ -75,6 +75,7 @@ CHANGES: dict[str, Callable[[Robot], object]] = {
 }
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_robot_that_was_changed_is_refused_and_the_next_one_is_whole(name: str) -> None:
     true = certify(SCENE, MOTION)
