@@ -65,7 +65,7 @@ class Stage:
 
     @property
     def fingers(self) -> bool:
-        """Whether fingers move in it."""
+        """True if fingers move in it."""
         return self.kind in ("grip", "release") and bool(self.said.get("joints"))
 
 
@@ -130,7 +130,7 @@ def within(stage: Stage) -> Iterator[None]:
 
 
 class Job:
-    """What there is as a stage begins: arm, fingers, what is held and what stands."""
+    """The state in which a stage begins: arm, fingers, what is held and what stands."""
 
     def __init__(self, reader: Reader, stages: list[Stage]) -> None:
         """Take what there is at first."""
@@ -160,7 +160,7 @@ class Job:
 
     @property
     def things(self) -> dict[str, dict[str, Any]]:
-        """What stands and what is held."""
+        """Standing and held objects."""
         return {**self.standing, **self.held}
 
     def marks_of(self, rows: Rows) -> list[int]:
@@ -259,7 +259,7 @@ class Job:
         return found
 
     def links(self) -> dict[str, Pose]:
-        """Where all links are."""
+        """Placements of all links."""
         joints = self.joints()
         base = scenes.pose_of(self.spec.get("base"), "robot.base")
         at, _ = placed(joints.tree, base, {}, self.everywhere(joints))
@@ -404,7 +404,7 @@ class Job:
         return self.standing[name]["shape"]
 
     def place(self, name: str, places: dict[str, Pose]) -> Pose:
-        """Where an object is."""
+        """Pose of an object."""
         if name in self.standing:
             return scenes.pose_of(self.standing[name].get("pose"), name)
         held = self.held[name]
@@ -413,7 +413,7 @@ class Job:
 
 
 def of_fingers(limits: Any) -> dict[str, Any]:
-    """What limits of the arm say of fingers: those that are for all joints."""
+    """Limits of the arm that hold for fingers: those that are for all joints."""
     said = {x: y for x, y in limits.items() if x in ("velocity", "acceleration", "jerk")}
     kept = {x: y for x, y in said.items() if type(y) in (int, float, str)}
     need({"acceleration", "jerk"} & {*said} <= {*kept}, "limits: by joints of the arm, which do not limit fingers")
