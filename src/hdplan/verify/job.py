@@ -65,7 +65,7 @@ class Stage:
 
     @property
     def fingers(self) -> bool:
-        """True if fingers move in it."""
+        """Whether fingers move in it."""
         return self.kind in ("grip", "release") and bool(self.said.get("joints"))
 
 
@@ -129,7 +129,7 @@ def within(stage: Stage) -> Iterator[None]:
 
 
 class Job:
-    """The state in which a stage begins: arm, fingers, what is held and what stands."""
+    """What there is as a stage begins: arm, fingers, what is held and what stands."""
 
     def __init__(self, reader: Reader, stages: list[Stage]) -> None:
         """Take what there is at first."""
@@ -159,7 +159,7 @@ class Job:
 
     @property
     def things(self) -> dict[str, dict[str, Any]]:
-        """Standing and held objects."""
+        """What stands and what is held."""
         return {**self.standing, **self.held}
 
     def marks_of(self, rows: Rows) -> list[int]:
@@ -258,7 +258,7 @@ class Job:
         return found
 
     def links(self) -> dict[str, Pose]:
-        """Placements of all links."""
+        """Where all links are."""
         joints = self.joints()
         base = scenes.pose_of(self.spec.get("base"), "robot.base")
         at, _ = placed(joints.tree, base, {}, self.everywhere(joints))
@@ -403,7 +403,7 @@ class Job:
         return self.standing[name]["shape"]
 
     def place(self, name: str, places: dict[str, Pose]) -> Pose:
-        """Pose of an object."""
+        """Where an object is."""
         if name in self.standing:
             return scenes.pose_of(self.standing[name].get("pose"), name)
         held = self.held[name]
@@ -412,7 +412,7 @@ class Job:
 
 
 def of_fingers(limits: Any) -> dict[str, Any]:
-    """Limits of the arm that hold for fingers: those that are for all joints."""
+    """What limits of the arm say of fingers: those that are for all joints."""
     said = {x: y for x, y in limits.items() if x in ("velocity", "acceleration", "jerk")}
     kept = {x: y for x, y in said.items() if type(y) in (int, float, str)}
     need({"acceleration", "jerk"} & {*said} <= {*kept}, "limits: by joints of the arm, which do not limit fingers")
