@@ -1,11 +1,14 @@
-"""Jobs: tool paths as published with CppFlow, each followed as one stage within 0.1 mm and 0.1°, free, and proven.
+"""Jobs: tool paths as published with CppFlow, each followed as one stage within 0.1 mm and 0.1°, free, and proven;
+sequences of the tests of MoveIt's Pilz planner, against its definition of their curves.
 
     python benchmarks/jobs.py cppflow DIR --fetch FOLDER
+    python benchmarks/jobs.py pilz DIR --prbt FOLDER
 
 DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. Each line has the
 problem, the length of the motion [s], the processor time of planning and certifying [s], and whether it is certified;
 the last one how many are. Frames are those at which all joints are 0. What is certified is looked at again at every
-pose of the path, by Pinocchio, against the path as published.
+pose of the path, by Pinocchio, against the path as published. Sequences of Pilz' planner: `pilz.py`; there DIR holds
+its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
+from pilz import pilz
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -140,10 +144,14 @@ def cppflow(folder: Path, fetch: Path | None, only: str, time_limit: float) -> N
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["cppflow"])
+    parser.add_argument("what", choices=["cppflow", "pilz"])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--fetch", type=Path)
+    parser.add_argument("--prbt", type=Path)
     parser.add_argument("--only", default="", help="how the names of problems begin")
     parser.add_argument("--time-limit", type=float, default=60.0)
     asked = parser.parse_args()
-    cppflow(asked.folder, asked.fetch, asked.only, asked.time_limit)
+    if asked.what == "pilz":
+        pilz(asked.folder, asked.prbt, asked.only, asked.time_limit)
+    else:
+        cppflow(asked.folder, asked.fetch, asked.only, asked.time_limit)

@@ -13,7 +13,7 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.path_constraints import FREE, poses_along
 from hdplan.scenes.pose_table import read_pose_table
 from hdplan.scenes.poses import Place, Pose, Vector3
-from hdplan.scenes.stage import AnyStage, AnyTouch
+from hdplan.scenes.stage import AnyTouch, ArmStage
 from hdplan.scenes.values import NEEDED, Choice, Name, Number, Numbers, Row
 
 WORLD, TOOL = "world", "tool"  # frames, beside the names of objects
@@ -23,7 +23,7 @@ Turn = Annotated[Vector3, Row(Number(-math.pi, math.pi, unit="rad"), 3)]  # beyo
 
 
 @dataclass(frozen=True, repr=False)
-class Curve(AnyStage):
+class Curve(ArmStage):
     """A link's frame follows a curve. All along, its origin stays within `position_tolerance` of where it is to be, and
     its rotation within `orientation_tolerance`."""
 
@@ -79,6 +79,7 @@ class Line(_ToEnd):
             touch: AnyTouch = (),
             limits: Limits | None = None,
             speed: float = 1.0,
+            blend: float = 0.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,
@@ -118,6 +119,7 @@ class Circle(_ToEnd):
             touch: AnyTouch = (),
             limits: Limits | None = None,
             speed: float = 1.0,
+            blend: float = 0.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,
@@ -152,6 +154,7 @@ class Along(Curve):
             touch: AnyTouch = (),
             limits: Limits | None = None,
             speed: float = 1.0,
+            blend: float = 0.0,
             link: str | None = None,
             position_tolerance: float = 1e-3,
             orientation_tolerance: float = 1e-2,

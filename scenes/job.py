@@ -14,7 +14,7 @@ from hdplan.scenes.curve_stages import Along, Circle, Line
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.stage import AnyStage, AnyTouch
+from hdplan.scenes.stage import AnyStage, AnyTouch, ArmStage
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget, goal_of
 from hdplan.scenes.values import NEEDED, Checked, JointValue, Name, Named, Number, is_row, text, wrong
 
@@ -30,7 +30,7 @@ def fingers_of(value: object) -> dict[str, float]:
 
 
 @dataclass(frozen=True, repr=False)
-class Move(AnyStage):
+class Move(ArmStage):
     """The arm moves to a goal, in any form that a scene's goal has."""
 
     goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
@@ -47,6 +47,7 @@ class Move(AnyStage):
             touch: AnyTouch = (),
             limits: Limits | None = None,
             speed: float = 1.0,
+            blend: float = 0.0,
         ) -> None: ...
 
     def _check_whole(self) -> None:
@@ -184,7 +185,27 @@ def stages_of(value: object) -> tuple[Stage, ...]:
         if name in names:
             raise FieldError(f"the name {name!r} is that of stage {names[name]} too; names must differ", f"[{i}]")
         names[name] = i
+    for i, (stage, following) in enumerate(zip(value, [*value[1:], None], strict=True)):
+        if (
+            isinstance(stage, Move | Line | Circle | Along)
+            and stage.blend > 0.0
+            and (why := _unblended(stage, following))
+        ):
+            raise FieldError(f"stage '{stage_name(stage, i)}' {why}", f"[{i}].blend")
     return tuple(value)
+
+
+def _unblended(stage: Stage, following: Stage | None) -> str:
+    """Say why a stage cannot go over into the one that follows as it asks for; empty if it can, or does not ask."""
+    if not isinstance(stage, ArmStage) or not stage.blend:
+        return ""
+    if following is None:
+        return "is the last one, which ends at rest: nothing follows into which it could be blended"
+    if not isinstance(following, ArmStage):
+        return f"ends at rest: in '{following.kind}', which follows, the arm stands still"
+    if stage.limits != following.limits:
+        return "has other limits than the stage into which it is blended: they are timed as one motion"
+    return ""
 
 
 def stage_name(stage: Stage, number: int) -> str:

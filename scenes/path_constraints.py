@@ -147,6 +147,10 @@ class Follow(Checked):
     """Axis of the link about which it may turn as it likes."""
     speed: Annotated[float, Number(above=0.0, unit="m/s")] | None = None  # of the link's origin, at most [m/s]
     acceleration: Annotated[float, Number(above=0.0, unit="m/s²")] | None = None  # [m/s²]
+    begin_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] | None = None
+    """Radius around the first pose, within which the link comes onto the curve from elsewhere [m]."""
+    end_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] | None = None
+    """Radius around the last pose, within which it leaves the curve [m]."""
 
     if TYPE_CHECKING:
 
@@ -159,6 +163,8 @@ class Follow(Checked):
             free_rotation: str = "none",
             speed: float | None = None,
             acceleration: float | None = None,
+            begin_tolerance: float | None = None,
+            end_tolerance: float | None = None,
         ) -> None: ...
 
     def _check_whole(self) -> None:

@@ -50,3 +50,11 @@ class AnyStage(Checked):
     def kind(self) -> str:
         """Its key in a file: "move"."""
         return type(self).__name__.lower()
+
+
+@dataclass(frozen=True, repr=False)
+class ArmStage(AnyStage):
+    """What every stage has that moves the arm."""
+
+    blend: Annotated[float, Number(high=1.0, low=0.0, unit="m")] = field(default=0.0, kw_only=True)
+    """Radius around its end within which it goes over into the next stage without a stop [m]; 0: it ends at rest."""

@@ -63,7 +63,10 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
     Upright: "link axis tolerance",
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
-    Follow: "link poses position_tolerance orientation_tolerance free_rotation speed acceleration",
+    Follow: (
+        "link poses position_tolerance orientation_tolerance free_rotation speed acceleration begin_tolerance "
+        "end_tolerance"
+    ),
     PlannerSettings: (  # all but the clearance are about how a motion is found
         "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
     ),

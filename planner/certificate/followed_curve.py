@@ -2,8 +2,10 @@
 
 Between two poses of the curve the origin moves straight, and the link turns about a fixed axis by the shortest turn. A
 motion follows it if there is a place u(t) on the curve for every instant, from the first pose at the beginning to the
-last at the end, that never goes back and at which the link is within the tolerances. Any such u is a proof; the one
-here is the nearest place at `NODES` of every interval between rows, ahead of the last one, and linear between these.
+last at the end, that never goes back and at which the link is within the tolerances. Where it comes from elsewhere, or
+leaves, it does so within a radius around the curve's end, and all of the curve that it leaves out lies within that. Any
+such u is a proof; the one here is the nearest place at `NODES` of every interval between rows, ahead of the last one,
+and even along the curve between these.
 
 Parts of the motion are cut where u passes a pose, so that on each, with t = t_m + s h, |s| ≤ 1, origin and rotation of
 the curve are c(s) = c + s c', ‖c'‖ half the way, and C(s) = exp(s [w]×) C, w half the turn. With the link's origin p,
@@ -19,6 +21,7 @@ shortest way from each to the next: the chord of the axes is bounded likewise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +30,7 @@ from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 
@@ -50,6 +53,8 @@ class PoseCurve:
     steps: Array  # (N − 1, 3) from each origin to the next
     turns: Array  # (N − 1, 3) rotation vectors, or of the free axis
     tolerances: tuple[float, float]  # [m] and [rad]
+    comes: float | None = None  # [m] around its beginning, within which the link comes from elsewhere
+    goes: float | None = None  # [m] around its end, within which it leaves
 
     @classmethod
     def of(cls, robot: Robot, asked: Follow) -> PoseCurve:
@@ -62,7 +67,8 @@ class PoseCurve:
         tolerances = asked.position_tolerance, asked.orientation_tolerance
         own = frame.placement.homogeneous
         joint, steps = int(frame.parentJoint), np.diff(origins, axis=0)
-        return cls(asked.link, joint, own, axis, origins, rotations, steps, turns, tolerances)
+        ends = asked.begin_tolerance, asked.end_tolerance
+        return cls(asked.link, joint, own, axis, origins, rotations, steps, turns, tolerances, *ends)
 
     def poses(self, rotations: Array, origins: Array) -> tuple[Array, Array]:
         """Return the link's rotations (k, 3, 3) and origins (k, 3) from all joints' frames."""
@@ -74,29 +80,100 @@ class PoseCurve:
         turned = scipy.spatial.transform.Rotation.from_rotvec(fraction[:, None] * self.turns[segment]).as_matrix()
         return turned @ self.rotations[segment], self.origins[segment] + fraction[:, None] * self.steps[segment]
 
-    def places(self, rotations: Array, origins: Array) -> Array:
-        """Return places (k,) on the curve, none before the last: near these rotations and origins of the link, one
-        after the other; the first and the last are the curve's ends."""
+    @cached_property
+    def ahead(self) -> Array:
+        """How far it is along the curve to each of its poses (N,), in tolerances."""
         far, angle = self.tolerances
         way = np.hypot(_lengths(self.steps) / far, _lengths(self.turns) / angle)
-        ahead = np.concatenate([[0.0], np.cumsum(way)])
+        return np.asarray(np.concatenate([[0.0], np.cumsum(way)]))
+
+    def way_to(self, places: Array) -> Array:
+        """Return how far it is along the curve to places (k,), in tolerances."""
+        return np.asarray(np.interp(places, np.arange(len(self.ahead)), self.ahead))
+
+    def places(self, rotations: Array, origins: Array, first: float, last: float) -> Array:
+        """Return places (k,) on the curve, none before the last: near these rotations and origins of the link, one
+        after the other, from a first place to a last one."""
+        far, angle = self.tolerances
+        ahead = self.ahead
+        way = np.diff(ahead)
         turned = _lengths(turn_vectors(rotations[:-1], rotations[1:], self.axis))
         moved = np.hypot(_lengths(np.diff(origins, axis=0)) / far, turned / angle)
-        found, last, gone = np.zeros(len(origins)), len(self.steps) - 1, 0.0
+        found, final, gone = (
+            np.full(len(origins), first),
+            len(self.steps) - 1,
+            float(np.interp(first, np.arange(len(ahead)), ahead)),
+        )
         for k in range(1, len(origins) - 1):
-            first = min(int(found[k - 1]), last)
+            begin = min(int(found[k - 1]), final)
             end = int(np.searchsorted(ahead, gone + LOOK_AHEAD * moved[k - 1] + CATCH_UP))
-            near = np.arange(first, min(max(end, first + 1), last + 1))
+            near = np.arange(begin, min(max(end, begin + 1), final + 1))
             off, turn = origins[k] - self.origins[near], self._turn_from(near, rotations[k])
             inner = (off * self.steps[near]).sum(axis=1) / far**2 + (turn * self.turns[near]).sum(axis=1) / angle**2
             share = np.clip(inner / np.maximum(way[near] ** 2, 1e-300), 0.0, 1.0)
-            share[0] = max(share[0], found[k - 1] - first)
+            share[0] = max(share[0], found[k - 1] - begin)
             off, turn = off - share[:, None] * self.steps[near], turn - share[:, None] * self.turns[near]
             best = int(np.hypot(_lengths(off) / far, _lengths(turn) / angle).argmin())
             found[k] = max(found[k - 1], near[best] + share[best])
             gone = ahead[near[best]] + share[best] * way[near[best]]
-        found[-1] = len(self.steps)
-        return found
+        found[-1] = last
+        return np.asarray(np.minimum(found, last))
+
+    def nearest(self, rotations: Array, origins: Array) -> tuple[Array, Mask]:
+        """Return the places (k,) of the curve that are nearest to origins of the link (k, 3), and whether it is within
+        the tolerances there."""
+        squares = np.maximum((self.steps**2).sum(axis=1), 1e-300)
+        places = np.zeros(len(origins))
+        for k, origin in enumerate(origins):
+            off = origin - self.origins[:-1]
+            share = np.clip((off * self.steps).sum(axis=1) / squares, 0.0, 1.0)
+            segment = int(((off - share[:, None] * self.steps) ** 2).sum(axis=1).argmin())
+            places[k] = segment + share[segment]
+        segment_of = np.minimum(places.astype(np.int64), len(self.steps) - 1)
+        turned, there = self.at(segment_of, places - segment_of)
+        angles = _lengths(turn_vectors(turned, rotations, self.axis))
+        far, angle = self.tolerances
+        return places, (_lengths(origins - there) <= far) & (angles <= angle)
+
+    def beyond(self, origins: Array, nodes: Array) -> tuple[float, float]:
+        """Return the last of the nodes before the link leaves the radius in which it comes, and the first one in that
+        in which it leaves."""
+        first, last = 0, len(nodes) - 1
+        if self.comes is not None:
+            far = _lengths(origins - self.origins[0]) > self.comes
+            first = max(int(far.argmax()) - 1, 0) if far.any() else last
+        if self.goes is not None:
+            far = _lengths(origins - self.origins[-1]) > self.goes
+            last = min(len(far) - int(far[::-1].argmax()), last) if far.any() else 0
+        return float(nodes[first]), float(nodes[last])
+
+    def on_it(self, rotations: Array, origins: Array) -> tuple[int, int, float, float]:
+        """Return the first and the last of some nodes at which the link, which comes from elsewhere and leaves, is to
+        be on the curve, and its places there: those of the longest way on it. What it leaves out of the curve is within
+        the radii around its ends; or else it is to be on all of it."""
+        whole = 0, len(origins) - 1, 0.0, float(len(self.steps))
+        if self.comes is None and self.goes is None:
+            return whole
+        places, on = self.nearest(rotations, origins)
+        on = on.copy()
+        if self.comes is None:
+            on[0], places[0] = True, 0.0
+        if self.goes is None:
+            on[-1], places[-1] = True, whole[3]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
+        if not len(edges):
+            return whole
+        begins, ends = edges[::2], edges[1::2] - 1
+        longest = int((ends - begins).argmax())
+        first = 0 if self.comes is None else int(begins[longest])
+        last = whole[1] if self.goes is None else int(ends[longest])
+        left, right = np.arange(len(self.origins)) < places[first], np.arange(len(self.origins)) > places[last]
+        out = _lengths(self.origins - self.origins[0])[left], _lengths(self.origins - self.origins[-1])[right]
+        if out[0].max(initial=0.0) > (self.comes or 0.0) or out[1].max(initial=0.0) > (self.goes or 0.0):
+            return whole
+        if last <= first or places[last] < places[first]:
+            return whole
+        return first, last, float(places[first]), float(places[last])
 
     def _turn_from(self, segment: Index, rotation: Array) -> Array:
         """Return about which rotation vectors (k, 3) take the curve from where segments begin to a rotation."""
@@ -115,8 +192,11 @@ class Followed:
     """One motion along a curve, and the place on it at every instant."""
 
     curve: PoseCurve
-    nodes: Array  # (k,) of the motion, in intervals between rows
+    nodes: Array  # (k,) of the motion, in intervals between rows, while it is on the curve
     places: Array  # (k,) on the curve, in poses
+    before: Array  # (j,) nodes up to the first of these
+    after: Array  # (j,) nodes from the last of these on
+    beyond: tuple[float, float]  # nodes between which it is not within the radii in which it comes and leaves
 
     @classmethod
     def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain) -> Followed:
@@ -125,23 +205,48 @@ class Followed:
         interval, fraction = np.repeat(np.arange(count), NODES), np.tile(np.arange(NODES) / NODES, count)
         interval, fraction = np.append(interval, count - 1), np.append(fraction, 1.0)
         rotations, origins = curve.poses(*chain.frames(robot.pin_q(motion.at(interval, fraction))))
-        return cls(curve, interval + fraction, curve.places(rotations, origins))
+        first, last, begins, ends = curve.on_it(rotations, origins)
+        nodes, on = interval + fraction, slice(first, last + 1)
+        places = curve.places(rotations[on], origins[on], begins, ends)
+        around = nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :]
+        return cls(curve, nodes[on], places, *around, curve.beyond(origins, nodes))
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
         """Parts of the motion on which the place stays between two poses: interval, start and width (k,)."""
-        passed = np.interp(np.arange(1, len(self.curve.steps)), self.places, self.nodes)
-        cuts = np.union1d(self.nodes, passed)
-        interval = np.floor(0.5 * (cuts[:-1] + cuts[1:])).astype(np.int64)
-        return interval, cuts[:-1] - interval, np.diff(cuts)
+        first, last = self.ways[[0, -1]]
+        passed = self.curve.ahead[(self.curve.ahead > first) & (self.curve.ahead < last)]
+        return spans_between(np.union1d(self.nodes, np.interp(passed, self.ways, self.nodes)))
+
+    @property
+    def rated(self) -> tuple[Index, Array, Array]:
+        """Parts of the motion on which the link's speed is limited."""
+        first, last = self.beyond
+        if first >= last:  # all of it
+            first, last = self.before[0], self.after[-1]
+        return spans_between(np.union1d(np.arange(np.ceil(first), np.floor(last) + 1.0), [first, last]))
+
+    @cached_property
+    def ways(self) -> Array:
+        """How far along the curve the places are (k,), in tolerances: between the nodes this is linear."""
+        return self.curve.way_to(self.places)
 
     def on(self, interval: Index, start: Array, width: Array) -> tuple[Index, Array, Array]:
         """Return on parts of the motion the segment of the curve, the fraction of it in the middle, and half of how
         much of it is passed (k,)."""
-        begins, ends = (np.interp(interval + at, self.nodes, self.places) for at in (start, start + width))
-        segment = np.minimum(np.floor(0.5 * (begins + ends)).astype(np.int64), len(self.curve.steps) - 1)
-        first, last = np.clip(begins - segment, 0.0, 1.0), np.clip(ends - segment, 0.0, 1.0)
+        ahead = self.curve.ahead
+        begins, ends = (np.interp(interval + at, self.nodes, self.ways) for at in (start, start + width))
+        segment = np.searchsorted(ahead, 0.5 * (begins + ends), side="right") - 1
+        segment = np.clip(segment, 0, len(self.curve.steps) - 1)
+        wide = np.maximum(np.diff(ahead)[segment], 1e-300)
+        first, last = (np.clip((way - ahead[segment]) / wide, 0.0, 1.0) for way in (begins, ends))
         return segment, 0.5 * (first + last), 0.5 * (last - first)
+
+
+def spans_between(cuts: Array) -> tuple[Index, Array, Array]:
+    """Return parts of a motion between places on it, in intervals between rows: interval, start and width (k,)."""
+    interval = np.floor(0.5 * (cuts[:-1] + cuts[1:])).astype(np.int64)
+    return interval, cuts[:-1] - interval, np.diff(cuts)
 
 
 class _Along(WithTolerance):
@@ -185,6 +290,37 @@ class OnCurve(_Along):
 
 
 @dataclass(frozen=True, eq=False)
+class NearEnd(_Along):
+    """A link's origin, to be kept near the beginning or the end of the curve while it is not on it."""
+
+    motion: Followed
+    allowed: float  # [m]
+    field: str
+    at_end: bool
+
+    @property
+    def spans(self) -> tuple[Index, Array, Array]:
+        """Parts of the motion to begin with."""
+        return spans_between(self.motion.after if self.at_end else self.motion.before)
+
+    def on(self, interval: Index, start: Array, width: Array) -> Valued:
+        """Return the constraint on parts of the motion."""
+        there = np.broadcast_to(self.motion.curve.origins[-1 if self.at_end else 0], (len(interval), 3))
+        return _AtPlaces(self, there, np.zeros_like(there))
+
+    def broken(self, found: float) -> str:
+        """Such as "tool0 is 70 mm away from the end of its curve and not on it, 50 mm are allowed"."""
+        where = "end" if self.at_end else "beginning"
+        away = f"{self.link} is {found * 1e3:.3g} mm away from the {where} of its curve and not on it"
+        return f"{away}, {self.allowed * 1e3:g} mm are allowed"
+
+    def kept(self, worst: float) -> str:
+        """Such as "tool0 blended within 42 of 50 mm of the end of its curve"."""
+        where = "end" if self.at_end else "beginning"
+        return f"{self.link} blended within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of the {where} of its curve"
+
+
+@dataclass(frozen=True, eq=False)
 class TurnedAlong(_Along):
     """A link's rotation, to be kept at that of the curve."""
 
@@ -211,7 +347,7 @@ class TurnedAlong(_Along):
 
 @dataclass(frozen=True, eq=False)
 class _AtPlaces:
-    whole: OnCurve
+    whole: OnCurve | NearEnd
     there: Array  # (k, 3) c
     slope: Array  # (k, 3) c'
 

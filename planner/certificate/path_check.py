@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.planner.certificate import tool_rates
-from hdplan.planner.certificate.followed_curve import Followed, OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import Followed, NearEnd, OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain
@@ -116,9 +116,12 @@ class PathCheck:
         followed = Followed.by(motion, self._curve, self.robot, self.chain)
         yield OnCurve(followed, self.follow.position_tolerance)
         yield TurnedAlong(followed, self.follow.orientation_tolerance)
+        for name, at_end in (("begin_tolerance", False), ("end_tolerance", True)):
+            if (radius := getattr(self.follow, name)) is not None:
+                yield NearEnd(followed, radius, f"path.follow.{name}", at_end)
         for order, name in tool_rates.FIELDS.items():
             if getattr(self.follow, name) is not None:
-                yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order)
+                yield tool_rates.ToolRate.of(self.robot, self.chain, self.follow, motion, order, followed.rated)
 
     def _prove(
         self,

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.certificate.limit_checks import JUMP
-from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, between_rows
+from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance
 from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain, cross
@@ -46,14 +46,17 @@ class ToolRate(WithTolerance):
     order: int  # 1: speed; 2: acceleration
     allowed: float
     field: str
+    spans: tuple[Index, Array, Array]  # parts of the motion to begin with
 
     @classmethod
-    def of(cls, robot: Robot, chain: Chain, asked: Follow, motion: Curve, order: int) -> ToolRate:
-        """Look up the link. Raises InputError as `link_frame`."""
+    def of(
+        cls, robot: Robot, chain: Chain, asked: Follow, motion: Curve, order: int, spans: tuple[Index, Array, Array]
+    ) -> ToolRate:
+        """Look up the link; it is limited on these parts of the motion. Raises InputError as `link_frame`."""
         frame = robot.model.frames[link_frame(robot, asked.link, "path.follow")]
         name = FIELDS[order]
         joint, point, allowed = int(frame.parentJoint), frame.placement.translation, getattr(asked, name)
-        return cls(asked.link, joint, point, motion, chain, order, allowed, f"path.follow.{name}")
+        return cls(asked.link, joint, point, motion, chain, order, allowed, f"path.follow.{name}", spans)
 
     @cached_property
     def rates(self) -> tuple[Curve, ...]:
@@ -68,11 +71,6 @@ class ToolRate(WithTolerance):
         steps = self.rates[self.order - 2].steps()
         times = np.concatenate([[0.0], np.cumsum(self.motion.widths)])
         return slope_of_steps(np.where(np.abs(steps) > JUMP, 0.0, steps), times)
-
-    @property
-    def spans(self) -> tuple[Index, Array, Array]:
-        """All intervals between rows."""
-        return between_rows(len(self.motion) - 1)
 
     def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the limit on parts of the motion."""

@@ -4,7 +4,7 @@ planned them.
 What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
 held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row
 at which the last one ended, so positions and velocities are the same there; that each begins and ends at rest, the
-limits prove.
+limits prove, and of those that are blended that rates do not jump where they meet.
 """
 
 from __future__ import annotations
@@ -16,19 +16,24 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status, proven
 from hdplan.planner.job.changes import REACH, after
+from hdplan.planner.job.curves import corner_of, radius_link, settled
+from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, standing_scene
 from hdplan.planner.job.touching import touched
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.link_frame import end_effector, link_poses, links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.curve_stages import Curve as CurveStage
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.job import Grip, Release, Set, Wait
+from hdplan.scenes.job import Grip, Move, Release, Set, Wait
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.stage import Touch
+from hdplan.scenes.stage import ArmStage, Touch
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
@@ -50,6 +55,7 @@ class StageCertificate:
     certificate: Certificate
     arm: Scene | None = None  # of the arm that stands still, where fingers move
     notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
+    blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,9 @@ class JobCertificate:
             else f", at least {clearance * 1e3:.3g} mm to every obstacle that may not be touched"
         )
         duration = self.stages[-1].ends - self.stages[0].begins
-        return f"certified: all {len(self.stages)} stages, {duration:.3f} s{away}, each from rest to rest"
+        joined = sum(bool(getattr(stage, "blend", 0.0)) for stage in self.stages)
+        ends = f"{joined} of them blended" if joined else "each from rest to rest"
+        return f"certified: all {len(self.stages)} stages, {duration:.3f} s{away}, {ends}"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -153,13 +161,17 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     """Certify the motion of one stage from what there is before it; also return what there is after it."""
     assert world.scene.job is not None
     stage, name = world.scene.job.stages[number], world.scene.job.names[number]
-    setup = stage_setup(world, number)
-    scene, certifier = setup.asked, Certifier(setup)
-    with naming(f"stage '{name}'"):
-        certificate = certifier.certify(part)
-        curve = curve_of(certifier.robot, part)
     times = part.times
     assert times is not None
+    if world.corner is not None and isinstance(stage, CurveStage):
+        world = replace(world, corner=settled(world.corner, _rotation_beyond(world, part)))
+    setup, blend = stage_setup(world, number), isinstance(stage, ArmStage) and stage.blend
+    with naming(f"stage '{name}'"):
+        curve = curve_of(setup.robot, part)
+        if blend:
+            setup = setup.changed(goal=_passed(curve))
+        scene, certifier = setup.asked, Certifier(setup)
+        certificate = certifier.certify(part)
     fingers = moves_fingers(stage)
     arm = standing_scene(world, number) if fingers else None
     if arm is not None and certificate.certified:
@@ -169,6 +181,8 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         wrong = "the robot moves where it is to stand still"
     elif isinstance(stage, Wait) and not times[-1] - times[0] >= stage.seconds - SAME_TIME:
         wrong = f"the robot waits {times[-1] - times[0]:g} s, the job asks for {stage.seconds:g} s"
+    elif isinstance(stage, Move) and blend:
+        wrong = _beyond_radius(world, number, setup.robot, curve.rows[-1])
     if wrong:
         text = f"{Status.WRONG_ENDS.value.replace('_', ' ')}: {wrong}"
         certificate = replace(certificate, status=Status.WRONG_ENDS, text=text)
@@ -184,8 +198,46 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         certificate,
         arm,
         _on_touch(world, number, curve),
+        float(blend),
     )
-    return found, after(world, number, certifier.robot, curve.rows[-1])
+    there = after(world, number, certifier.robot, curve.rows[-1])
+    if blend:
+        velocity, acceleration = (tuple(curve.over_time(order).rows[-1].tolist()) for order in (1, 2))
+        there = replace(there, rates=(velocity, acceleration), corner=corner_of(world, number))
+    return found, there
+
+
+def _passed(curve: Curve) -> JointTarget:
+    """Return where a stage that is blended into the next one ends, and how the robot moves there: the middle of the
+    blend, of which its path constraints or its radius say where it may be."""
+    at, velocity, acceleration = (tuple(curve.over_time(order).rows[-1].tolist()) for order in range(3))
+    return JointTarget("goal", at, velocity=velocity, acceleration=acceleration)
+
+
+def _rotation_beyond(world: World, part: Trajectory) -> Array:
+    """Return the rotation (3, 3) of a link where it first leaves the radius around a corner."""
+    assert world.corner is not None
+    robot = world.robot
+    poses = link_poses(robot, curve_of(robot, part).rows, links_of(robot)[world.corner.link])
+    far = np.linalg.norm(poses[:, :3, 3] - world.corner.pose.position, axis=1) > world.corner.radius
+    return np.asarray(poses[int(far.argmax()) if far.any() else -1, :3, :3])
+
+
+def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
+    """Say how far from its goal a move goes over into the next stage; empty if that is within its radius."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, Move)
+    if isinstance(stage.goal, JointTarget):
+        link = radius_link(world, number)
+        goals = [(link, link_pose(robot, robot.configuration(stage.goal), link)[:3, 3])]
+    else:
+        poses = [pose for target in stage.goal.targets if not isinstance(target, JointTarget) for pose in target.poses]
+        goals = [(pose.link or end_effector(robot, "blend"), np.array(pose.pose.position)) for pose in poses]
+    away = min((float(np.linalg.norm(link_pose(robot, q, link)[:3, 3] - at)) for link, at in goals), default=np.inf)
+    if away <= stage.blend:
+        return ""
+    return f"it goes over into the next stage {away:.4g} m from its goal, {stage.blend:g} m are allowed"
 
 
 def standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
@@ -233,6 +285,7 @@ def as_json(stage: StageCertificate) -> dict[str, object]:
         "kind": stage.kind,
         "begins_s": stage.begins,
         "ends_s": stage.ends,
+        **({"blend_m": stage.blend} if stage.blend else {}),
         "held": list(stage.held),
         "touch": [list(pair) for pair in stage.touch],
         "status": stage.certificate.status.value,

@@ -33,7 +33,8 @@ def after(world: World, number: int, robot: Robot, q: Array) -> World:
     stage = world.scene.job.stages[number]
     match stage:
         case Move() | Curve():
-            return replace(world, arm=tuple(zip((joint for joint, _ in world.arm), q.tolist(), strict=True)))
+            arm = tuple(zip((joint for joint, _ in world.arm), q.tolist(), strict=True))
+            return replace(world, arm=arm, rates=None, corner=None)
         case Set() | Wait():
             return world
         case Grip() | Release():

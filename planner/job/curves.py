@@ -7,53 +7,47 @@ what is left of the chords is within all of it of the arc. Turns are spread even
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from hdplan.planner.job.blends import CHORD, Blend, Leg, UnblendedError
 from hdplan.planner.job.line import as_constraints
-from hdplan.planner.job.places import link_pose, pose_of
-from hdplan.planner.job.world import World
+from hdplan.planner.job.places import link_pose, pose_of, poses_of
+from hdplan.planner.job.world import Corner, World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import MOST_POSES, MOST_TURN, Follow, PathConstraints
 from hdplan.scenes.poses import Pose, Vector3, from_rpy
-from hdplan.scenes.targets import Goals, PoseTarget
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 
-CHORD = 0.02  # share of a position's tolerance that the chords of an arc take
 SHORTEST_RADIUS = 1e-6  # [m] of a radius, and of a chord
 LEAST_LENGTH = 1e-9  # [m] of a curve, and of the change of its directions, below which it leads nowhere
 HALF_TURN = 1e-3  # [rad] around half a turn, where a centre does not say which way
 
 
-def along_curve(stage: Curve, world: World) -> dict[str, Any]:
+def along_curve(world: World, number: int) -> dict[str, Any]:
     """Return the goal and the path constraints of a stage. Raises InputError for a link that does not move, a frame
-    that there is not, an arc that is none, a curve that leads nowhere, and for poses that begin elsewhere."""
-    robot = world.robot
-    link = end_effector(robot, stage.kind) if stage.link is None else stage.link
-    link_frame(robot, link, stage.kind)
-    begins = link_pose(robot, world.q, link)
-    lost = 0.0
-    match stage:
-        case Line():
-            ends = _end(stage, world, begins)
-            if _is_plain(stage):
-                goal, path = as_constraints(stage, robot, link, begins, ends)
-                return {"goal": goal, "path": path}
-            poses = np.stack([begins, ends])
-        case Circle():
-            poses, lost = _arc(stage, world, begins, _end(stage, world, begins))
-        case Along():
-            poses = _frame(stage, world, begins) @ np.array([pose.matrix for pose in stage.poses])
-            _check_beginning(stage, begins, poses[0])
-        case _:
-            raise TypeError(f"{stage.kind} is no curve")
-    _check_length(stage, poses)
+    that there is not, an arc that is none, a curve that leads nowhere, for poses that begin elsewhere, and for blends
+    into what cannot be blended."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, Curve)
+    begins = begins_at(stage, world)
+    if isinstance(stage, Line) and _is_plain(stage) and not stage.blend and world.corner is None:
+        link = link_of(stage, world)
+        goal, path = as_constraints(stage, world.robot, link, begins, _end(stage, world, begins))
+        return {"goal": goal, "path": path}
+    poses, lost = blended_poses(world, number)
     target = PoseTarget(
-        link,
+        link_of(stage, world),
         pose_of(poses[-1]),
         stage.position_tolerance,
         stage.orientation_tolerance,
@@ -61,15 +55,198 @@ def along_curve(stage: Curve, world: World) -> dict[str, Any]:
         field="goal",
     )
     follow = Follow(
-        link,
-        tuple(pose_of(pose) for pose in poses),
+        link_of(stage, world),
+        poses_of(poses),
         stage.position_tolerance - lost,
-        stage.orientation_tolerance,
+        stage.orientation_tolerance * (1.0 - CHORD if stage.blend or world.corner is not None else 1.0),
         stage.free_rotation,
         stage.tool_speed,
         stage.tool_acceleration,
+        *_comes_and_goes(world, number),
     )
     return {"goal": Goals((target,)), "path": PathConstraints(follow=follow)}
+
+
+def _comes_and_goes(world: World, number: int) -> tuple[float | None, float | None]:
+    """Return the radii within which the link of a stage comes from a move, and goes over into one; None if it does not.
+    Raises InputError for radii that are larger than the curve, or overlap."""
+    assert world.scene.job is not None
+    stage, corner = world.scene.job.stages[number], world.corner
+    assert isinstance(stage, Curve)
+    comes = corner.radius if corner is not None and not corner.curve else None
+    goes = stage.blend if stage.blend and isinstance(world.scene.job.stages[number + 1], Move) else None
+    leg, _ = leg_of(world, number)
+    with _blending():
+        first = joint_before(world, leg)
+        first_share = leg.leaves(comes) if comes else first.leaves if first else 0.0
+        last = joint_behind(world, number, leg)
+        last_share = 1.0 - leg.backwards.leaves(goes) if goes else last.enters if last else 1.0
+    if first_share > last_share:
+        raise InputError("blend: its radius and that of the stage before it overlap on this stage")
+    return comes, goes
+
+
+def link_of(stage: Curve, world: World) -> str:
+    """Return the link that follows a curve. Raises InputError for one that does not move."""
+    link = end_effector(world.robot, stage.kind) if stage.link is None else stage.link
+    link_frame(world.robot, link, stage.kind)
+    return link
+
+
+def begins_at(stage: Curve, world: World) -> Array:
+    """Return the pose (4, 4) of its link from which a curve leads: where it is, or would be without a blend."""
+    link = link_of(stage, world)
+    if world.corner is None:
+        return link_pose(world.robot, world.q, link)
+    if world.corner.link != link:
+        raise InputError(
+            f"{stage.kind}.link: is '{link}', and the stage before it is blended with '{world.corner.link}'"
+        )
+    if getattr(stage, "frame", WORLD) == TOOL and world.corner.free != "none":
+        raise InputError(f"{stage.kind}.frame: 'tool' is not known after a blend, where the link is free about an axis")
+    return world.corner.pose.matrix
+
+
+def leg_of(world: World, number: int) -> tuple[Leg, float]:
+    """Return the curve of a stage from its beginning to its end, as if nothing were blended, and how far its chords may
+    be away from it [m]. Raises InputError as `along_curve`."""
+    assert world.scene.job is not None
+    stages = world.scene.job.stages
+    stage = stages[number]
+    assert isinstance(stage, Curve)
+    begins, lost = begins_at(stage, world), 0.0
+    match stage:
+        case Line():
+            poses = np.stack([begins, _end(stage, world, begins)])
+        case Circle():
+            near = [each.position_tolerance for each in _blended_with(stages, number)]
+            poses, lost = _arc(stage, world, begins, _end(stage, world, begins), min(near))
+        case Along():
+            poses = _frame(stage, world, begins) @ np.array([pose.matrix for pose in stage.poses])
+            _check_beginning(stage, begins, poses[0])
+        case _:
+            raise TypeError(f"{stage.kind} is no curve")
+    _check_length(stage, poses)
+    return Leg(poses, stage.free_rotation, stage.tool_speed, stage.tool_acceleration), lost
+
+
+def _blended_with(stages: Sequence[Stage], number: int) -> list[Curve]:
+    """Return a curve with those that it is blended with."""
+    near = [number, *([number + 1] if stages[number].blend else [])]  # type: ignore[union-attr]
+    if number > 0 and getattr(stages[number - 1], "blend", False):
+        near.append(number - 1)
+    return [each for i in near if isinstance(each := stages[i], Curve)]
+
+
+def blended_poses(world: World, number: int) -> tuple[Array, float]:
+    """Return the poses (N, 4, 4) that the link of a stage follows, from the middle of the blend before it to that of
+    the blend after it, and how far the curve may be from their chords [m]. Raises InputError."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, Curve)
+    leg, lost = leg_of(world, number)
+    distance = min(each.position_tolerance for each in _blended_with(world.scene.job.stages, number))
+    fine = distance, stage.orientation_tolerance
+    first, last, parts = 0.0, 1.0, []
+    if (before := joint_before(world, leg)) is not None:
+        first = before.leaves
+        parts.append(before.chords(*fine, half=1)[:-1])
+    after: list[Array] = []
+    if (behind := joint_behind(world, number, leg)) is not None:
+        last = behind.enters
+        after.append(behind.chords(*fine, half=0)[1:])
+    if first > last:
+        raise InputError("blend: its radius and that of the stage before it overlap on this stage")
+    if parts or after:
+        lost += CHORD * distance
+    between = leg.places[(leg.places > first) & (leg.places < last)]
+    parts.append(leg.at(np.array([first, *between, last])))
+    return np.concatenate([*parts, *after]), lost
+
+
+def joint_before(world: World, leg: Leg) -> Blend | None:
+    """Return the blend in which a stage with this curve begins. Raises InputError."""
+    corner = world.corner
+    if corner is None or not corner.curve:
+        return None
+    if corner.free != leg.free:
+        raise InputError(
+            f"free_rotation: is '{leg.free}', and '{corner.free}' in the stage that is blended into this one"
+        )
+    with _blending():
+        return Blend.of(
+            Leg(np.array([pose.matrix for pose in corner.curve]), corner.free, *corner.rates), leg, corner.radius
+        )
+
+
+def joint_behind(world: World, number: int, leg: Leg) -> Blend | None:
+    """Return the blend in which a stage with this curve ends. Raises InputError."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, Curve)
+    if not stage.blend or not isinstance(world.scene.job.stages[number + 1], Curve):
+        return None
+    there = replace(world, corner=corner_of(world, number))
+    second, _ = leg_of(there, number + 1)
+    if leg.free != second.free:
+        raise InputError(f"free_rotation: is '{leg.free}', and '{second.free}' in the stage into which it is blended")
+    with _blending():
+        return Blend.of(leg, second, stage.blend)
+
+
+@contextmanager
+def _blending() -> Iterator[None]:
+    try:
+        yield
+    except UnblendedError as error:
+        raise InputError(f"blend: {error}") from None
+
+
+def corner_of(world: World, number: int) -> Corner:
+    """Return where a stage that is blended into the next one would have ended. Raises InputError for a move to several
+    goals, before a curve."""
+    assert world.scene.job is not None
+    stages = world.scene.job.stages
+    stage, link = stages[number], radius_link(world, number)
+    if isinstance(stage, Curve):
+        leg, _ = leg_of(world, number)
+        poses = poses_of(leg.poses)
+        return Corner(stage.blend, link, poses[-1], leg.free, poses, (leg.speed, leg.acceleration))
+    assert isinstance(stage, Move)
+    if isinstance(stage.goal, JointTarget):
+        q = world.robot.configuration(stage.goal)
+        return Corner(stage.blend, link, pose_of(link_pose(world.robot, q, link)), "none")
+    goal, *others = stage.goal.targets
+    if not isinstance(goal, PoseTarget) or others or (goal.link or link) != link or goal.free_rotation == "all":
+        raise InputError(f"blend: before a curve of {link} a move needs one goal: joints, or one pose of {link}")
+    return Corner(stage.blend, link, goal.pose, goal.free_rotation)
+
+
+def radius_link(world: World, number: int) -> str:
+    """Return the link of which the radius of a blend is meant: that of the curve, or else that of a pose to which a
+    move leads. Raises InputError."""
+    assert world.scene.job is not None
+    stage, following = world.scene.job.stages[number : number + 2]
+    for each in (stage, following):
+        if isinstance(each, Curve):
+            return link_of(each, world)
+    targets = () if isinstance(stage.goal, JointTarget) else stage.goal.targets  # type: ignore[union-attr]
+    poses = [each for each in targets if isinstance(each, PoseTarget)]
+    return poses[0].link if poses and poses[0].link is not None else end_effector(world.robot, "blend")
+
+
+def settled(corner: Corner, rotation: Array) -> Corner:
+    """Return a corner whose free axis is turned as a link's rotation (3, 3) says, as nearly as it can be."""
+    if corner.free == "none" or corner.curve:
+        return corner
+    axis = "xyz".index(corner.free)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    goal = corner.pose.matrix.copy()
+    between = goal[:3, :3].T @ rotation
+    angle = float(np.arctan2(between[j, i] - between[i, j], between[i, i] + between[j, j]))
+    turn = scipy.spatial.transform.Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
+    goal[:3, :3] = goal[:3, :3] @ turn
+    return replace(corner, pose=pose_of(goal), free="none")
 
 
 def _is_plain(stage: Line) -> bool:
@@ -84,6 +261,8 @@ def _frame(stage: Line | Circle | Along, world: World, begins: Array) -> Array:
         return np.eye(4)
     if stage.frame == TOOL:
         return begins
+    if world.corner is not None and stage.frame in {each.name for each in world.held}:
+        raise InputError(f"{stage.kind}.frame: '{stage.frame}' is held, and has no place of its own after a blend")
     if stage.frame not in world.things:
         known = [WORLD, TOOL, *world.things]
         raise InputError(f"{stage.kind}.frame: unknown {stage.frame!r}{nearest(stage.frame, known)}")
@@ -114,8 +293,8 @@ def _rotation(rpy: Vector3) -> Array:
     return Pose((0.0, 0.0, 0.0), from_rpy(*rpy)).matrix[:3, :3]
 
 
-def _arc(stage: Circle, world: World, begins: Array, ends: Array) -> tuple[Array, float]:
-    """Return poses (N, 4, 4) on an arc, and how far it may be from their chords [m]."""
+def _arc(stage: Circle, world: World, begins: Array, ends: Array, tolerance: float) -> tuple[Array, float]:
+    """Return poses (N, 4, 4) on an arc, and how far it may be from their chords [m], a share of a tolerance."""
     one, other = begins[:3, 3], ends[:3, 3]
     said = np.array(stage.interim if stage.center is None else stage.center)
     point = said if stage.to is not None else one + _frame(stage, world, begins)[:3, :3] @ said
@@ -125,11 +304,11 @@ def _arc(stage: Circle, world: World, begins: Array, ends: Array) -> tuple[Array
         center, angle, axis = _around(one, point, other, stage.position_tolerance)
     arm = one - center
     radius = float(np.linalg.norm(arm))
-    allowed = min(CHORD * stage.position_tolerance, 0.1 * radius)
+    allowed = min(CHORD * tolerance, 0.1 * radius)
     chord = 4.0 * np.arcsin(np.sqrt(0.5 * allowed / radius))  # the angle of an arc that is so far from its chord
     if angle > (MOST_POSES - 1) * chord:
         raise InputError(
-            f"circle.position_tolerance: {stage.position_tolerance:g} m on an arc of radius {radius:.4g} m takes more "
+            f"circle.position_tolerance: {tolerance:g} m on an arc of radius {radius:.4g} m takes more "
             f"than {MOST_POSES} chords: allow more"
         )
     count = max(2, int(np.ceil(angle / chord)) + 1)

@@ -29,7 +29,7 @@ class NotFollowedError(Exception):
 def smooth_parts(follow: Follow) -> list[Follow]:
     """Return a curve cut where its direction changes abruptly: what a link can follow without a stop."""
     poses = np.array([pose.matrix for pose in follow.poses])
-    steps = np.concatenate([np.diff(poses[:, :3, 3], axis=0), ARM * _turns(poses, follow.free_rotation)], axis=1)
+    steps = np.concatenate([np.diff(poses[:, :3, 3], axis=0), ARM * turns_between(poses, follow.free_rotation)], axis=1)
     lengths = np.linalg.norm(steps, axis=1)
     moving = np.flatnonzero(lengths > 0.0)
     ways = steps[moving] / lengths[moving, None]
@@ -52,24 +52,26 @@ def along_poses(
     for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), spread(follow, count)[1:], strict=True):
         aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
         steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
-        q = np.clip(steady if guide is None else guide(share), robot.lower, robot.upper)[None]
-        for _ in range(STEPS):
-            error, jacobian = aim.linearized(q)
-            if (aim.sizes(error) <= POSE_ERROR).all():
-                break
-            q = damped_step(robot, q, error, jacobian)
-        else:
-            at_limit = np.flatnonzero((q[0] <= robot.lower + 1e-9) | (q[0] >= robot.upper - 1e-9))
-            why = (
-                f"'{robot.joint_names[int(at_limit[0])]}' is at its limit"
-                if len(at_limit)
-                else "no joints reach farther"
-            )
-            raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way: {why}")
-        if np.abs(q[0] - rows[-1]).max() > FARTHEST:
+        q = np.clip(steady if guide is None else guide(share), robot.lower, robot.upper)
+        reached = brought(robot, aim, q)
+        if isinstance(reached, str):
+            raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way: {reached}")
+        if np.abs(reached - rows[-1]).max() > FARTHEST:
             raise NotFollowedError(f"the arm would have to turn over at {share:.0%} of the way, near a singularity")
-        rows.append(q[0])
+        rows.append(reached)
     return np.array(rows)
+
+
+def brought(robot: Robot, aim: Aim, q: Array) -> Array | str:
+    """Return joint values (n,) that reach an aim, from some close to it; or say what keeps the robot from it."""
+    rows = q[None]
+    for _ in range(STEPS):
+        error, jacobian = aim.linearized(rows)
+        if (aim.sizes(error) <= POSE_ERROR).all():
+            return np.asarray(rows[0])
+        rows = damped_step(robot, rows, error, jacobian)
+    at_limit = np.flatnonzero((rows[0] <= robot.lower + 1e-9) | (rows[0] >= robot.upper - 1e-9))
+    return f"'{robot.joint_names[int(at_limit[0])]}' is at its limit" if len(at_limit) else "no joints reach farther"
 
 
 def drawn_through(rows: Array) -> Array:
@@ -82,13 +84,13 @@ def drawn_through(rows: Array) -> Array:
 
 def length_of(follow: Follow) -> float:
     """Return the length of a curve [m], turns counted as lengths."""
-    return float(_lengths(np.array([pose.matrix for pose in follow.poses]), follow.free_rotation)[0].sum())
+    return float(lengths_of(np.array([pose.matrix for pose in follow.poses]), follow.free_rotation)[0].sum())
 
 
 def spread(follow: Follow, count: int) -> list[Pose]:
     """Return poses that are spread evenly over a curve."""
     poses = np.array([pose.matrix for pose in follow.poses])
-    steps, turns = _lengths(poses, follow.free_rotation)
+    steps, turns = lengths_of(poses, follow.free_rotation)
     along = np.interp(
         np.linspace(0.0, steps.sum(), count), np.concatenate([[0.0], np.cumsum(steps)]), np.arange(len(poses))
     )
@@ -100,15 +102,15 @@ def spread(follow: Follow, count: int) -> list[Pose]:
     return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.as_quat().tolist(), strict=True)]
 
 
-def _lengths(poses: Array, free: str) -> tuple[Array, Array]:
+def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:
     """Return how far it is from each of some poses (N, 4, 4) to the next (N − 1,), and the turns (N − 1, 3)."""
-    turns = _turns(poses, free)
+    turns = turns_between(poses, free)
     return np.hypot(
         np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1), ARM * np.linalg.norm(turns, axis=1)
     ), turns
 
 
-def _turns(poses: Array, free: str) -> Array:
+def turns_between(poses: Array, free: str) -> Array:
     """Return the rotation vectors (N − 1, 3) from each of some poses (N, 4, 4) to the next; of a free axis, the
     shortest ones that take it along."""
     if free == "none":

@@ -20,11 +20,12 @@ class Piece:
     motion: Trajectory
     after: World
     notes: tuple[str, ...] = ()
+    blended: bool = False  # whether it goes over into the next one without a stop
 
 
 def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:
     """Return one motion of all joints that the pieces move, one piece after the other, with marks where they begin. A
-    piece begins with the row with which the last one ended; there everything rests."""
+    piece begins with the row with which the last one ended; there everything rests, unless they are blended."""
     joints = tuple(dict.fromkeys(joint for piece in pieces for joint in piece.motion.joint_names))
     held = [piece.motion.locked for piece in pieces]
     at = {
@@ -46,7 +47,10 @@ def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:
                 at[joint] = float(motion.positions[-1, own])
             else:
                 rows[0, :, column] = at[joint]
-        rows[1:, [0, -1]] = 0.0  # at rest: what is left there is rounding
+        if not (i and pieces[i - 1].blended):  # at rest: what is left there is rounding
+            rows[1:, 0] = 0.0
+        if not piece.blended:
+            rows[1:, -1] = 0.0
         first = 0 if i == 0 else 1
         blocks.append(rows[:, first:])
         times.append((begins + (motion.times - motion.times[0]))[first:])

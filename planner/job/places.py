@@ -39,5 +39,11 @@ def along(direction: Array) -> Array:
 
 def pose_of(matrix: Array) -> Pose:
     """Return a homogeneous matrix (4, 4) as a pose."""
-    turn = scipy.spatial.transform.Rotation.from_matrix(matrix[:3, :3]).as_quat()
-    return Pose(matrix[:3, 3].tolist(), (turn / np.linalg.norm(turn)).tolist())
+    return poses_of(matrix[None])[0]
+
+
+def poses_of(matrices: Array) -> tuple[Pose, ...]:
+    """Return homogeneous matrices (k, 4, 4) as poses."""
+    turns = scipy.spatial.transform.Rotation.from_matrix(matrices[:, :3, :3]).as_quat()
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    return tuple(Pose(place, turn) for place, turn in zip(matrices[:, :3, 3].tolist(), turns.tolist(), strict=True))

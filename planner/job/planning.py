@@ -12,10 +12,12 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.job.blending import NotBlendedError, blended
 from hdplan.planner.job.certain import Certain, StageFailedError
 from hdplan.planner.job.certify import certify_job
 from hdplan.planner.job.changes import after
@@ -30,8 +32,9 @@ from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
-from hdplan.scenes.job import Move, stage_name
+from hdplan.scenes.job import Job, Move, stage_name
 from hdplan.scenes.scene import Scene, derived
+from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, Whole, checked, instance
 
@@ -66,10 +69,11 @@ def plan_job(
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
     began = time.perf_counter()
     first = World.at_first(scene)
-    search = _Search(scene, seed, began + time_limit, report, stop)
-    pieces = search.run(first)
     assert scene.job is not None
     names = scene.job.names
+    rested = at_rest(scene)
+    search = _Search(rested, seed, began + time_limit, report, stop)
+    pieces = search.run(replace(first, scene=rested))
     refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
     if not pieces and not search.refused:
         ended = f"the time limit of {time_limit:g} s passed, or it was stopped, before the first stage was planned"
@@ -77,9 +81,16 @@ def plan_job(
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
+    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
+    try:
+        pieces = blended(first, pieces)
+    except NotBlendedError as error:
+        pieces = pieces[: error.number]
+        failure = f"stage '{names[error.number]}': cannot be blended into the next one: {error}"
+    if not pieces:
+        raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}): {failure}", "stage_failed")
     trajectory = joined(pieces, scene.job)
     certificate = certify_job(scene, trajectory)
-    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
     said = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,
@@ -95,6 +106,13 @@ def _failure(search: _Search, names: Sequence[str], done: int) -> str:
         return f"stage '{names[done]}' was not reached within the time limit; more time may help"
     times = f" (the last of {len(found)} tries)" if len(found) > 1 else ""
     return f"stage '{names[done]}'{times}: {found[-1]}"
+
+
+def at_rest(scene: Scene) -> Scene:
+    """Return a scene whose job's stages all end at rest: so they are planned, before they are blended."""
+    assert scene.job is not None
+    stages = [replace(stage, blend=0.0) if isinstance(stage, ArmStage) else stage for stage in scene.job.stages]
+    return derived(scene, job=Job(stages))
 
 
 class _Search:

@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hdplan.planner.job.certify import JobCertificate, certify_job, standing
+from hdplan.planner.job.stage_scenes import stage_source
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.proof import NotProvenError, certified, proof_of, writing
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.output import write_output
+from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify.checking import check_job, check_part
@@ -50,6 +52,12 @@ def prove_job(scene: FilePath, trajectory: FilePath, robot: FilePath | None = No
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
     robot_name = None if robot is None else str(checked(path_of, robot, "robot"))
     asked, motion = load_scene(scene_file, robot=robot_name), Trajectory.load(motion_file)
+    for number, stage in enumerate(asked.job.stages if asked.job is not None else ()):
+        if isinstance(stage, ArmStage) and stage.blend:
+            raise InputError(
+                f"{stage_source(asked, number)}: blend: no proof file holds stages that go over into one another; "
+                "hdplan check proves them"
+            )
     with naming(motion_file):
         certificate = certify_job(asked, motion)
     if not certificate.certified:

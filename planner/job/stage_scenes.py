@@ -44,7 +44,7 @@ def stage_scene(world: World, number: int) -> Scene:
             case Move():
                 return _of_arm(world, number, stage, goal=stage.goal, path=stage.path)
             case Curve():
-                return _of_arm(world, number, stage, **along_curve(stage, world))
+                return _of_arm(world, number, stage, **along_curve(world, number))
             case Grip() | Release() if stage.joints:
                 return _of_hand(world, number, stage)
             case Grip() | Release():

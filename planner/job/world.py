@@ -17,9 +17,22 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
+
+
+@dataclass(frozen=True)
+class Corner:
+    """Where a stage would have ended, had it not been blended into the next one."""
+
+    radius: float  # [m]
+    link: str  # of which the radius is meant
+    pose: Pose  # of it, in the world
+    free: str  # the axis about which it could turn as it liked
+    curve: tuple[Pose, ...] = ()  # along which it would have got there; none of a move
+    rates: tuple[float | None, float | None] = (None, None)  # speed [m/s] and acceleration [m/s²] of the tool there
 
 
 @dataclass(frozen=True)
@@ -32,6 +45,8 @@ class World:
     obstacles: tuple[Obstacle, ...]
     held: tuple[Attached, ...]
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
+    rates: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # the arm's, where it does not rest
+    corner: Corner | None = None  # of the stage before, where that is blended into the next one
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
@@ -87,8 +102,9 @@ class World:
 
     @property
     def start(self) -> JointTarget:
-        """Where the arm is."""
-        return JointTarget("start", positions=tuple(value for _, value in self.arm))
+        """Where the arm is, and how it moves there."""
+        velocity, acceleration = self.rates or (None, None)
+        return JointTarget("start", tuple(value for _, value in self.arm), velocity=velocity, acceleration=acceleration)
 
     @cached_property
     def setups(self) -> dict[int, Setup]:
@@ -101,7 +117,8 @@ class World:
         robot = replace(self.scene.robot, locked={**self.scene.robot.locked, **dict(self.hand)})
         limits = Limits(position=self.scene.limits.position)
         bare = {"job": None, "attached": (), "obstacles": (), "payload": None, "timing": None, "limits": limits}
-        return load_scene_robot(derived(self.scene, robot=robot, start=self.start, goal=self.start, **bare))
+        still = replace(self.start, velocity=None, acceleration=None)
+        return load_scene_robot(derived(self.scene, robot=robot, start=still, goal=still, **bare))
 
 
 def _as_seen(setup: Setup) -> tuple[Obstacle, ...]:

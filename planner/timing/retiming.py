@@ -130,6 +130,11 @@ class Retimer:
         """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
         return next(self.ways(path))
 
+    def along(self, path: Trajectory, spline: BSpline) -> Timed:
+        """Return the quickest motion from rest to rest along a spline over [0, 1] that is drawn through a path."""
+        law, duration = self._quickest(path, spline)
+        return self._timed(path, spline, law, duration)
+
     def ways(self, path: Trajectory, than: float = math.inf) -> Iterator[Timed]:
         """Yield the timed motion along a path, unless it takes `than` [s] or longer; where the robot does not begin and
         end at rest, the path leads from where it would stand, and the motion, however long, is first the quickest, and

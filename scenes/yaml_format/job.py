@@ -14,14 +14,16 @@ from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.pose_fields import read_poses
 from hdplan.scenes.pose_table import read_pose_table
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.values import checks_of
 from hdplan.scenes.yaml_format.effects import read_limits, read_path
 from hdplan.scenes.yaml_format.repeat import repeated
 from hdplan.scenes.yaml_format.targets import read_goal
 
 COMMON = ("name", "touch", "limits", "speed")
+OF_THE_ARM = {"blend": ("move", "line", "circle", "along"), "path": ("move",)}  # keys beside some kinds alone
 OWN: dict[type[Stage], tuple[str, ...]] = {  # keys of each kind, which are fields of its class
-    kind: tuple(each.name for each in dataclasses.fields(kind) if each.name not in (*COMMON, "path"))
+    kind: tuple(each.name for each in dataclasses.fields(kind) if each.name not in (*COMMON, *OF_THE_ARM))
     for kind in KINDS.values()
 }
 DEFAULTS = ("frame", "free_rotation")  # are not written
@@ -42,7 +44,7 @@ def _entries(section: Field) -> Iterator[Field]:
 
 
 def _stage(entry: Field) -> Stage:
-    keys = entry.mapping((*KINDS, *COMMON, "path"))
+    keys = entry.mapping((*KINDS, *COMMON, *OF_THE_ARM))
     given = [kind for kind in KINDS if kind in keys]
     if len(given) != 1:
         found = f"has more than one of {', '.join(given)}" if given else f"has none of the keys {', '.join(KINDS)}"
@@ -51,10 +53,13 @@ def _stage(entry: Field) -> Stage:
     values: dict[str, Any] = {key: keys[key] for key in COMMON if key in keys}
     if "limits" in keys:
         values["limits"] = read_limits(keys["limits"])
+    for key, kinds in OF_THE_ARM.items():
+        if key in keys and kind not in kinds:
+            raise keys[key].error(f"goes with {', '.join(map(repr, kinds))} alone")
     if "path" in keys:
-        if kind != "move":
-            raise keys["path"].error("goes with 'move' alone")
         values["path"] = read_path(keys["path"])
+    if "blend" in keys:
+        values["blend"] = keys["blend"]
     match kind:
         case "move":
             return entry.make(Move, goal=read_goal(said), **values)
@@ -124,6 +129,8 @@ def stage_entry(
         entry["path"] = effects(stage.path)
     if stage.speed != 1.0:
         entry["speed"] = stage.speed
+    if isinstance(stage, ArmStage) and stage.blend:
+        entry["blend"] = stage.blend
     return entry
 
 

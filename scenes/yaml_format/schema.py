@@ -19,7 +19,7 @@ from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
 from hdplan.scenes.curve_stages import Along
 from hdplan.scenes.depth_images import DepthImage, measured, pinhole
-from hdplan.scenes.job import KINDS, MOST_STAGES, Set, Wait, fingers_of, outputs_of
+from hdplan.scenes.job import KINDS, MOST_STAGES, Move, Set, Wait, fingers_of, outputs_of
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, MOST_POSES, Follow, Relative, Upright, Within, direction, extent
@@ -47,6 +47,7 @@ from hdplan.scenes.values import (
     text,
 )
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
+from hdplan.scenes.yaml_format.job import OF_THE_ARM
 from hdplan.scenes.yaml_format.reader import SECTIONS, VERSION
 from hdplan.scenes.yaml_format.shape_fields import CLASSES, SHAPE_KEYS
 
@@ -189,8 +190,9 @@ def _stage() -> Schema:
     common = _section(Wait, without=("seconds",), limits=limits)["properties"]
     own = {
         "move": _one_key(_goal()),
-        **{name: _section(KINDS[name], without=tuple(common)) for name in ("line", "circle", "grip", "release")},
-        "along": _along(tuple(common)),
+        **{name: _section(KINDS[name], without=(*common, "blend")) for name in ("line", "circle")},
+        **{name: _section(KINDS[name], without=tuple(common)) for name in ("grip", "release")},
+        "along": _along((*common, "blend")),
         "set": {**_value(checks_of(Set)["outputs"]), "minProperties": 1},
         "wait": _value(checks_of(Wait)["seconds"]),
     }
@@ -202,8 +204,9 @@ def _stage() -> Schema:
     either = [{"oneOf": [_given(name) for name in names]} for names in (("by", "to"), ("interim", "center"))]
     own["circle"] = {**own["circle"], "allOf": either}
     kinds: dict[str, Schema] = {kind: {"anyOf": [schema, {"type": "null"}]} for kind, schema in own.items()}
-    alone = {"anyOf": [_given("move"), {"not": _given("path")}]}
-    return {**_object({**kinds, **common, "path": path}), "oneOf": [_given(kind) for kind in own], "allOf": [alone]}
+    beside = {"path": path, "blend": _value(checks_of(Move)["blend"])}
+    alone = [{"anyOf": [*map(_given, OF_THE_ARM[key]), {"not": _given(key)}]} for key in beside]
+    return {**_object({**kinds, **common, **beside}), "oneOf": [_given(kind) for kind in own], "allOf": alone}
 
 
 def _repeated() -> Schema:

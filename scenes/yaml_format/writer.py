@@ -56,13 +56,16 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
     Upright: "link axis tolerance",
     Within: "link size pose point",
     Relative: "link to pose position_tolerance orientation_tolerance",
-    Follow: "link poses position_tolerance orientation_tolerance free_rotation speed acceleration",
+    Follow: (
+        "link poses position_tolerance orientation_tolerance free_rotation speed acceleration begin_tolerance "
+        "end_tolerance"
+    ),
     Timing: "duration scale rate",
     Job: "stages",
-    Move: "name touch limits speed goal path",
-    Line: f"name touch limits speed {CURVE} by to frame turn rpy",
-    Circle: f"name touch limits speed {CURVE} by to frame turn rpy interim center",
-    Along: f"name touch limits speed {CURVE} poses frame",
+    Move: "name touch limits speed blend goal path",
+    Line: f"name touch limits speed blend {CURVE} by to frame turn rpy",
+    Circle: f"name touch limits speed blend {CURVE} by to frame turn rpy interim center",
+    Along: f"name touch limits speed blend {CURVE} poses frame",
     Grip: "name touch limits speed joints object link mass",
     Release: "name touch limits speed joints object",
     Set: "name touch limits speed outputs",

@@ -315,7 +315,8 @@ class Maker:
         near = Pose(self.vector(), turned), Pose(self.vector()), Pose(self.vector(), turned)
         rates = self.maybe(self.number(), None), self.maybe(None, self.number())
         free = ("none", "x", "y", "z")[int(self.rng.integers(4))]
-        follow = Follow(self.name(), near, self.number(high=1.0), self.number(high=3.0), free, *rates)
+        ends = self.maybe(self.number(high=1.0), None), self.maybe(None, self.number(high=1.0))
+        follow = Follow(self.name(), near, self.number(high=1.0), self.number(high=3.0), free, *rates, *ends)
         timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
         settings = PlannerSettings(
             17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7, "energy"
@@ -348,12 +349,13 @@ def with_a_job() -> Scene:
     fine: dict[str, Any] = {"position_tolerance": 1e-4, "orientation_tolerance": 1e-3, "free_rotation": "x"}
     fine |= {"link": "tool", "tool_speed": 0.1, "tool_acceleration": 0.2}
     job = Job([
-        Move("default", PathConstraints(Upright("tool", "-z")), name="go", **every),
-        Line(by=[0.0, 0.1, 0.2], frame="tool", turn=[0.1, 0.2, 0.3], name="down", **fine, **every),
-        Line(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3]),
-        Circle([0.0, 0.1, 0.2], None, "a", [0.1, 0.2, 0.3], None, [0.1, 0.1, 0.1], name="arc", **fine, **every),
-        Circle(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3], center=[0.1, 0.1, 0.1]),
-        Along([Pose([0.0, 0.1, 0.2]), Pose([0.1, 0.1, 0.2])], "tool", name="seam", **fine, **every),
+        Move("default", PathConstraints(Upright("tool", "-z")), name="go", **every, blend=0.1),
+        Line(by=[0.0, 0.1, 0.2], frame="tool", turn=[0.1, 0.2, 0.3], name="down", **fine, **every, blend=0.1),
+        Line(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3], limits=every["limits"]),
+        Circle([0.0, 0.1, 0.2], None, "a", [0.1, 0.2, 0.3], None, [0.1] * 3, name="arc", **fine, **every, blend=0.1),
+        Circle(to=[0.0, 0.1, 0.2], rpy=[0.1, 0.2, 0.3], center=[0.1, 0.1, 0.1], limits=every["limits"]),
+        Along([Pose([0.0, 0.1, 0.2]), Pose([0.1, 0.1, 0.2])], "tool", name="seam", **fine, **every, blend=0.1),
+        Line([0.0, 0.1, 0.2], limits=every["limits"]),
         Grip({"finger": 0.1}, "a", "tool", 2.0, name="take", **every),
         Release({"finger": 0.1}, "a", name="leave", **every),
         Set({"valve": True, "level": 0.5, "state": "on"}, name="valve", **every),

@@ -1,0 +1,337 @@
+"""Stages of a job that go over into one another without a stop: their planned motions, as one.
+
+Curves that are blended into one another are timed as one motion from rest to rest along all of them (`compound`). Where
+a move is one of the two, they are blended by their timing: the second begins a while before the first has ended, and
+in the meantime both add up,
+
+    q(t) = q₁(t) + q₂(t − T₁ + τ) − q,    q where the first ends and the second begins,
+
+with the longest τ for which the link stays within the radius, and the limits hold, for which moves may be slowed; a
+shorter one, where that does not lead to a certificate. The marks of stages are at the middles of the blends; each is
+certified as it is driven.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.planner.job.blends import UnblendedError
+from hdplan.planner.job.certify import certified_stage
+from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
+from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
+from hdplan.planner.job.following import NotFollowedError
+from hdplan.planner.job.joining import Piece, one_after_other
+from hdplan.planner.job.overlap import longest_overlap, overlapped, slowed
+from hdplan.planner.job.places import link_pose
+from hdplan.planner.job.stage_scenes import stage_setup, stage_source
+from hdplan.planner.job.world import World
+from hdplan.planner.motion.curve import Curve as MotionCurve
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.retiming import Retimer
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.job import Move, Stage
+from hdplan.scenes.lazy_imports import scipy
+from hdplan.scenes.path_constraints import Follow, PathConstraints
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.stage import ArmStage
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
+
+SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
+SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
+FINER = (1, 4, 12)  # times as many configurations along curves
+ROUNDING = 1e-9  # of a limit
+SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
+STEPS = 8  # of looking for a row
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """A motion from rest to rest, of one stage or of several curves."""
+
+    motion: Trajectory
+    marks: tuple[float, ...]  # [s] after its beginning, at which its stages begin; the first is 0
+
+
+class NotBlendedError(Exception):
+    """Stages that cannot be blended: the number of the first, and why."""
+
+    def __init__(self, number: int, why: str) -> None:
+        """Take them."""
+        super().__init__(why)
+        self.number = number
+
+
+def groups_of(stages: Sequence[Stage]) -> Iterator[range]:
+    """Yield the numbers of stages that are driven as one, where there are several."""
+    first = 0
+    for i, stage in enumerate(stages):
+        if not (isinstance(stage, ArmStage) and stage.blend):
+            if i > first:
+                yield range(first, i + 1)
+            first = i + 1
+
+
+def blended(world: World, pieces: Sequence[Piece]) -> list[Piece]:
+    """Return the pieces of stages, each planned from rest to rest, with those blended that are to be, as far as all
+    that are driven as one are there; `world` is what there is at first. Raises NotBlendedError, and InputError as
+    `certified_stage`."""
+    assert world.scene.job is not None
+    found = [*pieces]
+    for group in groups_of(world.scene.job.stages):
+        if len(pieces) <= group[-1]:
+            return found[: group[0]]
+        before = replace(pieces[group[0] - 1].after if group[0] else world, scene=world.scene)
+        found[group[0] : group[-1] + 1] = _as_one(before, group, [pieces[k] for k in group])
+    return found
+
+
+def _as_one(world: World, group: range, pieces: Sequence[Piece]) -> list[Piece]:
+    """Blend one group of stages."""
+    assert world.scene.job is not None
+    stages, why = world.scene.job.stages, ""
+    starts = [k for k in group if k == group[0] or not _are_curves(stages, k - 1)]
+    runs = [range(first, last) for first, last in itertools.pairwise([*starts, group[-1] + 1])]
+    worlds = _worlds(world, group, pieces)
+    for finer in FINER if len(runs) < len(group) else FINER[:1]:
+        try:
+            units = [_unit(worlds, run, pieces, run[0] - group[0], finer) for run in runs]
+            units, overlaps = _overlapping(worlds, runs, units)
+        except UnblendedError as error:
+            raise InputError(f"{stage_source(world.scene, error.number)}: blend: {error}") from None
+        except InputError:
+            raise
+        except (NotFollowedError, HdplanError) as error:
+            raise NotBlendedError(group[0], str(error)) from None
+        for share in SHARES if overlaps else SHARES[:1]:
+            made, wrong = _certified(world, group, _driven(units, [share * each for each in overlaps]), pieces)
+            if wrong is None:
+                return made
+            why = wrong.text
+        if wrong is not None and wrong.status is not Status.OFF_PATH:
+            break
+    raise NotBlendedError(group[0], why)
+
+
+def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
+    """Return what there is before each stage, curves beginning where the ones before would have ended."""
+    assert world.scene.job is not None
+    found, stages = [], world.scene.job.stages
+    for number, piece in zip(group, pieces, strict=True):
+        if world.corner is not None and isinstance(stage := stages[number], Curve):
+            (q,) = piece.motion.positions[:1]
+            rotation = link_pose(world.robot, q, link_of(stage, world))[:3, :3]
+            world = replace(world, corner=settled(world.corner, rotation))
+        found.append(world)
+        if number != group[-1]:
+            world = replace(piece.after, scene=world.scene, corner=corner_of(world, number))
+    return found
+
+
+def _unit(worlds: Sequence[World], run: range, pieces: Sequence[Piece], first: int, finer: int) -> _Unit:
+    """Return the motion of one stage as it was planned, or that of several curves; they are those from the `first` of
+    the group on."""
+    mine = slice(first, first + len(run))
+    if len(run) == 1:
+        return _Unit(pieces[first].motion, (0.0,))
+    try:
+        return _along_curves(worlds[mine], run, pieces[mine], finer)
+    except UnblendedError as error:
+        error.number += run[0]
+        raise
+
+
+def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], finer: int) -> _Unit:
+    """Return the motion along curves that are blended."""
+    world = worlds[0]
+    assert world.scene.job is not None
+    stages = [world.scene.job.stages[k] for k in run]
+    robot, driven = stage_setup(world, run[0]).robot, []
+    for number, there, stage, piece in zip(run, worlds, stages, pieces, strict=True):
+        assert isinstance(stage, Curve)
+        driven.append(Driven(robot, piece.motion, leg_of(there, number)[0], link_of(stage, there)))
+    parts = parts_of(driven, [stage.blend for stage in stages[:-1] if isinstance(stage, Curve)])
+    path = Path(robot, driven[0].link, driven[0].leg.free, parts)
+    setup = _as_one_motion(world, run)
+    cuts = path.cuts
+    count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
+    motions, marks, begins = [], [0.0], 0.0
+    for first, last in itertools.pairwise(cuts):
+        rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
+        waypoints = Trajectory(robot.joint_names, rows, robot.locked)
+        spline = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
+        timed = Retimer(setup).along(waypoints, spline)
+        motion = timed.trajectory
+        assert motion.times is not None
+        for middle in path.middles:
+            if first <= middle < last:
+                row, fraction = timed.place_of((middle - first) / (last - first))
+                near = float(motion.times[row] + fraction * (motion.times[row + 1] - motion.times[row]))
+                marks.append(begins + _passes(motion, path.row(middle), near))
+        motions.append(motion)
+        begins += float(motion.times[-1])
+    whole = one_after_other(motions)
+    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
+    return _Unit(_between(whole, *ends), tuple(marks))
+
+
+def _overlapping(
+    worlds: Sequence[World], runs: Sequence[range], units: Sequence[_Unit]
+) -> tuple[list[_Unit], list[float]]:
+    """Return units, those of moves maybe slower, and how long each overlaps with the next one [s]: those with which
+    all of it takes the least time. Raises HdplanError where the limits leave no room."""
+    if len(units) == 1:
+        return [*units], []
+    assert worlds[0].scene.job is not None
+    stages, first = worlds[0].scene.job.stages, runs[0][0]
+    found: list[tuple[float, list[_Unit], list[float]]] = []
+    why = HdplanError("the limits leave no room for the two motions to overlap")
+    for slower in SLOWER:
+        tried = [
+            _Unit(slowed(unit.motion, slower), unit.marks) if isinstance(stages[run[0]], Move) else unit
+            for unit, run in zip(units, runs, strict=True)
+        ]
+        try:
+            overlaps = [
+                _overlap(worlds[run[-1] - first], run[-1], *pair)
+                for run, pair in zip(runs, itertools.pairwise(tried), strict=False)
+            ]
+        except HdplanError as error:
+            if isinstance(error, InputError):
+                raise
+            why = error
+            continue
+        found.append((sum(unit.motion.duration or 0.0 for unit in tried) - sum(overlaps), tried, overlaps))
+    if not found:
+        raise why
+    return min(found, key=lambda each: each[0])[1:]
+
+
+def _overlap(world: World, number: int, one: _Unit, other: _Unit) -> float:
+    """Return for how long the motion that ends with a stage may overlap with that of the next one [s]."""
+    assert world.scene.job is not None
+    stage = world.scene.job.stages[number]
+    assert isinstance(stage, ArmStage)
+    here = JointTarget("goal", positions=world.start.positions)
+    setup = stage_setup(world, number).changed(goal=here, path=PathConstraints())
+    retimer = Retimer(setup)
+
+    def allowed(curve: MotionCurve) -> bool:
+        return all(limit.stretch(curve) <= 1.0 + ROUNDING for limit in retimer.limits)
+
+    around = radius_link(world, number), stage.blend
+    try:
+        return longest_overlap(setup.robot, *around, one.motion, other.motion, retimer.rate, allowed)
+    except UnblendedError as error:
+        error.number = number
+        raise
+
+
+def _driven(units: Sequence[_Unit], overlaps: Sequence[float]) -> list[Trajectory]:
+    """Return the motions of all stages, each of which begins as the last one ended."""
+    whole, marks = units[0].motion, [*units[0].marks]
+    for unit, overlap in zip(units[1:], overlaps, strict=True):
+        assert whole.duration is not None
+        begins = whole.duration - overlap
+        whole = overlapped(whole, unit.motion, overlap)
+        marks += [begins + 0.5 * overlap, *(begins + mark for mark in unit.marks[1:])]
+    whole = _between(whole, units[0].motion.positions[0], units[-1].motion.positions[-1])
+    rows = []
+    for mark in marks:
+        whole, row = _with_row(whole, mark)
+        rows.append(row)
+    return [whole.between(*pair) for pair in itertools.pairwise([*rows, len(whole) - 1])]
+
+
+def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
+    """Return the same motion from joint values (n,) to others, from which it differs by rounding: stages around it were
+    planned to there, and from there."""
+    positions = np.concatenate([begins[None], motion.positions[1:-1], ends[None]])
+    return Trajectory(
+        motion.joint_names, positions, motion.locked, motion.times, motion.velocities, motion.accelerations
+    )
+
+
+def _are_curves(stages: Sequence[Stage], number: int) -> bool:
+    return all(isinstance(each, Curve) for each in stages[number : number + 2])
+
+
+def _as_one_motion(world: World, group: range) -> Setup:
+    """Return the scene in which curves are timed as one: within the least of what they ask for."""
+    assert world.scene.job is not None
+    stages = [world.scene.job.stages[k] for k in group]
+    setup, timing = stage_setup(world, group[0]), world.scene.timing or Timing()
+    curves = [stage for stage in stages if isinstance(stage, Curve)]
+    rates = [
+        min((rate for each in curves if (rate := getattr(each, name)) is not None), default=None)
+        for name in ("tool_speed", "tool_acceleration")
+    ]
+    path = PathConstraints()
+    if rates != [None, None]:
+        anywhere = (Pose(), Pose((0.0, 0.0, 1.0)))  # of which the timing knows nothing
+        path = PathConstraints(
+            follow=Follow(link_of(curves[0], world), anywhere, speed=rates[0], acceleration=rates[1])
+        )
+    scaled = Timing(scale=timing.scale * min(stage.speed for stage in stages), rate=timing.rate)
+    here = JointTarget("goal", positions=world.start.positions)
+    return setup.changed(goal=here, path=path, timing=scaled)
+
+
+def _passes(motion: Trajectory, q: Array, near: float) -> float:
+    """Return the time at which a motion is nearest to joint values (n,), close to a time."""
+    assert motion.times is not None
+    time = near
+    for _ in range(STEPS):
+        at = motion.at_time(time)
+        square = float(at.velocities @ at.velocities)
+        if square == 0.0:
+            return time
+        time = float(np.clip(time + (q - at.positions) @ at.velocities / square, motion.times[0], motion.times[-1]))
+    return time
+
+
+def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
+    """Return the same motion with a row at a time, and its number; one that is there already, if it is close."""
+    times = motion.times
+    assert times is not None
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
+    fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
+    if fraction < SNAP or fraction > 1.0 - SNAP:
+        return motion, after - (fraction < SNAP)
+    at = motion.at_time(time)
+    rows = (
+        np.insert(kept, after, put, axis=0)
+        for kept, put in (
+            (motion.positions, at.positions),
+            (times, time),
+            (motion.velocities, at.velocities),
+            (motion.accelerations, at.accelerations),
+        )
+    )
+    positions, instants, velocities, accelerations = rows
+    found = Trajectory(motion.joint_names, positions, motion.locked, instants, velocities, accelerations)
+    return found, after
+
+
+def _certified(
+    world: World, group: range, motions: Sequence[Trajectory], pieces: Sequence[Piece]
+) -> tuple[list[Piece], Certificate | None]:
+    """Return the pieces of stages that are driven as one, or the certificate of the first one that is not proven."""
+    made = []
+    for number, motion, piece in zip(group, motions, pieces, strict=True):
+        found, world = certified_stage(world, number, motion)
+        if not found.certificate.certified:
+            return [], found.certificate
+        notes = (*piece.notes, *found.certificate.notes)
+        made.append(Piece(motion, piece.after, notes, blended=number != group[-1]))
+    return made, None

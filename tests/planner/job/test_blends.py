@@ -1,0 +1,260 @@
+"""Laws of stages that go over into one another without a stop: curves blend as Pilz' transition window does, by a
+simulation of its own; everything stays within its radius, and within the limits; what cannot be blended is refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import hdplan
+from hdplan.planner.job.proof import prove_job
+from hdplan.planner.job.result import JobResult
+from hdplan.planner.motion.trajectory import StageMark
+from hdplan.scenes.errors import InputError
+from hdplan.verify.balls import RejectedError
+from hdplan.verify.job import stages_of
+
+TOOL, FAR, ANGLE = "panda_link8", 1e-5, 1e-4
+LIMITS = hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0)
+START = [-0.022096, -0.753529, 0.007612, -1.716165, 0.0063464, 0.962660, 0.771123]
+P1, P2, P3 = np.array([0.2, 0.0, 0.8]), np.array([0.4, 0.2, 0.7]), np.array([0.2, 0.4, 0.6])
+FINE: dict[str, Any] = {"link": TOOL, "position_tolerance": FAR, "orientation_tolerance": ANGLE}
+
+
+LINE, UP, DOWN = "line: {to: [0.4, 0.2, 0.7]}", "line: {by: [0, 0, -0.1]}", "line: {by: [0, 0, -0.3]}"
+
+
+def job_of(*stages: Any, **more: Any) -> hdplan.Scene:
+    return hdplan.Scene(robot="panda", start=START, limits=LIMITS, job=hdplan.Job(stages), **more)
+
+
+def driven(result: JobResult, step: float = 1e-3) -> tuple[Any, Any, Any]:
+    """Times, positions and rotations of the tool over the whole motion, by Pinocchio."""
+    robot, motion = hdplan.load_robot("panda"), result.trajectory
+    assert motion.times is not None
+    times = np.append(np.arange(0.0, motion.times[-1], step), motion.times[-1])
+    columns = [motion.joint_names.index(joint) for joint in robot.joint_names]
+    data, frame, places = robot.model.createData(), robot.model.getFrameId(TOOL), []
+    for q in motion.at_time(times).positions[:, columns]:
+        pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+        places.append(data.oMf[frame].homogeneous.copy())
+    poses = np.array(places)
+    return times, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3])
+
+
+def trapezoid(length: float, speed: float, acceleration: float, step: float) -> Any:
+    """How far a tool is at every step, from rest to rest: integrated, not by formula."""
+    ramp = min(speed / acceleration, math.sqrt(length / acceleration))
+    top = ramp * acceleration
+    whole = length / top + ramp
+    time = np.arange(0.0, whole + step, step)
+    pace = np.clip(np.minimum(acceleration * time, acceleration * (whole - time)), 0.0, top)
+    gone = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * step)])
+    return gone * length / gone[-1]
+
+
+def pilz(first: Any, second: Any, corner: Any, radius: float) -> Any:
+    """Points of two curves, sampled in time, blended as `TrajectoryBlenderTransitionWindow` does it with samples."""
+    enters = int(np.flatnonzero(np.linalg.norm(first - corner, axis=1) >= radius)[-1]) + 1
+    leaves = int(np.flatnonzero(np.linalg.norm(second - corner, axis=1) >= radius)[0])
+    one, other = len(first) - enters, leaves + 1
+    align = len(first) - leaves - 1 if one > other else enters
+    count = leaves + align - enters + 1
+    k = np.arange(count)
+    x1 = first[np.minimum(enters + k, len(first) - 1)]
+    x2 = second[np.clip(enters + k - align, 0, len(second) - 1)]
+    s = (k + 1) / count
+    alpha = (6 * s**5 - 15 * s**4 + 10 * s**3)[:, None]
+    return np.concatenate([first[:enters], x1 + alpha * (x2 - x1), second[leaves:]])
+
+
+def apart(places: Any, curve: Any) -> float:
+    """The largest distance of some places from a curve of points, straight between these."""
+    begins, ways = curve[:-1], np.diff(curve, axis=0)
+    most = 0.0
+    for place in places:
+        share = np.clip(((place - begins) * ways).sum(axis=1) / np.maximum((ways**2).sum(axis=1), 1e-300), 0.0, 1.0)
+        most = max(most, float(np.linalg.norm(place - begins - share[:, None] * ways, axis=1).min()))
+    return most
+
+
+def check_motion(result: JobResult) -> None:
+    """At rest at both ends, moving where stages meet, within the limits, without a jump of the velocity."""
+    motion = result.trajectory
+    assert motion.velocities is not None
+    assert np.abs(motion.velocities[[0, -1]]).max() == 0.0
+    for mark in motion.stages[1:]:
+        assert np.abs(motion.velocities[mark.row]).max() > 1e-3
+    samples = motion.sampled(1000.0)
+    robot = hdplan.load_robot("panda")
+    columns = [motion.joint_names.index(joint) for joint in robot.joint_names]
+    assert (np.abs(samples.velocities[:, columns]) <= robot.model.velocityLimit[: robot.n] * (1 + 1e-6)).all()
+    assert np.abs(samples.accelerations).max() <= 5.0 * (1 + 1e-6)
+    assert np.abs(np.diff(samples.velocities, axis=0)).max() <= 5.0 * 1e-3 * (1 + 1e-6)
+    assert np.abs(np.diff(samples.accelerations, axis=0)).max() <= 500.0 * 1e-3 * (1 + 1e-6)
+
+
+@pytest.fixture(scope="module")
+def planned() -> JobResult:
+    """A line and an arc with speeds of their own: the blend takes as long as the slower one is in the ball."""
+    found = hdplan.plan_job(
+        job_of(
+            hdplan.Line(to=P2, name="line", tool_speed=0.5, tool_acceleration=0.8, blend=0.1, **FINE),
+            hdplan.Circle(to=P3, center=[0.4, 0.4, 0.65], name="arc", tool_speed=0.3, tool_acceleration=1.5, **FINE),
+        )
+    )
+    assert found.certified, found.text
+    return found
+
+
+def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
+    """At 1,000 random places, by a simulation in steps of 0.2 ms."""
+    step = 2e-4
+    _, places, _ = driven(planned)
+    first = P1 + trapezoid(0.3, 0.5, 0.8, step)[:, None] / 0.3 * (P2 - P1)
+    arc = planned.scene.job.stages[1]  # type: ignore[union-attr]
+    center = np.array(arc.center)  # type: ignore[union-attr]
+    one, other = P2 - center, P3 - center
+    normal = np.cross(one, other) / np.linalg.norm(np.cross(one, other))
+    angle = math.acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
+    gone = trapezoid(angle * float(np.linalg.norm(one)), 0.3, 1.5, step)
+    second = center + Rotation.from_rotvec(np.outer(gone / gone[-1] * angle, normal)).apply(one)
+    curve = pilz(first, second, P2, 0.1)
+    chosen = np.random.default_rng(0).choice(len(places), 1000)
+    assert apart(places[chosen], curve) <= FAR + 2e-6  # rounded by the steps of the simulation
+    assert apart(curve[::200], places) <= FAR + 2e-5  # and none of it is left out; a millisecond is about 0.5 mm
+    near = np.linalg.norm(places - P2, axis=1).min()
+    assert 0.01 < near < 0.1
+    check_motion(planned)
+
+
+def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
+    """In closed form; and it takes less time than the two lines one by one."""
+    stages = [hdplan.Line(to=P2, turn=None, blend=0.12, **FINE), hdplan.Line(to=P3, rpy=[0.3, -0.2, 1.0], **FINE)]
+    robot, data = hdplan.load_robot("panda"), hdplan.load_robot("panda").model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.array(START)))
+    rotation = data.oMf[robot.model.getFrameId(TOOL)].rotation
+    turned = Rotation.from_rotvec([0.2, -0.1, 0.3]) * Rotation.from_matrix(rotation)
+    stages[1] = hdplan.Line(to=P3, rpy=turned.as_euler("xyz"), **FINE)
+    result = hdplan.plan_job(job_of(*stages))
+    assert result.certified, result.text
+    _, places, turns = driven(result)
+    s = np.linspace(0.0, 1.0, 20001)[:, None]
+    alpha = 6 * s**5 - 15 * s**4 + 10 * s**3
+    one, other = (P1 - P2) / np.linalg.norm(P1 - P2), (P3 - P2) / np.linalg.norm(P3 - P2)
+    inner = P2 + 0.12 * ((1 - alpha) * (1 - s) ** 2 * one + alpha * s**2 * other)
+    curve = np.concatenate([[P1], inner, [P3]])
+    assert apart(places, curve) <= FAR + 1e-7
+    share = 0.4 * s[:, 0] ** 2  # of the second line, along which the link turns evenly
+    wanted = Rotation.from_rotvec(np.outer(alpha[:, 0] * share, [0.2, -0.1, 0.3])) * Rotation.from_matrix(rotation)
+    for place, turn in list(zip(places, turns, strict=True))[:: len(places) // 50]:
+        near = int(np.linalg.norm(inner - place, axis=1).argmin())
+        if 0 < near < len(inner) - 1:
+            assert (wanted[near].inv() * turn).magnitude() <= ANGLE + 2e-5
+    check_motion(result)
+    rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
+    assert result.trajectory.duration < 0.95 * rested.trajectory.duration  # type: ignore[operator]
+
+
+def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
+    """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
+    scene, motion = planned.scene, planned.trajectory
+    stages = scene.job.stages  # type: ignore[union-attr]
+    for changed in ({"blend": 0.09}, {"blend": 0.11}, {"tool_speed": 0.2}):
+        other = job_of(replace(stages[0], **changed), stages[1])
+        assert not hdplan.certify_job(other, motion).certified
+    for by in (-3, 3):
+        marks = (motion.stages[0], StageMark("arc", motion.stages[1].row + by))
+        assert not hdplan.certify_job(scene, replace(motion, stages=marks)).certified
+    rested = hdplan.plan_job(job_of(replace(stages[0], blend=0.0), stages[1])).trajectory
+    assert not hdplan.certify_job(scene, rested).certified
+
+
+def test_moves_blend_within_the_radius() -> None:
+    """A move into a line, and a line into a move: on the line but within the radius of its ends, by forward kinematics;
+    a motion that leaves the line earlier is not certified."""
+    down = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.4, 0.1, 0.6], [math.pi, 0, 0]), free_rotation="z")
+    up = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.3, 0.35, 0.6], [math.pi, 0, 0]), free_rotation="z")
+    stages = [
+        hdplan.Move(down, name="there", blend=0.06),
+        hdplan.Line(by=[0.0, 0.0, -0.2], link=TOOL, name="line", blend=0.05),
+        hdplan.Move(up, name="away"),
+    ]
+    result = hdplan.plan_job(job_of(*stages))
+    assert result.certified, result.text
+    times, places, turns = driven(result)
+    check_motion(result)
+    begin, end = np.array([0.4, 0.1, 0.6]), np.array([0.4, 0.1, 0.4])
+    marks = [float(result.trajectory.times[mark.row]) for mark in result.trajectory.stages]  # type: ignore[index]
+    inside = (times >= marks[1]) & (times <= marks[2])
+    along = np.clip((end - places) @ [0.0, 0.0, 5.0] * -1.0, 0.0, 1.0)
+    off = np.linalg.norm(places - (end + along[:, None] * (begin - end)), axis=1)
+    near = (np.linalg.norm(places - begin, axis=1) <= 0.06) | (np.linalg.norm(places - end, axis=1) <= 0.05)
+    assert (off[inside & ~near] <= 1e-3).all()
+    assert (inside & ~near).sum() > 50
+    assert np.ptp((turns[inside & ~near] * turns[inside & ~near][0].inv()).magnitude()) <= 0.02
+    assert off[inside].max() > 2e-3  # it does leave the line
+    off_line, half = inside & (off > 1.1e-3), times < 0.5 * (marks[1] + marks[2])
+    comes = 0.9 * float(np.linalg.norm(places - begin, axis=1)[off_line & half].max())
+    assert not _certified(job_of(replace(stages[0], blend=comes), *stages[1:]), result)
+    assert not _certified(job_of(stages[0], replace(stages[1], link="panda_hand_tcp"), stages[2]), result)
+    rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
+    assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
+
+
+def _certified(scene: hdplan.Scene, result: JobResult) -> bool:
+    try:
+        return hdplan.certify_job(scene, result.trajectory).certified
+    except InputError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("stages", "words"),
+    [
+        ([f"{LINE}, blend: 0.35", "line: {to: [0.2, 0.4, 0.6]}"], "first.*larger than the stage its"),
+        ([f"{LINE}, blend: 0.25", UP], "first.*larger than the stage that"),
+        ([f"{LINE}, blend: 0.2", "line: {to: [0.2, 0.4, 0.6]}, blend: 0.2", DOWN], "second.*overlap"),
+        (["line: {to: [0.4, 0.2, 0.7], free_rotation: z}, blend: 0.1", UP], "free_rotation"),
+        ([f"{LINE}, blend: 0.1"], "first.*nothing follows"),
+        ([f"{LINE}, blend: 0.1", "wait: 1.0"], "first.*stands still"),
+        ([f"{LINE}, blend: -0.1", UP], "blend"),
+        ([f"{LINE}, blend: .nan", UP], "blend"),
+        ([f"{LINE}, blend: 0.05, limits: {{acceleration: 3}}", UP], "first.*limits"),
+        ([LINE, "wait: 1.0, blend: 0.1"], "blend.*goes with 'move', 'line', 'circle', 'along'"),
+        (["line: {by: [0, 0, 0.1], link: panda_hand}, blend: 0.05", DOWN], "panda_hand"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_blended_is_one_line(tmp_path: Path, stages: list[str], words: str) -> None:
+    names = ("first", "second", "third")
+    listed = "".join(f"  - {{name: {name}, {stage}}}\n" for name, stage in zip(names, stages, strict=False))
+    file = tmp_path / "job.yaml"
+    head = f"hdplan: 1\nrobot: {{name: panda}}\nobstacles: []\nstart: {{joints: {START}}}\n"
+    file.write_text(f"{head}limits: {{velocity: urdf, acceleration: 5, jerk: 500}}\njob:\n{listed}")
+    with pytest.raises(InputError, match=words) as refused:
+        hdplan.plan_job(hdplan.load_scene(file))
+    assert "\n" not in str(refused.value)
+
+
+def test_blends_are_written_and_read_again(tmp_path: Path, planned: JobResult) -> None:
+    planned.scene.save(tmp_path / "scene.yaml")
+    again = hdplan.load_scene(tmp_path / "scene.yaml")
+    assert again.job == planned.scene.job
+    planned.save(tmp_path / "job.json")
+    assert hdplan.certify_job(again, hdplan.Trajectory.load(tmp_path / "job.json")).certified
+
+
+def test_proof_and_checker_refuse_blends_by_name(tmp_path: Path, planned: JobResult) -> None:
+    planned.scene.save(tmp_path / "scene.yaml")
+    planned.save(tmp_path / "job.json")
+    with pytest.raises(InputError, match=r"job\[0\] \(line\): blend: no proof"):
+        prove_job(tmp_path / "scene.yaml", tmp_path / "job.json")
+    with pytest.raises(RejectedError, match=r"does not know .blend. there"):
+        stages_of({"job": [{"line": {"by": [0, 0, 0.1]}, "blend": 0.05}, {"line": {"by": [0, 0, 0.1]}}]})
