@@ -91,7 +91,6 @@ def stages_of(top: dict[str, Any]) -> list[Stage]:
 def stage_of(entry: Any, number: int) -> Stage:
     """A stage."""
     what = f"job[{number}]"
-    need("blend" not in entry, f"{what}.blend: stages that go over into one another are not known to this checker")
     keys = mapping(entry, what, f"{' '.join(KINDS)} name touch limits speed path")
     kinds = [x for x in KINDS if x in keys]
     need(len(kinds) == 1, f"{what}: one of {', '.join(KINDS)} is expected")

@@ -256,5 +256,5 @@ def test_proof_and_checker_refuse_blends_by_name(tmp_path: Path, planned: JobRes
     planned.save(tmp_path / "job.json")
     with pytest.raises(InputError, match=r"job\[0\] \(line\): blend: no proof"):
         prove_job(tmp_path / "scene.yaml", tmp_path / "job.json")
-    with pytest.raises(RejectedError, match=r"job\[0\]\.blend"):
+    with pytest.raises(RejectedError, match=r"does not know .blend. there"):
         stages_of({"job": [{"line": {"by": [0, 0, 0.1]}, "blend": 0.05}, {"line": {"by": [0, 0, 0.1]}}]})
