@@ -379,7 +379,10 @@ def at_pose(world: World, said: Any) -> bool:
         said, "goal", f"link position_tolerance orientation_tolerance free {FRAME}"
     )
     count = float(len(world.control.mid))
-    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame("goal", rotation, position, off))
+    end, to = (
+        Motion(world, np.array([[count - INSTANT, count]]), lags=False),
+        (-1, frame("goal", rotation, position, off)),
+    )
     bonds = bonds_of_pose("goal", link_of(world, link), to, within)
     return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
 
