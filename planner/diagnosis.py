@@ -30,6 +30,7 @@ from hdplan.scenes.values import require_fields
 
 MOST_SECONDS = 10.0  # for one trial
 CLOSER = (0.9, 0.5, 0.0)  # times the clearance
+SURER = (0.5, 0.0)  # times what is unknown
 SLOWER = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)  # times the duration
 MOST_TOGETHER = 240.0  # [s] for all of them
 LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
@@ -143,6 +144,11 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
                 asked = scene.planner.clearance
                 own = f" (planner.clearance: {share * asked:.4g})" if asked else ""
                 yield _Trial("clearance", f"{share:.0%} of the clearance{own}", closer, seconds)
+        for share in SURER:
+            if (surer := _surer(scene, share)) != scene:
+                setting = f"{share:.0%} of what is unknown" if share else "nothing unknown"
+                fields = "obstacles[].uncertainty, robot.tracking, robot.calibration"
+                yield _Trial("clearance", f"{setting} ({fields})", surer, seconds)
     if (searched or cause in ("goal_not_reached", "end_beyond_limits")) and scene.limits.position:
         limits = dataclasses.replace(scene.limits, position={})
         setting = f"without limits.position ({', '.join(scene.limits.position)})"
@@ -166,6 +172,17 @@ def _closer(scene: Scene, share: float) -> Scene:
     own = dataclasses.replace(scene.self_collision, clearance=share * scene.self_collision.clearance)
     settings = dataclasses.replace(scene.planner, clearance=share * scene.planner.clearance)
     return dataclasses.replace(scene, obstacles=obstacles, self_collision=own, planner=settings)
+
+
+def _surer(scene: Scene, share: float) -> Scene:
+    """Return the scene with so much of every size of what it does not know."""
+    obstacles = tuple(
+        each if each.uncertainty is None else dataclasses.replace(each, uncertainty=each.uncertainty.times(share))
+        for each in scene.obstacles
+    )
+    sizes = {key: getattr(scene.robot, key) for key in ("tracking", "calibration")}
+    fewer = {key: size.times(share) for key, size in sizes.items() if size is not None}
+    return dataclasses.replace(scene, obstacles=obstacles, robot=dataclasses.replace(scene.robot, **fewer))
 
 
 def _turning(scene: Scene) -> Scene | None:

@@ -180,6 +180,7 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
             "link": worst.link,
             "obstacle": worst.other,
             "distance_m": worst.distance,
+            **({"unknown_m": worst.unknown} if worst.unknown else {}),
         },
         **({"limits": limits} if limits else {}),
         **({"path": path} if path else {}),

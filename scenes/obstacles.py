@@ -12,6 +12,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose, Vector3
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
+from hdplan.scenes.sizes import Uncertainty
 from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, checked, is_row, wrong
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
@@ -69,6 +70,7 @@ class Obstacle(Checked):
     pose: Placement = field(default_factory=Pose)  # at time 0, if it moves; with timed poses, the first of them
     clearance: Clearance | None = None  # to be proven around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
+    uncertainty: Uncertainty | None = None  # how far it may be from there
 
     if TYPE_CHECKING:
 
@@ -79,10 +81,18 @@ class Obstacle(Checked):
             pose: AnyPose = Pose(),
             clearance: float | None = None,
             motion: SteadyMotion | TimedPoses | None = None,
+            uncertainty: Uncertainty | None = None,
         ) -> None: ...
+
+    @property
+    def moves(self) -> bool:
+        """Whether it may be elsewhere at another time."""
+        return self.motion is not None or (self.uncertainty is not None and self.uncertainty.speed > 0.0)
 
     def _check_whole(self) -> None:
         check_unplaced(self.shape, "obstacle")
+        if self.uncertainty == Uncertainty():  # nothing is unknown
+            object.__setattr__(self, "uncertainty", None)
         if isinstance(self.motion, TimedPoses):
             first = self.motion.poses[0]
             if self.pose not in (Pose(), first):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose
+from hdplan.scenes.sizes import Calibration, Tracking
 from hdplan.scenes.values import (
     Checked,
     Choice,
@@ -105,6 +106,8 @@ class RobotSpec(Checked):
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
     check_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()
     """Checked, although the SRDF disables them or they are neighbours."""
+    tracking: Tracking | None = None  # how far the joints may be off while the motion is executed
+    calibration: Calibration | None = None  # how far the base may be from where it is said to stand
     source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
 
     if TYPE_CHECKING:
@@ -122,10 +125,15 @@ class RobotSpec(Checked):
             locked: Mapping[str, float] = {},
             ignore_pairs: Sequence[Sequence[str]] = (),
             check_pairs: Sequence[Sequence[str]] = (),
+            tracking: Tracking | None = None,
+            calibration: Calibration | None = None,
             source: str = "",
         ) -> None: ...
 
     def _check_whole(self) -> None:
+        for key in ("tracking", "calibration"):  # without a size there is none
+            if (given := getattr(self, key)) is not None and given == type(given)():
+                object.__setattr__(self, key, None)
         if (self.name is None) == (self.urdf is None):
             raise FieldError(f"must have either 'name' or 'urdf', found {'neither' if self.name is None else 'both'}")
         for key in ("srdf", "package_dirs", "xacro_args"):

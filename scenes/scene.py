@@ -7,7 +7,7 @@ made, whether by a file's reader or by a program (`values`); one that is not all
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -121,6 +121,14 @@ class Scene(Checked):
                     others = [other.name for other in self.obstacles if other is not obstacle]
                     problem = f"unknown obstacle {each.obstacle!r}{nearest(each.obstacle, others)}"
                     raise FieldError(problem, f"obstacles[{i}].cloud.ignore")
+        if self.robot.tracking is not None or self.robot.calibration is not None:
+            size = "tracking" if self.robot.tracking is not None else "calibration"
+            for name in (*self.path.asked, *(["limits.torque"] if self.limits.torque is not None else [])):
+                raise FieldError(f"is given, and no proof of {name} knows it: leave one of them out", f"robot.{size}")
+        if self.robot.tracking is not None and self.robot.tracking.of_rates and not self.timed:
+            raise FieldError(
+                "only matters for a motion with times, but timing and limits are missing", "robot.tracking.velocity"
+            )
         if self.robot.check_pairs and not self.self_collision.checked:
             raise FieldError("asks to check pairs, but self_collision: false checks none", "robot.check_pairs")
 
@@ -147,6 +155,11 @@ class Scene(Checked):
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None:
                 raise FieldError("moves by the time of one motion, which no job has", f"obstacles[{i}].motion")
+            if obstacle.uncertainty is not None:
+                raise FieldError("is of single motions: no proof of a job knows it", f"obstacles[{i}].uncertainty")
+        for key in ("tracking", "calibration"):
+            if getattr(self.robot, key) is not None:
+                raise FieldError("is of single motions: no proof of a job knows it", f"robot.{key}")
         if self.from_request:
             raise FieldError("is of MoveIt's requests, which hold no job", "from_request")
 
@@ -196,6 +209,9 @@ class Scene(Checked):
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None and duration is None:
                 raise FieldError("needs known times, but timing.duration is missing", f"obstacles[{i}].motion")
+            if obstacle.uncertainty is not None and obstacle.uncertainty.speed and duration is None:
+                where = f"obstacles[{i}].uncertainty.speed"
+                raise FieldError("needs known times, but timing.duration is missing", where)
         if self.timed and duration is None and self.limits.acceleration is None:
             given = next((name for name in QUANTITIES if getattr(self.limits, name) is not None), None)
             raise FieldError(
@@ -237,13 +253,13 @@ class Scene(Checked):
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:
-        """The static obstacles."""
-        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is None)
+        """The obstacles that stay where they are."""
+        return tuple(obstacle for obstacle in self.obstacles if not obstacle.moves)
 
     @property
     def moving(self) -> tuple[Obstacle, ...]:
-        """The moving obstacles."""
-        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is not None)
+        """The obstacles that move, or may."""
+        return tuple(obstacle for obstacle in self.obstacles if obstacle.moves)
 
     @property
     def end_time(self) -> float:
@@ -257,6 +273,15 @@ class Scene(Checked):
             obstacle.name: self.planner.clearance if obstacle.clearance is None else obstacle.clearance
             for obstacle in self.obstacles
         }
+
+
+def unknown_in(scene: Scene) -> Iterator[str]:
+    """Yield the fields of a scene that say how large something unknown is, where it is more than 0."""
+    given = {f"obstacles[{i}].uncertainty": each.uncertainty for i, each in enumerate(scene.obstacles)}
+    given |= {"robot.tracking": scene.robot.tracking, "robot.calibration": scene.robot.calibration}  # type: ignore[dict-item]
+    for where, sizes in given.items():
+        names = () if sizes is None else [each.name for each in dataclasses.fields(sizes)]
+        yield from (f"{where}.{name}" for name in names if getattr(sizes, name) != 0.0)
 
 
 def derived(scene: Scene, **changes: Any) -> Scene:

@@ -397,6 +397,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/certificate/certifier.py": "a note on masses that torques need",
     "planner/certificate/limit_checks.py": "the certificate compares what was checked with what is asked",
     "planner/certificate/path_check.py": "what is said of a tool's speed needs accelerations",
+    "planner/certificate/rate_check.py": "joints may be off by velocities alone",
     "planner/certificate/torque_check.py": "is about torques",
     "planner/control/braking.py": "keeps velocities, accelerations and jerks, and takes no torques",
     "planner/control/controller.py": "keeps velocities; what was executed is certified",

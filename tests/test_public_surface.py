@@ -86,10 +86,13 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Sphere",
             "State",
             "SteadyMotion",
+            "Tracking",
+            "Uncertainty",
             "TimeLimitError",
             "TimedPoses",
             "Timing",
             "Trajectory",
+            "Calibration",
         ),
         *(
             "UnsolvableError",

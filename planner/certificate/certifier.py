@@ -25,6 +25,7 @@ from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
+from hdplan.planner.certificate.sizes import FIELDS, Sizes
 from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.certificate.verdict import (
     Certificate,
@@ -89,7 +90,7 @@ def certify(
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
     """Return the contacts at configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with
-    itself and with the obstacles as they are at time 0.
+    itself and with the obstacles where they are said to be at time 0, whatever the scene's sizes.
 
     Raises InputError for a wrong number of values, or one that is not finite.
     """
@@ -118,7 +119,7 @@ class Certifier:
         # those that never touch need no proof, but how close they come counts in what is claimed
         pairs = (*robot.self_pairs, *(robot.never_touching if scene.self_collision.checked else ()))
         own = [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
-        gathered = Bodies(_chain(robot), bodies, robot.unfolded.pin_q)
+        gathered = Bodies(_chain(robot), bodies, robot.unfolded.pin_q, Sizes.of(setup, bodies, count))
         self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
         self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
         with naming(scene.source):
@@ -205,7 +206,10 @@ class Certifier:
             departures,
             limits,
         )
-        certified = Status.CERTIFIED, proven(clearance, self_clearance, limits, kept)
+        certified = (
+            Status.CERTIFIED,
+            proven(clearance, self_clearance, limits, kept, self.sweep.bodies.sizes is not None),
+        )
         status, message = next(complaints(found), certified)
         remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
         return Certificate(
@@ -223,7 +227,14 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
-            notes=(*reductions, *self.holes, *self.weightless, *self.setup.units, *self.setup.ignored),
+            notes=(
+                *reductions,
+                *self._unknown(moved, proof),
+                *self.holes,
+                *self.weightless,
+                *self.setup.units,
+                *self.setup.ignored,
+            ),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
@@ -244,10 +255,20 @@ class Certifier:
             if place.other in self._lenient:
                 less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
                 return less, (
-                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: {less * 1e3:.3g} mm are required "
+                    f"{field} is {place.words} from {place.other}: {less * 1e3:.3g} mm are required "
                     f"over the whole motion instead of the {asked * 1e3:g} mm of planner.clearance"
                 )
         return required, ""
+
+    def _unknown(self, moved: Curve, proof: Proof) -> tuple[str, ...]:
+        """A note on what is unknown where robot and obstacles come closest; empty where nothing is."""
+        spot = proof.closest[0]
+        if spot is None or not spot.unknown:
+            return ()
+        costs = zip(FIELDS, self.sweep.shares(moved, spot).tolist(), strict=True)
+        said = ", ".join(f"{1e3 * cost:.3g} mm for {field}" for field, cost in costs if cost)
+        whose = " and ".join(self._names(spot.pair))
+        return (f"what is unknown takes {1e3 * spot.unknown:.3g} mm where {whose} are closest: {said}",)
 
     def _check_times(self, curve: Curve) -> None:
         """Raise InputError if the scene needs times and the curve has none."""
@@ -289,11 +310,11 @@ class Certifier:
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return the places where one configuration, at a time [s], is closer to obstacles or itself than it must keep,
-        each with that clearance [m]; the closest first."""
+        less what is unknown, each with that clearance [m]; the closest first."""
         floor = self._floor(required)
         found = []
         within = float(floor.max(initial=0.0))
-        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True):
+        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True, unknown=True):
             if spot.touching or spot.distance < floor[spot.pair]:
                 found.append((self._standing(spot), float(floor[spot.pair])))
         return tuple(sorted(found, key=lambda each: each[0].distance))
@@ -326,11 +347,12 @@ class Certifier:
     def _place(self, spot: Spot, curve: Curve) -> Place:
         parameter = (spot.interval + spot.fraction) / (len(curve) - 1)
         seconds = None if curve.times is None else float(curve.time_of(parameter))
-        return Place(spot.interval, spot.fraction, parameter, seconds, *self._names(spot.pair), spot.distance)
+        names = self._names(spot.pair)
+        return Place(spot.interval, spot.fraction, parameter, seconds, *names, spot.distance, spot.unknown)
 
     def _standing(self, spot: Spot) -> Place:
         """Name the bodies of a place at a single configuration, without a motion."""
-        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
+        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance, spot.unknown)
 
 
 @made_once(8)

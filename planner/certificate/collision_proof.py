@@ -47,6 +47,7 @@ class Spot:
     pair: int  # row of the pairs
     distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
     touching: bool = False  # whether that distance is too small; otherwise it could not be proven large enough
+    unknown: float = 0.0  # [m] what is unknown takes of it: the two are said to be so much farther apart
 
 
 @dataclass(frozen=True)
@@ -71,14 +72,14 @@ class Sweep:
         self.bounds, self.containment = Bounds(bodies, pairs), Containment(bodies, pairs)
 
     def distances(
-        self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False
+        self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False, unknown: bool = False
     ) -> tuple[Spot, ...]:
         """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
 
         Pairs that are certainly farther apart than `within` [m] are left out. Where hulls are apart, the distance is
-        theirs, or, with `surfaces`, that of the triangles that they contain.
+        theirs, or, with `surfaces`, that of the triangles that they contain; with `unknown`, less what that may take.
         """
-        return self._standing(q, time).at_start(within=within, surfaces=surfaces)
+        return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
 
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
@@ -91,6 +92,15 @@ class Sweep:
     def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
         """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
         return self._standing(q, time).witnesses_at_start(pair)
+
+    def shares(self, curve: Curve, spot: Spot) -> Array:
+        """Return what each of the scene's sizes takes of the distance at a place (6,) [m], by `sizes.FIELDS`."""
+        sizes = self.bodies.sizes
+        assert sizes is not None
+        run = _Run(self, curve, np.zeros(len(self.pairs.a)))
+        nodes = Intervals.of(self.bodies, curve, run.rho, *map(np.array, ([spot.interval], [spot.fraction], [0.0])))
+        none = np.zeros(1, dtype=np.int64)
+        return np.asarray(sizes.at_middle(nodes, self.pairs, none, none + spot.pair)[:, 0])
 
     def prove(self, curve: Curve, required: Array | float = 0.0, suspect: tuple[int, float] | None = None) -> Proof:
         """Prove a motion, or find where it cannot be proven.
@@ -186,7 +196,7 @@ class _Run:
         if len(items):
             self._exactly(nodes, items)
 
-    def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
+    def at_start(self, within: float = np.inf, surfaces: bool = False, unknown: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first waypoint, except for those that bounding balls prove to
         be farther apart than `within`."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
@@ -198,12 +208,13 @@ class _Run:
         if not len(items):
             return tuple(spots)
         values, *_ = self._exact(nodes, items)
-        for value, pair in zip(values.tolist(), items.pair.tolist(), strict=True):
+        less = self.bounds.unknown(nodes, items) if unknown else np.zeros(len(items))
+        for value, pair, off in zip(values.tolist(), items.pair.tolist(), less.tolist(), strict=True):
             if value <= 0.0 and self.hollow[pair]:
                 value = self._surface(nodes, 0, pair)
-            elif surfaces and self.hollow[pair] and value <= within:
+            elif surfaces and self.hollow[pair] and value - off <= within:
                 value = max(value, self._surface(nodes, 0, pair))
-            spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
+            spots.append(Spot(0, 0.0, pair, value - off, value - off <= 0.0, off))
         return tuple(spots)
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
@@ -324,7 +335,8 @@ class _Run:
         hulls[rows], higher, _, normals[rows] = self._exact(nodes, items[rows])
         bound[rows] = np.maximum(bound[rows], higher)
         items = replace(items, bound=bound, normal=normals)
-        values = self._by_parts(nodes, items, hulls)
+        unknown = self.bounds.unknown(nodes, items)
+        values = self._by_parts(nodes, items, hulls - unknown, unknown)
         touching = values <= self.floor[items.pair]
         order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
@@ -332,12 +344,13 @@ class _Run:
             notable[np.flatnonzero(group == which)[:1]] = True  # the closest
         for i in order[notable].tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
-            self._met(self._spot(nodes, node, pair, value, bool(touching[i])))
+            self._met(self._spot(nodes, node, pair, value, bool(touching[i]), float(unknown[i])))
         return items
 
-    def _by_parts(self, nodes: Intervals, items: Items, hulls: Array) -> Array:
+    def _by_parts(self, nodes: Intervals, items: Items, hulls: Array, unknown: Array) -> Array:
         """Return the distances of all pairs, given those of their hulls, and raise the bounds of those whose hulls are
-        not their exact shape. A distance that would change nothing is infinite."""
+        not their exact shape. A distance that would change nothing is infinite. What is `unknown` (i,) [m] is taken off
+        all of them."""
         group, hollow = self.pairs.group[items.pair], self.hollow[items.pair]
         if not hollow.any():
             return hulls
@@ -349,7 +362,7 @@ class _Run:
         rows = np.flatnonzero(hollow & (closer | ((hulls < enough) & (items.bound < enough))))
         if not len(rows):
             return values
-        self.parts.overlap[items.pair[rows[hulls[rows] <= 0.0]]] = True
+        self.parts.overlap[items.pair[rows[hulls[rows] + unknown[rows] <= 0.0]]] = True
         parts = self.parts.on(nodes, items[rows])
         for k in np.argsort(hulls[rows], kind="stable").tolist():
             i, which = int(rows[k]), int(group[rows[k]])
@@ -359,18 +372,21 @@ class _Run:
                 self.exact_calls += 1
                 within = max(closest - CLOSER_SHARE * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
                 try:
-                    found = parts.bound(k, within, goal)
+                    found = parts.bound(k, within + float(unknown[i]), goal)
                 except TimeLimitError:  # what is left is not proven
                     break
                 items.bound[i] = max(items.bound[i], found.bound)
-                if (distance := max(float(hulls[i]), found.distance)) <= within:
+                if (distance := max(float(hulls[i]), found.distance - float(unknown[i]))) <= within:
                     values[i], least[which] = distance, min(closest, distance)
         return values
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Halve the intervals of the open items; give up those that are as short as they may become."""
         a, b = (nodes.row(items.node, bodies[items.pair]) for bodies in (self.pairs.a, self.pairs.b))
-        still = nodes.moved[a] + nodes.moved[b] <= LEAST_MOTION
+        moved = nodes.moved[a] + nodes.moved[b]
+        if self.bodies.sizes is not None:  # which no halving makes smaller
+            moved = moved - nodes.instants.moved[a] - nodes.instants.moved[b]
+        still = moved <= LEAST_MOTION
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
         undecided = still | (nodes.width[items.node] <= SHORTEST_INTERVAL) | over
         for node, pair, bound in zip(
@@ -428,9 +444,11 @@ class _Run:
         a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
         return self.bodies.pieces[a], nodes.pose(node, a), self.bodies.pieces[b], nodes.pose(node, b)
 
-    def _spot(self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool) -> Spot:
+    def _spot(
+        self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool, unknown: float = 0.0
+    ) -> Spot:
         fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
-        return Spot(int(nodes.interval[node]), fraction, pair, distance, touching)
+        return Spot(int(nodes.interval[node]), fraction, pair, distance, touching, unknown)
 
 
 def _goal(distance: float) -> float:

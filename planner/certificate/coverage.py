@@ -16,6 +16,7 @@ import numpy as np
 
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.tracking import tracking_of_all
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud, Ignored
@@ -31,6 +32,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Solid
+from hdplan.scenes.sizes import Calibration, Tracking, Uncertainty, chord
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
@@ -41,9 +43,13 @@ FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the 
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
         "timing job notes"  # a job is asked by its name, and no check of a single motion covers it
     ),
-    RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
+    RobotSpec: (
+        "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs "
+        "tracking calibration source"
+    ),
     PlanarBase: "x y yaw kind",
-    Obstacle: "name shape pose clearance motion",
+    Obstacle: "name shape pose clearance motion uncertainty",
+    **dict.fromkeys((Uncertainty, Tracking, Calibration), ANY),
     SteadyMotion: "velocity spin",
     TimedPoses: "times poses",
     Cloud: "points radius voxel drop_nan ignore_robot ignore name pose",
@@ -116,10 +122,16 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
     for obstacle in scene.obstacles:
         where = f"obstacles.{obstacle.name}"
         yield where
-        yield from (f"{where}.{name}" for name in ("clearance", "motion") if getattr(obstacle, name) is not None)
+        yield from (
+            f"{where}.{name}" for name in ("clearance", "motion", "uncertainty") if getattr(obstacle, name) is not None
+        )
     yield from (f"attached.{held.name}" for held in scene.attached)
     if scene.job is not None:
         yield "job"
+    if (tracking := scene.robot.tracking) is not None:
+        yield from (f"robot.tracking.{each.name}" for each in fields(tracking) if getattr(tracking, each.name))
+    if scene.robot.calibration is not None:
+        yield "robot.calibration"
     if scene.self_collision.checked:
         yield "self_collision"
         yield from (_of_pair(*pair) for pair in scene.robot.check_pairs)
@@ -173,6 +185,7 @@ def compared(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Ar
             *_of_robot(scene, robot, bodies.names[:own]),
             *_of_obstacles(scene, bodies, pairs, floor, own),
             *_of_self_pairs(scene, robot, bodies, pairs, floor, own),
+            *_of_sizes(scene, robot, bodies),
         }
     )
 
@@ -200,7 +213,7 @@ def _of_obstacles(scene: Scene, bodies: Bodies, pairs: Pairs, floor: Array, own:
     if any(obstacle.clearance is not None for obstacle in scene.obstacles):
         np.minimum.at(least, pairs.b[outside], floor[outside])
     moving = np.count_nonzero(bodies.chain.carried_by[bodies.joint[:own]].any(axis=1))
-    whole = met == np.where(bodies.drifting, own, moving)
+    whole = met == np.where(bodies.free, own, moving)
     rows = _rows(bodies.names, own)
     for obstacle in scene.obstacles:
         pieces, where = rows.get(obstacle.name, []), f"obstacles.{obstacle.name}"
@@ -209,8 +222,29 @@ def _of_obstacles(scene: Scene, bodies: Bodies, pairs: Pairs, floor: Array, own:
         yield where
         if obstacle.motion is not None and bodies.drifting[pieces].all():
             yield f"{where}.motion"
+        if (unknown := obstacle.uncertainty) is not None and _are_known(bodies, pieces, unknown):
+            yield f"{where}.uncertainty"
         if obstacle.clearance is not None and (least[pieces] >= obstacle.clearance).all():
             yield f"{where}.clearance"
+
+
+def _of_sizes(scene: Scene, robot: Robot, bodies: Bodies) -> Iterator[str]:
+    """Yield which sizes of the robot are those of the bodies."""
+    sizes, calibration, lag = bodies.sizes, scene.robot.calibration, scene.robot.tracking
+    if sizes is None:
+        return
+    if lag is not None and lag.position and (sizes.joints >= tracking_of_all(scene, robot)).all():
+        yield "robot.tracking.position"
+    if calibration and sizes.base[0] >= calibration.position and sizes.base[1] >= chord(calibration.orientation):
+        yield "robot.calibration"
+
+
+def _are_known(bodies: Bodies, pieces: Sequence[int], unknown: Uncertainty) -> bool:
+    """Whether pieces of an obstacle may be as far from where they are said to be as the scene says."""
+    if (sizes := bodies.sizes) is None:
+        return False
+    far = (sizes.position[pieces] >= unknown.position) & (sizes.turn[pieces] >= chord(unknown.orientation))
+    return bool((far & (sizes.speed[pieces] >= unknown.speed)).all())
 
 
 def _of_self_pairs(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, floor: Array, own: int) -> Iterator[str]:

@@ -76,7 +76,8 @@ class Bounds:
         second = nodes.row(0, b)
         local = np.einsum("pba,pb->pa", nodes.rotation[second], middle[first] - nodes.center[second])
         outside = np.maximum(np.abs(local) - bodies.half[b], 0.0)
-        return np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
+        bound = np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
+        return bound if bodies.sizes is None else bound - bodies.sizes.most(nodes, pairs)
 
     def by_groups(self, nodes: Intervals) -> tuple[Array, Index] | None:
         """Return bounds (k, c) [m] over each interval, of bodies' bounding balls to balls around groups of what stands,
@@ -88,6 +89,8 @@ class Bounds:
         rows = nodes.row(np.arange(len(nodes.interval))[:, None], links)  # (k, links)
         away = np.linalg.norm(nodes.center[rows][:, :, None] - middles, axis=3) - radii  # (k, links, groups)
         bound = away - (nodes.moved[rows] + self.bodies.radius[links])[:, :, None] - ROUNDING
+        if self.bodies.sizes is not None:
+            bound -= float(self.bodies.sizes.most(nodes, self.pairs).max())
         return bound.reshape(len(nodes.interval), -1), column
 
     @cached_property
@@ -116,6 +119,7 @@ class Bounds:
         a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
         row, other = nodes.row(items.node, a), nodes.row(items.node, b)
         drift = 0.0 if nodes.drift is None else nodes.drift.first[row] + nodes.drift.first[other]
+        drift += self.elsewhere(nodes, items)
         if loops := library():
             bound, normal = bounds_loop.by_ball(loops, self._world, nodes.record, items.node, items.pair)
             return bound - drift - ROUNDING, normal
@@ -148,7 +152,7 @@ class Bounds:
         against each other at most [m]; `normal` (i, 3) is unit."""
         if loops := library():
             gap, bound, travel = bounds_loop.by_plane(loops, self._world, nodes.record, items.node, items.pair, normal)
-            return gap, bound - ROUNDING, travel
+            return gap, bound - self.elsewhere(nodes, items) - ROUNDING, travel
         pairs, node = self.pairs, items.node
         a, b = pairs.a[items.pair], pairs.b[items.pair]
         motion_a = nodes.motion(node, a, pairs.moves_a[items.pair])
@@ -156,7 +160,19 @@ class Bounds:
         gaps = -self._extremes(nodes, node, a, motion_a, -normal) - self._extremes(nodes, node, b, motion_b, normal)
         travel = motion_a.first + motion_b.first
         bound = np.maximum(gaps[1:].min(axis=0) - (motion_a.second + motion_b.second), gaps[0] - travel)
-        return gaps[0], bound - ROUNDING, travel
+        return gaps[0], bound - self.elsewhere(nodes, items) - ROUNDING, travel
+
+    def elsewhere(self, nodes: Intervals, items: Items) -> Array | float:
+        """Return how much closer pairs (i,) may be as their bodies are not quite where they are said to be [m]."""
+        sizes = self.bodies.sizes
+        return 0.0 if sizes is None else sizes.elsewhere(nodes, self.pairs, items.node, items.pair)
+
+    def unknown(self, nodes: Intervals, items: Items) -> Array:
+        """Return the same at the midpoints (i,), what the joints may be off included."""
+        sizes = self.bodies.sizes
+        if sizes is None:
+            return np.zeros(len(items))
+        return np.asarray(sizes.at_middle(nodes, self.pairs, items.node, items.pair).sum(axis=0))
 
     def by_best_plane(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         """Return the hulls' signed distance at the midpoints, the bound over the intervals, how far the bodies move at

@@ -26,6 +26,7 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import freeze
 
 if TYPE_CHECKING:
+    from hdplan.planner.certificate.sizes import Sizes
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 Index = NDArray[np.int64]
@@ -54,9 +55,17 @@ class Body:
 class Bodies:
     """All bodies of a scene and its robot, as arrays over g bodies."""
 
-    def __init__(self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array]) -> None:
-        """Collect placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
+    def __init__(
+        self,
+        chain: Chain,
+        bodies: Sequence[Body],
+        to_pinocchio: Callable[[Array], Array],
+        sizes: Sizes | None = None,
+    ) -> None:
+        """Collect placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq). `sizes` are
+        those of what is unknown, if anything is."""
         self.chain, self.bodies, self.to_pinocchio = chain, tuple(bodies), to_pinocchio
+        self.sizes = sizes
         self.names = tuple(body.name for body in bodies)
         self.pieces = tuple(body.piece for body in bodies)
         self.joint = np.array([body.joint for body in bodies], dtype=np.int64)  # (g,)
@@ -70,6 +79,7 @@ class Bodies:
         self.hollow = self.bounding | grainy  # the hull is not the exact shape
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
         self.moving = np.flatnonzero((self.joint > 0) | self.drifting)  # (m,) the others stand
+        self.free = self.drifting if sizes is None else self.drifting | (sizes.speed > 0.0)  # (g,) may move on its own
         # On interval k a body has row `row` + k `step` of the places (r, …) that `Intervals` holds.
         self.row, self.step = np.arange(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
         self.row[self.moving] = len(bodies) + np.arange(len(self.moving))
@@ -135,6 +145,8 @@ class Bodies:
         """Return ρ (g, n) for all configurations of a motion."""
         low, high = curve.bounds()
         travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
+        if self.sizes is not None:
+            travel += np.outer(self.sizes.joints, [-1.0, 1.0])
         return self.chain.reach_around(self.joint, self._cylinders, travel)
 
     @cached_property
@@ -176,7 +188,7 @@ class Pairs:
         """Build from rows (a, b, group); pairs without relative motion are left out."""
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
-        moving = (a != b).any(axis=1) | bodies.drifting[table[:, :2]].any(axis=1)
+        moving = (a != b).any(axis=1) | bodies.free[table[:, :2]].any(axis=1)
         return cls(table[moving, 0], table[moving, 1], table[moving, 2], (a & ~b)[moving], (b & ~a)[moving])
 
 
@@ -198,12 +210,20 @@ class Intervals:
     points: Array  # (k, n, 3) on the axes
     drift: Motion | None = None  # (r,) of bodies that move on their own
     transforms: dict[int, Any] = field(default_factory=dict)  # coal's, of what moves, made on first use
+    of_curve: tuple[Curve, Array] | None = None  # of which they are intervals, and `bodies.reach` of that
+    latest: Array = field(default_factory=lambda: np.zeros(0))  # (k,) greatest |time| [s], where sizes are unknown
 
     @classmethod
     def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
         """Place the bodies; `rho` is `bodies.reach(curve)`, the others are the fields of the class."""
         chain, moving = bodies.chain, bodies.moving
         middle, delta, deviation = curve.part(interval, start, width)
+        latest = np.zeros(len(interval))
+        if bodies.sizes is not None:
+            deviation = deviation + bodies.sizes.joints
+            if curve.times is not None:
+                when, half = curve.span(interval, start, width)
+                latest = np.abs(when) + half
         turned, moved = chain.frames(bodies.to_pinocchio(middle))
         joint = bodies.joint[moving]
         rotation = turned[:, joint] @ bodies.rotation[moving]
@@ -223,9 +243,15 @@ class Intervals:
         reach = chain.local_reach(rho[moving], joint, center, bodies.radius[moving], axes, points, most)
         standing = (*bodies.standing, np.zeros(rho.shape))
         rotation, origin, center, reach = map(_rows, standing, (rotation, origin, center, reach))
-        return cls(
-            bodies, interval, start, width, delta, deviation, rotation, origin, center, reach, axes, points, drift
-        )
+        places = rotation, origin, center, reach, axes, points, drift
+        return cls(bodies, interval, start, width, delta, deviation, *places, of_curve=(curve, rho), latest=latest)
+
+    @cached_property
+    def instants(self) -> Intervals:
+        """Their midpoints, as intervals that take no time."""
+        assert self.of_curve is not None
+        none = np.zeros(len(self.width))
+        return Intervals.of(self.bodies, *self.of_curve, self.interval, self.start + 0.5 * self.width, none)
 
     def row(self, node: Index | int, body: Index | int) -> Any:
         """Return the rows of bodies' places on intervals."""

@@ -49,7 +49,7 @@ class LimitFinding:
     complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first
     remark: str = ""  # what is proven, in place of the uses' shares
     unfixable: tuple[int, ...] = ()  # intervals between rows in which moving slower does not help
-    loads: tuple[str, ...] = ()  # of the scene's masses that were taken into account, by their fields
+    loads: tuple[str, ...] = ()  # the scene's masses, and lags, that were taken into account, by their fields
 
     @property
     def covered(self) -> frozenset[str]:

@@ -40,6 +40,9 @@ class PartsOnIntervals:
         self.motion_a = nodes.motion(items.node, self.a, pairs.moves_a[items.pair])
         self.motion_b = nodes.motion(items.node, self.b, pairs.moves_b[items.pair])
         self.moved = self.motion_a.first + self.motion_b.first, self.motion_a.second + self.motion_b.second
+        if (sizes := bounds.bodies.sizes) is not None:
+            elsewhere = sizes.elsewhere(nodes, pairs, items.node, items.pair)
+            self.moved = self.moved[0] + elsewhere, self.moved[1] + elsewhere
         self.rows = nodes.row(items.node, self.a), nodes.row(items.node, self.b)
 
     def bound(self, i: int, within: float, enough: float) -> Found:

@@ -40,6 +40,8 @@ class RateCheck:
         """Resolve the limits. Raises InputError for limits that do not match the robot."""
         self.limits = {name: setup.limits[name] for name in DERIVATIVES if name in setup.limits}
         self._joints, self._around = setup.robot.joint_names, setup.rates_around
+        lags = setup.scene.robot.tracking is not None and setup.scene.robot.tracking.of_rates
+        self._lags = ("robot.tracking.velocity",) if lags and "velocity" in self.limits else ()  # limits are less
 
     def check(self, curve: Curve) -> LimitFinding:
         """Prove the limits along a timed curve."""
@@ -47,7 +49,7 @@ class RateCheck:
             self._use(quantity, curve.over_time(DERIVATIVES[quantity] - 1), limit)
             for quantity, limit in self.limits.items()
         )
-        return LimitFinding(uses, tuple(_complaints(uses, curve)))
+        return LimitFinding(uses, tuple(_complaints(uses, curve)), loads=self._lags)
 
     def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
         """Return a derivative (k, n) on intervals (k,) at fractions (k,) of them."""

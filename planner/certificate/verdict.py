@@ -61,6 +61,15 @@ class Place:
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
+    unknown: float = 0.0  # [m] that the scene's sizes take of it: the two are said to be so much farther apart
+
+    @property
+    def words(self) -> str:
+        """The distance, such as "3.2 mm", and what is unknown of it."""
+        found = f"{self.distance * 1e3:.3g} mm"
+        return (
+            f"{found} ({(self.distance + self.unknown) * 1e3:.3g} mm less what is unknown)" if self.unknown else found
+        )
 
 
 class ProofFile(Protocol):
@@ -174,7 +183,7 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
     # contacts first, then the places that fall short of the required clearance by most
     short = [(place, asked) for place, asked, touching in places if touching]
     for place, asked in sorted(short, key=lambda each: (each[0].distance > 0.0, each[0].distance - each[1]))[:1]:
-        if place.distance <= 0.0:
+        if place.distance + place.unknown <= 0.0:
             yield Status.IN_CONTACT, f"{_approach(place)}; {others}"
         else:
             yield Status.TOO_CLOSE, f"{_approach(place)}, {asked * 1e3:.4g} mm are required; {others}"
@@ -193,21 +202,31 @@ def proven(
     self_clearance: float | None,
     limits: Sequence[LimitFinding],
     path: Sequence[Kept],
+    sized: bool = False,
 ) -> str:
-    """Say what is proven about a certified motion; clearances [m]."""
+    """Say what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the scene's sizes."""
     obstacles = "no obstacles to avoid" if clearance is None else f"at least {_length(clearance)} to every obstacle"
     links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
     uses = [use for found in limits if not found.remark for use in found.uses]
     taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
     kept = "".join(f", {constraint.words}" for constraint in path)
     remarks = "".join(f"; {found.remark}" for found in limits if found.remark)
-    return f"{obstacles}{links}{taken}{kept}, over the whole motion{remarks}"
+    worlds = ", in every world within the scene's sizes" if sized else ""
+    return f"{obstacles}{links}{taken}{kept}, over the whole motion{worlds}{remarks}"
 
 
 def _approach(place: Place) -> str:
+    if place.unknown:
+        return _where(place, f"may come within {place.words}" if place.distance > 0.0 else _may_overlap(place))
     if place.distance < 0.0:
         return _where(place, f"overlap by {-place.distance * 1e3:.3g} mm")
     return _where(place, f"come within {place.distance * 1e3:.3g} mm" if place.distance else "touch")
+
+
+def _may_overlap(place: Place) -> str:
+    apart = place.distance + place.unknown
+    said = f"are {apart * 1e3:.3g} mm apart" if apart > 0.0 else f"overlap by {-apart * 1e3:.3g} mm"
+    return f"{said}, with {place.unknown * 1e3:.3g} mm unknown,"
 
 
 def _where(place: Place, what: str) -> str:

@@ -325,7 +325,9 @@ def scene_barriers(
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
     instance(settings, BarrierSettings, "settings")
-    scene = Setup.of(scene, robot).scene
+    setup = Setup.of(scene, robot)
+    setup.refuse_sizes("barriers take the world as it is said to be")
+    scene = setup.scene
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)

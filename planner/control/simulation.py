@@ -23,6 +23,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.scene import unknown_in
 
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
@@ -86,6 +87,7 @@ class Simulation:
     failures: tuple[str, ...]  # messages on what went wrong
     others: Mapping[str, Array] = field(default_factory=dict)  # (k, n) limited quantities that are no rates, at `times`
     times: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]
+    unknown: tuple[str, ...] = ()  # fields of the scene that say how far it may be off, and were left out
 
     @property
     def succeeded(self) -> bool:
@@ -97,10 +99,12 @@ class Simulation:
         """The verdict in one line."""
         if self.failures:
             return f"failed: {'; '.join(self.failures)}"
+        as_said = f"; in the one world that the scene says, without {', '.join(self.unknown)}" if self.unknown else ""
         if self.execution is None:
-            return "replayed: kinematics only, within all limits of the scene"
+            return f"replayed: kinematics only, within all limits of the scene{as_said}"
         worst = max(joint.error or 0.0 for joint in self.joints)
-        return f"executed: simulated with dynamics, tracked within {worst:.1e} rad, torques within their limits"
+        tracked = f"tracked within {worst:.1e} rad, torques within their limits"
+        return f"executed: simulated with dynamics, {tracked}{as_said}"
 
     def summary(self) -> dict[str, Any]:
         """Return the same as one JSON object: SI units; null where the scene has no such limit."""
@@ -206,9 +210,8 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         *_touching(closest, between_links),
     )
     duration = last - first if timed else None
-    return Simulation(
-        duration, curve, joints, closest, between_links, len(samples), execution, failures, others, by_file
-    )
+    figures = joints, closest, between_links, len(samples), execution, failures, others, by_file
+    return Simulation(duration, curve, *figures, tuple(unknown_in(setup.scene)))
 
 
 def _rates(setup: Setup, curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:

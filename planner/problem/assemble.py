@@ -27,6 +27,7 @@ from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
+from hdplan.planner.problem.unknown import kept, of_robot
 from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.scenes.clouds import Cloud
@@ -49,9 +50,10 @@ require_fields(
 )
 
 
-def self_margin(scene: Scene) -> float:
+def self_margin(setup: Setup) -> float:
     """How close two links come before their penalty sets in [m]."""
-    return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
+    scene = setup.scene
+    return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION + of_robot(setup)[1]
 
 
 def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bool = False) -> Problem:
@@ -79,7 +81,7 @@ def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bo
     notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
 
     terms = Terms()
-    clearances = scene.clearances
+    clearances = kept(setup)
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = pairs_within_reach(model, halfspace_bodies, margins)
     if len(pairs):
@@ -92,7 +94,7 @@ def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bo
 
         with naming(scene.source):
             moving, drifting, words = moving_clearance(
-                scene,
+                setup,
                 bodies,
                 kinematics.supports,
                 lambda pairs, bodies, pieces: _distance(pairs, bodies, pieces, settings),
@@ -101,7 +103,7 @@ def assemble(setup: Setup, query: Query, deadline: float = math.inf, closely: bo
             )
         terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
-    margin = self_margin(scene)
+    margin = self_margin(setup)
     own, apart = pairs_of_links(model, margin)
     if own:
         assembled = _between_links(model, own, margin)
@@ -164,7 +166,8 @@ def on_frames(problem: Problem) -> Problem:
     pairs = all_pairs(bodies, range(len(pieces)))
     if not len(pairs):
         return problem
-    margins = np.array([scene.clearances[piece.name] + settings.activation for piece in pieces])
+    clearances = kept(problem.setup)
+    margins = np.array([clearances[piece.name] + settings.activation for piece in pieces])
     supports = with_frames(problem.kinematics.supports, len(scene.obstacles))
     assembled = body_pairs(bodies, pieces, pairs, margins, supports)
     obstacles = _clearance(assembled, _distance(assembled, bodies, pieces, settings), settings, pieces)

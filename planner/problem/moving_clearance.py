@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,15 +23,18 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty
+from hdplan.planner.problem.unknown import Span, kept, spans
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import casadi as ca
 
     from hdplan.planner.problem.symbolic_place import SymbolicPlace
+
+Placed = ObstacleMotion | Span  # where a body is at a time
 
 
 class MovingClearance(Clearance):
@@ -43,7 +47,7 @@ class MovingClearance(Clearance):
         pairs: BodyPairs,
         distance: PairDistance,
         pieces: Sequence[HalfspaceBody],
-        motions: Sequence[ObstacleMotion],
+        motions: Sequence[Placed],
         law: MinimumJerk,
     ) -> None:
         """Take pairs and their second bodies, which are carried by joints beyond the robot's, one for each of the
@@ -77,7 +81,7 @@ class MovingClearance(Clearance):
 
 
 def moving_clearance(
-    scene: Scene,
+    setup: Setup,
     bodies: tuple[LinkBody, ...],
     supports: Mask,
     distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[HalfspaceBody, ...]], PairDistance],
@@ -90,21 +94,22 @@ def moving_clearance(
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     closely: as `assemble`'s.
     """
-    obstacles = scene.moving
-    planes, first = scene.planner.normals, len(supports)
-    enclosed = [
-        carried_pieces(obstacle, first + i, planes, deadline - time.perf_counter(), closely)
-        for i, obstacle in enumerate(obstacles)
-    ]
-    pieces = tuple(piece for found, _ in enclosed for piece in found)
-    margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
+    scene, planes, first, clearances = setup.scene, setup.scene.planner.normals, len(supports), kept(setup)
+    pieces, margins, motions, notes = list[HalfspaceBody](), list[float](), list[Placed](), list[str]()
+    for obstacle in scene.moving:
+        found, words = carried_pieces(obstacle, 0, planes, deadline - time.perf_counter(), closely)
+        notes += words
+        for span in spans(obstacle, scene.end_time):  # one, of all times, but where it may leave
+            pieces += [replace(piece, joint=first + len(motions)) for piece in found]
+            margins += [clearances[obstacle.name] + span.growth + scene.planner.activation] * len(found)
+            motions.append(span if span.growth else span.motion)
     pairs = all_pairs(bodies, range(len(pieces)))
-    assembled = body_pairs(bodies, pieces, pairs, margins, with_frames(supports, len(obstacles)))
+    assembled = body_pairs(bodies, pieces, pairs, np.array(margins), with_frames(supports, len(motions)))
     term = MovingClearance(
         assembled,
-        distance(assembled, bodies, pieces),
+        distance(assembled, bodies, tuple(pieces)),
         pieces,
-        [ObstacleMotion.of(each) for each in obstacles],
+        motions,
         MinimumJerk(scene.end_time),
     )
-    return term, pieces, tuple(word for _, words in enclosed for word in words)
+    return term, tuple(pieces), tuple(notes)

@@ -83,6 +83,7 @@ class SymbolicPenalty:
         the obstacles' poses. Raises InputError for a term that is not written in symbols."""
         for term in problem.terms:
             refuse_unwritten(term)
+        problem.setup.refuse_speeds("no room that grows with time is written in symbols")
         self.problem, self.exact, self.movable = on_frames(problem), exact, movable
         scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
         if moving is not None:

@@ -7,6 +7,7 @@ the kernel before it is written. A span may reach over many rows, other than the
 from __future__ import annotations
 
 import functools
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,23 @@ import numpy as np
 from hdplan.planner.certificate.exact_proximity import Piece as Shape
 from hdplan.planner.certificate.interval_bounds import Bounds
 from hdplan.planner.certificate.intervals import Bodies, Body, Intervals, Pairs
+from hdplan.planner.certificate.sizes import Sizes
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.verify.kernel import latest
+from hdplan.verify.unknown import chord
 from hdplan.verify.world import Piece, World
 
 ASIDE = 1e3  # [m] by which every body is said to stray, as the kernel has no bound by travel alone
+
+
+class Placed(Intervals):
+    """The pieces on spans of the motion."""
+
+    @cached_property
+    def moved(self) -> Array:
+        """The farthest that each piece moves (r,) [m], but for how far it is said to stray."""
+        return np.asarray(super().moved - ASIDE)
 
 
 class Spans:
@@ -30,10 +43,10 @@ class Spans:
         self.axes = world.axis.mid
         chain = Chain(None, self.axes.copy(), world.turning.copy(), np.roll(world.carried, 1, axis=0))
         bodies = [_body(piece, shape) for piece, shape in zip(world.pieces, shapes, strict=True)]
-        self.bodies = Bodies(chain, bodies, lambda q: q)
+        self.bodies = Bodies(chain, bodies, lambda q: q, _sizes(world))
         first, second = world.pairs.T.copy()
         a, b = world.carried[joints[first]], world.carried[joints[second]]
-        self.pairs = Pairs(first, second, np.zeros_like(first), a & ~b, b & ~a)
+        self.pairs = Pairs(first, second, world.within.astype(np.int64), a & ~b, b & ~a)
         self.bounds = Bounds(self.bodies, self.pairs)
         skew = cross(np.eye(3)[None], self.axes[:, None])  # of each axis: x ↦ x × axis, by rows
         self.skew, self.square = skew, skew @ skew
@@ -59,10 +72,9 @@ class Spans:
             for one, two in zip(standing, (rotation, origin, center, reach), strict=True)
         )
         none = np.zeros(count, dtype=np.int64)  # of the certificate's own intervals
-        width = high - low
-        return Intervals(
-            bodies, none, low, width, delta, deviation, rotation, origin, center, reach, axes, points, stray
-        )
+        place = rotation, origin, center, reach, axes, points, stray
+        times = np.zeros(0) if bodies.sizes is None else latest(self.world.times, np.stack([low, high], axis=1))
+        return Placed(bodies, none, low, high - low, delta, deviation, *place, latest=times)
 
     def _joints(self, low: Array, high: Array) -> tuple[Array, Array, Array]:
         """Return the joints' middles, half their motion and by how much they stray from it (k, n), as the kernel."""
@@ -85,7 +97,8 @@ class Spans:
         place = (row - low[span])[:, None] + start[:, 0] + (end - start)[:, 0] * np.arange(degree + 1) / degree
         over = part - (2.0 * place / (high - low)[span, None] - 1.0)[:, :, None] * delta[span, None]
         most, least = np.maximum.reduceat(over.max(axis=1), begins), np.minimum.reduceat(over.min(axis=1), begins)
-        return (most + least) / 2.0, delta, (most - least) / 2.0
+        off = 0.0 if self.world.unknown is None else self.world.unknown.joints
+        return (most + least) / 2.0, delta, (most - least) / 2.0 + off
 
     def _frames(self, middle: Array) -> tuple[Array, Array]:
         """Return the joints' rotations (k, n + 1, 3, 3) and origins (k, n + 1, 3); the last ones are the world's."""
@@ -112,6 +125,16 @@ class Spans:
             reach[:, :, j] = np.where(carried[:, j], far, 0.0)
             after += most[:, j, None] * reach[:, :, j]
         return np.asarray(reach)
+
+
+def _sizes(world: World) -> Sizes | None:
+    """Return what a world does not know, as the certificate has it."""
+    if (unknown := world.unknown) is None:
+        return None
+    around, everywhere = np.zeros((len(world.pieces), 3)), np.ones(len(world.pieces), dtype=bool)
+    base = float(unknown.base[0]), float(chord(unknown.base[1]))
+    own = unknown.shift.copy(), unknown.turn.copy(), unknown.speed.copy(), unknown.lever.copy()
+    return Sizes(*own, around, everywhere, unknown.joints.copy(), base, unknown.about.mid.copy())
 
 
 def _body(piece: Piece, shape: Any) -> Body:

@@ -8,6 +8,7 @@ really planned.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import coal
@@ -36,14 +37,17 @@ from hdplan.planner.robot.joint_limits import limits_of_all
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.planned_joints import range_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import made_once
 from hdplan.scenes.robot_files.link_pairs import link_pair
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, derived, unknown_in
 
 WORLD = 3  # the version of the form
+LAGS = {"joints": "position", "rates": "velocity"}
 
 
 def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
@@ -69,11 +73,9 @@ def world_of(setup: Setup, trajectory: Trajectory) -> Plain:
             "self": scene.self_collision.clearance,
         },
         "motion": _motion(robot, trajectory),
-        "limits": {
-            "position": _ranges(setup),
-            **{key: bounds(most) for key, most in limits_of_all(scene, robot).items()},
-        },
+        "limits": _limits(setup),
         **_loads(setup),
+        **_sizes(setup),
         "path": plain_path(setup),
         "start": plain_start(setup),
         "goal": plain_goal(setup),
@@ -235,11 +237,42 @@ def _motion(robot: Robot, trajectory: Trajectory) -> Plain:
     }
 
 
-def _ranges(setup: Setup) -> list[Any]:
+def _limits(setup: Setup) -> Plain:
+    """Return the limits of all joints, from which nothing is taken for what they may be off: that is the checker's."""
+    scene, robot = setup.scene, setup.robot
+    if scene.robot.tracking is not None:
+        scene = derived(scene, robot=replace(scene.robot, tracking=None))
+        robot = load_scene_robot(scene)
+    rates = {key: bounds(most) for key, most in limits_of_all(scene, robot).items()}
+    return {"position": _ranges(scene, robot), **rates}
+
+
+def _sizes(setup: Setup) -> Plain:
+    """Return how far obstacles, joints and the robot's base may be from where they are said to be, where any may."""
+    if not any(unknown_in(setup.scene)):
+        return {}
+    scene, base = setup.scene, setup.scene.robot.calibration
+    around = {
+        each.name: {
+            "shift": each.uncertainty.position,
+            "turn": each.uncertainty.orientation,
+            "speed": each.uncertainty.speed,
+        }
+        for each in scene.obstacles
+        if each.uncertainty is not None
+    }
+    stands = None
+    if base is not None:
+        stands = {"shift": base.position, "turn": base.orientation, "about": numbers(scene.robot.base.position)}
+    lags = {key: numbers(tracking(scene, setup.robot, name)) for key, name in LAGS.items()}
+    return {"sizes": {"around": around, "base": stands, **lags}}
+
+
+def _ranges(scene: Scene, robot: Robot) -> list[Any]:
     """Return the position limits of all joints: where others follow one, those that it has itself."""
-    robot, model = setup.robot, setup.robot.model
+    model = robot.model
     every = [range_of(model, str(name)) for name in itertools.islice(model.names, 1, None)]
     for i, joint in enumerate(robot.joint_names):
-        if not robot.followed[i] or joint in setup.scene.limits.position:
+        if not robot.followed[i] or joint in scene.limits.position:
             every[robot.coordinates[i]] = float(robot.lower[i]), float(robot.upper[i])
     return [bounds(each) for each in every]

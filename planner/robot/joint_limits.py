@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.tracking import tracking_of_all
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues
@@ -39,9 +40,24 @@ def limits_of_all(scene: Scene, robot: Robot) -> dict[str, Array]:
     own values, if it has any. Raises InputError as `joint_limits`.
     """
     found = {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
-    if robot.linkage is None:
-        return found
-    return {quantity: _with_followers(quantity, most, scene, robot) for quantity, most in found.items()}
+    if robot.linkage is not None:
+        found = {quantity: _with_followers(quantity, most, scene, robot) for quantity, most in found.items()}
+    if "velocity" in found and scene.robot.tracking is not None:
+        found["velocity"] = _less_lag(found["velocity"], scene, robot)
+    return found
+
+
+def _less_lag(most: Array, scene: Scene, robot: Robot) -> Array:
+    """Return velocities (m,) of a motion, less than `most` by what the joints' own may be off. Raises InputError where
+    that leaves none."""
+    lag = tracking_of_all(scene, robot, "velocity")
+    if (gone := ~(lag < most)).any():
+        i = int(gone.argmax())
+        raise InputError(
+            f"{scene.source}: robot.tracking.velocity: {lag[i]:g} of joint '{robot.model.names[i + 1]}' leaves nothing "
+            f"of its limit {most[i]:g}"
+        )
+    return most - lag
 
 
 def asked_limits(scene: Scene) -> dict[str, JointValues]:

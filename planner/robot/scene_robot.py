@@ -16,6 +16,7 @@ from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.self_pairs import EXCESS, NEVER_TOUCHING
+from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import stamps_of
@@ -44,6 +45,8 @@ def load_scene_robot(scene: Scene) -> Robot:
     with naming(scene.source):
         if scene.limits.position:
             robot = _narrowed(robot, tuple(scene.limits.position.items()))
+        if scene.robot.tracking is not None and scene.robot.tracking.position:
+            robot = _with_lag(robot, tuple(tracking(scene, robot).tolist()))
         if scene.attached:
             robot = _holding(robot, tuple(with_content(held, "attached") for held in scene.attached))
     if scene.self_collision.clearance:
@@ -113,6 +116,21 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
         lower[i], upper[i] = low, high
     inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
     return replace(robot, lower=lower, upper=upper, inner=inner)
+
+
+@made_once(KEPT_ROBOTS)
+def _with_lag(robot: Robot, off: tuple[float, ...]) -> Robot:
+    """Return the robot with position ranges in which joints stay that may be so far `off` from there (n,)."""
+    lower, upper = robot.lower + np.array(off), robot.upper - np.array(off)
+    if (gone := ~(lower < upper)).any():
+        i = int(gone.argmax())
+        raise InputError(
+            f"robot.tracking.position: {off[i]:g} of joint '{robot.joint_names[i]}' leaves nothing of its range "
+            f"[{robot.lower[i]:g}, {robot.upper[i]:g}]"
+        )
+    note = "joint limits are kept with room for robot.tracking.position"
+    inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
+    return replace(robot, lower=lower, upper=upper, inner=inner, notes=(*robot.notes, note))
 
 
 @made_once(KEPT_ROBOTS)

@@ -20,7 +20,7 @@ from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.scene import Scene, derived
+from hdplan.scenes.scene import Scene, derived, unknown_in
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
@@ -138,6 +138,17 @@ class Setup:
         """Raise InputError for a scene whose robot does not begin and end at rest, for `who` cannot do otherwise."""
         for rates in self.moving_ends:
             raise InputError(f"{self.scene.source}: {rates.field}.velocity: is not 0, and {who}")
+
+    def refuse_sizes(self, who: str) -> None:
+        """Raise InputError for a scene in which something is unknown, which is more than `who` knows."""
+        for field in unknown_in(self.scene):
+            raise InputError(f"{self.scene.source}: {field}: is not 0, and {who}")
+
+    def refuse_speeds(self, who: str) -> None:
+        """Raise InputError for a scene in which an obstacle may leave its place, which is more than `who` knows."""
+        for field in unknown_in(self.scene):
+            if field.endswith("speed"):
+                raise InputError(f"{self.scene.source}: {field}: is not 0, and {who}")
 
     @property
     def limits(self) -> dict[str, Array]:

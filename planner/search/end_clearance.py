@@ -22,7 +22,15 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
     for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
         close = certifier.too_close(q, required, time_)
         if close and close[0][0].distance <= 0.0:
-            contacts = certifier.contacts(q, time_)
+            place, contacts = close[0][0], certifier.contacts(q, time_)
+            if not contacts and place.unknown:
+                apart = (place.distance + place.unknown) * 1e3
+                raise UnsolvableError(
+                    f"{scene.source}: {field}: {place.link} and {place.other} are {apart:.3g} mm apart, and "
+                    f"{place.unknown * 1e3:.3g} mm are unknown (obstacles[].uncertainty, robot.tracking, "
+                    "robot.calibration)",
+                    "end_too_close",
+                )
             said = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
                 for c in contacts[:3]
@@ -37,7 +45,7 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
         for place, asked in close:
             if place.other not in lenient:
                 raise UnsolvableError(
-                    f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
+                    f"{scene.source}: {field}: {place.link} is {place.words} from {place.other}, "
                     f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)",
                     "end_too_close",
                 )

@@ -53,6 +53,7 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
     planner.distance fcl, which is no expression.
     """
     scene, settings = setup.scene, setup.scene.planner
+    setup.refuse_sizes("distances in symbols are of the scene as it is said to be")
     if settings.distance != "hdsdf":
         raise InputError(
             f"{scene.source}: planner.distance: must be hdsdf to be an expression, found {settings.distance}"
@@ -75,7 +76,7 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
     reached = pairs_within_reach(model, pieces[:standing], margins[:standing])
     met = np.concatenate([reached, all_pairs(bodies, range(standing, len(pieces)))])
     supports = with_frames(kinematics.supports, len(moved))
-    margin = self_margin(scene)
+    margin = self_margin(setup)
     within, _ = pairs_of_links(model, margin)
     groups, names = [], []
     if len(met):

@@ -16,9 +16,11 @@ from hdplan.planner.geometry.seen import seen_words
 from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.unknown import spans
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
+from hdplan.planner.terminal.explain_unknown import unknown
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -43,6 +45,7 @@ def explain(problem: Problem) -> dict[str, Rows]:
         "on": [(effect.name, effect.on) for effect in found if effect.on],
         "off": [(effect.name, effect.off) for effect in found if not effect.on],
         "obstacles": _obstacles(problem),
+        "unknown": unknown(problem.setup),
         "held objects": _attached(problem),
         "pairs": _pairs(problem),
         "size": _size(problem),
@@ -122,6 +125,8 @@ def _obstacles(problem: Problem) -> Rows:
     asked = {obstacle.name: obstacle for obstacle in problem.setup.asked.obstacles}
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
         words, kind = _words(asked[obstacle.name], obstacle)
+        leaves = obstacle.uncertainty.speed if obstacle.uncertainty else 0.0
+        pieces[obstacle.name] //= len(spans(obstacle, problem.scene.end_time)) if leaves else 1
         words += f" in {pieces[obstacle.name]} {kind}" if pieces[obstacle.name] > 1 else ""
         words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
         total = moving * pieces[obstacle.name]
@@ -131,6 +136,8 @@ def _obstacles(problem: Problem) -> Rows:
                 kept = f"moves at {speed:g} m/s" + f", turns at {turn:g} rad/s" * bool(turn) + f"; {total} pairs"
             case TimedPoses(times, poses):
                 kept = f"passes {len(poses)} poses from {times[0]:g} to {times[-1]:g} s; {total} pairs"
+            case None if leaves:
+                kept = f"may leave at {leaves:g} m/s; {total} pairs at any time"
             case None:
                 number = met[obstacle.name]
                 kept = f"{number} of {total} pairs kept" if number else "out of reach, left out"

@@ -6,6 +6,7 @@ In: a built `Problem`. Out: `Effect`s in reading order.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, assert_never
 
@@ -17,7 +18,7 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, unknown_in
 from hdplan.scenes.targets import AllOf, Goals, JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import require_fields
@@ -44,6 +45,7 @@ def effects(problem: Problem) -> tuple[Effect, ...]:
         *_joint_limits(problem),
         _standing(problem),
         _moving(problem),
+        _unknown(problem),
         _self_collision(problem),
         *_carried(problem),
         *_ends(problem.scene),
@@ -95,12 +97,20 @@ def _moving(problem: Problem) -> Effect:
     )
 
 
+def _unknown(problem: Problem) -> Effect:
+    found = (re.sub(r"\[\d+\]", "[]", field) for field in unknown_in(problem.scene))
+    fields = ", ".join(dict.fromkeys(found))
+    words = f"{fields}: planned and proven for every world within these sizes"
+    needs = "needs obstacles[].uncertainty, robot.tracking or robot.calibration"
+    return Effect("unknown", words if fields else "", needs)
+
+
 def _self_collision(problem: Problem) -> Effect:
     if problem.terms.self_collision:
         held = " or held objects" if problem.robot.attached else ""
         clearance = problem.scene.self_collision.clearance
         why = f"clearance {clearance:g} m" if clearance else "by default"
-        words = f"{why}; grows where two links{held} come within {self_margin(problem.scene):g} m"
+        words = f"{why}; grows where two links{held} come within {self_margin(problem.setup):g} m"
         return Effect("self-collision", words)
     if not problem.bodies:
         why = "no link has collision geometry"

@@ -1,4 +1,5 @@
-"""The sections that switch an effect on: motions of obstacles, self_collision, limits, payload, path, timing.
+"""The sections that switch an effect on: motions of obstacles, sizes of what is unknown, self_collision, limits,
+payload, path, timing.
 
 An empty section is refused. Names of joints and links are checked when the robot is loaded; `Scene` and its parts check
 values, and what one section needs of another.
@@ -7,6 +8,7 @@ values, and what one section needs of another.
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import TypeVar
 
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
@@ -14,7 +16,10 @@ from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import Follow, PathConstraints, Relative, Upright, Within
 from hdplan.scenes.pose_fields import pose_of, read_pose, read_poses
+from hdplan.scenes.sizes import Calibration, Tracking, Uncertainty
 from hdplan.scenes.timing import Timing
+
+T = TypeVar("T", Uncertainty, Tracking, Calibration)
 
 
 def read_motion(section: Field) -> SteadyMotion | TimedPoses:
@@ -26,6 +31,16 @@ def read_motion(section: Field) -> SteadyMotion | TimedPoses:
         raise section.error(f"must have either velocity and spin, or times and poses, found {', '.join(keys)}")
     poses = read_poses(keys["poses"])
     return section.make(TimedPoses, times=keys["times"], poses=poses)
+
+
+def sizes_of(kind: type[T], section: Field) -> T:
+    """Read sizes of what is unknown, some of them."""
+    return section.make(kind, **_filled(section, tuple(each.name for each in fields(kind))))
+
+
+def read_uncertainty(section: Field) -> Uncertainty:
+    """Read how far an obstacle may be from where it is said to be: ``{position, orientation, speed}``."""
+    return sizes_of(Uncertainty, section)
 
 
 def read_self_collision(section: Field) -> SelfCollision:

@@ -24,6 +24,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene, as_read, derived
+from hdplan.scenes.sizes import Calibration, Tracking
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
@@ -32,6 +33,8 @@ from hdplan.scenes.yaml_format.effects import (
     read_payload,
     read_self_collision,
     read_timing,
+    read_uncertainty,
+    sizes_of,
 )
 from hdplan.scenes.yaml_format.job import read_job
 from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
@@ -63,7 +66,7 @@ SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
 """What an obstacle may be, by its key."""
 ROBOT_KEYS = (
     *("name", "urdf", "srdf", "package_dirs", "xacro_args", "group", "base", "base_joints", "locked"),
-    *("ignore_pairs", "check_pairs"),
+    *("ignore_pairs", "check_pairs", "tracking", "calibration"),
 )
 
 
@@ -215,6 +218,10 @@ def _robot(section: Field) -> RobotSpec:
     if "base_joints" in keys:
         said = keys["base_joints"].mapping(("kind", "x", "y", "yaw"), required=["x", "y", "yaw"])
         values["base_joints"] = keys["base_joints"].make(PlanarBase, **said)
+    if "tracking" in keys:
+        values["tracking"] = sizes_of(Tracking, keys["tracking"])
+    if "calibration" in keys:
+        values["calibration"] = sizes_of(Calibration, keys["calibration"])
     spec = section.make(RobotSpec, **values)
     directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
     folders = tuple(directory.path(directory=True) for directory in directories)
@@ -224,9 +231,11 @@ def _robot(section: Field) -> RobotSpec:
 
 def _obstacles(section: Field) -> tuple[Obstacle, ...]:
     obstacles = []
-    readers: tuple[tuple[str, Callable[[Field], object]], ...] = (("pose", read_pose), ("motion", read_motion))
+    readers: tuple[tuple[str, Callable[[Field], object]], ...] = (
+        *(("pose", read_pose), ("motion", read_motion), ("uncertainty", read_uncertainty)),
+    )
     for i, entry in enumerate(section.items(of="obstacles")):
-        keys = entry.mapping(("name", *SOLIDS, "pose", "clearance", "motion"))
+        keys = entry.mapping(("name", *SOLIDS, "pose", "clearance", "motion", "uncertainty"))
         given = [word for word in SOLIDS if word in keys]
         if len(given) != 1:
             missing = f"the key 'shape' is missing (required: {' or '.join(SOLIDS)})"

@@ -27,6 +27,7 @@ from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, argument, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
+from hdplan.scenes.sizes import Calibration, JointSize, Tracking, Uncertainty
 from hdplan.scenes.stage import touching
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -221,9 +222,9 @@ def _along(common: Collection[str]) -> Schema:
 
 
 def _robot() -> Schema:
-    robot = _not_both(
-        _section(RobotSpec, without=("source",), base=_pose(), base_joints=_section(PlanarBase)), "name", "srdf"
-    )
+    sizes = {"tracking": _some(_section(Tracking)), "calibration": _some(_section(Calibration))}
+    own = _section(RobotSpec, without=("source",), base=_pose(), base_joints=_section(PlanarBase), **sizes)
+    robot = _not_both(own, "name", "srdf")
     for key in ("package_dirs", "xacro_args"):
         robot = _not_both(robot, "name", key)
     return {**robot, "oneOf": [_given("name"), _given("urdf"), {"type": "null"}]}
@@ -248,7 +249,8 @@ def _shape() -> Schema:
 
 def _obstacle() -> Schema:
     """Return an obstacle's section: a shape, or in its place a cloud or a depth image."""
-    section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion())
+    unknown = _some(_section(Uncertainty))
+    section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion(), uncertainty=unknown)
     solids = {"shape": section["properties"].pop("shape"), "cloud": _cloud(), "depth": _depth()}
     solids |= {"octomap": _octomap(), "voxels": _voxels()}
     keys = {"name": section["properties"].pop("name"), **{word: _nullable(each) for word, each in solids.items()}}
@@ -348,6 +350,10 @@ def _value(check: Check) -> Schema:
         case Row(item, length):
             exactly = {} if length is None else {"minItems": length, "maxItems": length}
             return {**_list(_value(item)), **exactly}
+        case JointSize(unit, most):
+            size = _number(Number(0.0, most, unit=unit))
+            named = {"type": "object", "additionalProperties": size, "minProperties": 1}
+            return {"anyOf": [size, {**_list(size), "minItems": 1}, named]}
         case JointQuantity(unit=unit, in_urdf=in_urdf):
             number = _number(Number(above=0.0, unit=unit))
             words = [{"enum": ["urdf"]}] if in_urdf else []

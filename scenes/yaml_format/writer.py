@@ -21,6 +21,7 @@ from hdplan.scenes.path_constraints import Follow, PathConstraint, PathConstrain
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.sizes import Calibration, Tracking, Uncertainty
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import require_fields
@@ -37,10 +38,16 @@ WRITTEN: Mapping[type, str] = {  # all that there is of each class; what writes 
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
         "timing job notes"
     ),
-    RobotSpec: ("name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs source"),
+    RobotSpec: (
+        "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs "
+        "tracking calibration source"
+    ),
     PlanarBase: "x y yaw kind",
     Pose: "position quaternion_xyzw",
-    Obstacle: "name shape pose clearance motion",
+    Obstacle: "name shape pose clearance motion uncertainty",
+    Uncertainty: "position orientation speed",
+    Tracking: "position velocity",
+    Calibration: "position orientation",
     SteadyMotion: "velocity spin",
     TimedPoses: "times poses",
     Cloud: "points radius voxel drop_nan ignore_robot ignore name pose",
@@ -87,6 +94,8 @@ def scene_text(scene: Scene) -> str:
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
         "check_pairs": [list(pair) for pair in spec.check_pairs],
+        "tracking": _sizes(spec.tracking),
+        "calibration": _sizes(spec.calibration),
     }
     lines = [
         f"hdplan: {VERSION}",
@@ -123,6 +132,8 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
         entry["pose"] = _pose(obstacle.pose)
     if obstacle.clearance is not None:
         entry["clearance"] = obstacle.clearance
+    if obstacle.uncertainty is not None:
+        entry["uncertainty"] = _sizes(obstacle.uncertainty)
     match obstacle.motion:
         case SteadyMotion(velocity, spin):
             entry["motion"] = {"velocity": list(velocity), "spin": list(spin)}
@@ -133,6 +144,12 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
         case _:
             assert_never(obstacle.motion)
     return entry
+
+
+def _sizes(given: Uncertainty | Tracking | Calibration | None) -> dict[str, Any]:
+    """Return sizes of what is unknown, without those that are 0."""
+    named = {} if given is None else {each.name: _joint_values(getattr(given, each.name)) for each in fields(given)}
+    return {name: value for name, value in named.items() if value}
 
 
 def _attached(held: Attached) -> dict[str, Any]:

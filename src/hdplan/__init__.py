@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.robot_spec import RobotSpec
     from hdplan.scenes.scene import Scene
     from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+    from hdplan.scenes.sizes import Calibration, Tracking, Uncertainty
     from hdplan.scenes.targets import AllOf, PoseTarget, State
     from hdplan.scenes.timing import Timing
     from hdplan.scenes.voxel_grids import OctoMap, Voxels
@@ -83,6 +84,7 @@ _HOMES = {  # of names, below hdplan
     "Attached": "scenes.attached",
     "Box": "scenes.shapes",
     "Budget": "planner.solvers.solution",
+    "Calibration": "scenes.sizes",
     "Capsule": "scenes.shapes",
     "Certificate": "planner.certificate.verdict",
     "Circle": "scenes.curve_stages",
@@ -135,7 +137,9 @@ _HOMES = {  # of names, below hdplan
     "TimeLimitError": "scenes.errors",
     "TimedPoses": "scenes.obstacles",
     "Timing": "scenes.timing",
+    "Tracking": "scenes.sizes",
     "Trajectory": "planner.motion.trajectory",
+    "Uncertainty": "scenes.sizes",
     "UnsolvableError": "scenes.errors",
     "Upright": "scenes.path_constraints",
     "Voxels": "scenes.voxel_grids",
@@ -161,6 +165,7 @@ __all__ = [
     "Attached",
     "Box",
     "Budget",
+    "Calibration",
     "Capsule",
     "Certificate",
     "Circle",
@@ -213,7 +218,9 @@ __all__ = [
     "TimeLimitError",
     "TimedPoses",
     "Timing",
+    "Tracking",
     "Trajectory",
+    "Uncertainty",
     "UnsolvableError",
     "Upright",
     "Voxels",

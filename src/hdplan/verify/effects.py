@@ -185,6 +185,8 @@ def parts_of(control: Ball, spans: Any) -> Line:
 def check_rates(world: World, limits: dict[str, Any], name: str) -> None:
     """Check a limit on a time derivative of the joints' values."""
     bound, rates = limits_of(limits, name, world.own), rates_of(world, name, RATE_NAMES.index(name) + 1)[-1]
+    if name == "velocity" and world.unknown is not None:  # by as much the joints' own may be off
+        bound = np.where(np.isinf(bound), bound, bound - world.unknown.rates[: world.own])
     names = [f"joint '{x.name}'" for x in world.joints]
     everywhere(f"limits.{name}", names, len(rates.mid), lambda x: ~(parts_of(rates, x).size <= bound * (1 + ROUNDED)))
 
@@ -192,6 +194,9 @@ def check_rates(world: World, limits: dict[str, Any], name: str) -> None:
 def check_ranges(world: World, limits: dict[str, Any]) -> None:
     """Check that the joints stay within their ranges."""
     low, high = ranges_of(limits, world.own)
+    if world.unknown is not None:
+        off = world.unknown.joints[: world.own]
+        low, high = low + off, high - off
 
     def outside(spans: Any) -> Any:
         q = parts_of(world.curve, spans)
@@ -374,7 +379,10 @@ def at_pose(world: World, said: Any) -> bool:
         said, "goal", f"link position_tolerance orientation_tolerance free {FRAME}"
     )
     count = float(len(world.control.mid))
-    end, to = Motion(world, np.array([[count - INSTANT, count]])), (-1, frame("goal", rotation, position, off))
+    end, to = (
+        Motion(world, np.array([[count - INSTANT, count]]), lags=False),
+        (-1, frame("goal", rotation, position, off)),
+    )
     bonds = bonds_of_pose("goal", link_of(world, link), to, within)
     return all(bool((end.apart(x) <= x.most).all()) for x in bonds)
 

@@ -106,6 +106,15 @@ def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
     return np.stack([low, high], axis=1), node.ravel(), whole
 
 
+def latest(times: Any, spans: Any) -> Any:
+    """Upper bounds (k,) of |time| at rows `spans` (k, 2), 0 where there are no times."""
+    if times is None:
+        return np.zeros(len(spans))
+    first = np.minimum(np.floor(spans).astype(int), len(times) - 2)
+    found = np.abs(times[first] + (spans - first) * (times[first + 1] - times[first])).max(axis=1)
+    return up(found) + 2.0**-40 * np.abs(times).max()
+
+
 def picked(values: Any, *rows: Any) -> Any:
     """values[rows], with the rows innermost in memory: sums over what is left of the axes are then fast."""
     if isinstance(values, Ball):
@@ -116,8 +125,9 @@ def picked(values: Any, *rows: Any) -> Any:
 class Motion:
     """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
 
-    def __init__(self, world: World, spans: Any) -> None:
-        """Compute them for `spans` (k, 2) of the rows, exact numbers."""
+    def __init__(self, world: World, spans: Any, lags: bool = True) -> None:
+        """Compute them for `spans` (k, 2) of the rows, exact numbers; of the motion as it is commanded, if nothing
+        `lags`."""
         self.world, (low, high), degree = world, spans.T, world.control.mid.shape[1] - 1
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
@@ -132,6 +142,9 @@ class Motion:
         edges = np.maximum.reduceat(over.max(axis=1), begins), np.minimum.reduceat(over.min(axis=1), begins)
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
+        if world.unknown is not None:
+            self.off = up(self.off + world.unknown.joints * lags)
+            self.latest = latest(world.times, spans)
         self.most: Any = up(np.abs(self.step) + self.off)
         turn, at = world.frames  # of each joint in the one before, moved by its value
         cos, sin = cos_sin(picked(self.middle, slice(None)))
@@ -149,8 +162,8 @@ class Motion:
         moment = where(turns, cross(self.at[:, :-1], self.axis), self.axis)
         self.screw = joined([where(turns, self.axis, none), moment], 2)  # of each joint: its parts of W and V
         joint = world.joint[world.movers]
-        ends = dot("kgij,gj->kgi", self.turn[:, joint], world.centers[world.movers]) + self.at[:, joint]
-        self.reach = self.reaches(ends, world.radii[world.movers], world.carried[joint])
+        self.ends = dot("kgij,gj->kgi", self.turn[:, joint], world.centers[world.movers]) + self.at[:, joint]
+        self.reach = self.reaches(self.ends, world.radii[world.movers], world.carried[joint])
 
     def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
         """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
@@ -227,7 +240,9 @@ class Motion:
         length = norm(np.abs(normal))
         both = above(most[:, :count], most[:, count:]).max(axis=0)
         least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
-        return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
+        found = np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
+        unknown = self.world.unknown
+        return found if unknown is None else -above(-found, unknown.closer(self, node, pairs))
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
         """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""

@@ -27,12 +27,15 @@ from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
 from .rviz import ENDING, exported
 from .semantics import Semantics
+from .sizes import sizes
 from .targets import Targets
 from .text import Files, listing, mapping, row
 from .world import VERSION
 
 ROUNDING = 1e-6  # by which rows may be farther apart than a scene says
-ROBOT = "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs"
+ROBOT = (
+    "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs tracking calibration"
+)
 
 
 @dataclass(frozen=True)
@@ -163,6 +166,7 @@ class Reader:
             "motion": self.rows.of(listed, joints.held),
             "limits": found,
             **({"loads": loads(top, joints)} if "torque" in found else {}),
+            **sizes(top, joints),
             "path": scenes.path_of(top),
             "start": [targets.target(top["start"], "start")],
             "goal": targets.goals(top["goal"]),
@@ -232,7 +236,8 @@ class Reader:
                 ends[end] = joints.told[end]
                 self.told.taken[f"the {end}"] = None
         return {
-            **joints.told,
+            **{key: x for key, x in joints.told.items() if key != "sizes"},
+            **sizes(top, joints),
             "bodies": [*joints.bodies, *held, *around],
             "tracks": tracks,
             "motion": self.rows.of(joints.told["joints"], joints.held),

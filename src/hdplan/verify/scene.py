@@ -197,7 +197,7 @@ def obstacles(
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
-        said = mapping(entry, what, f"name shape pose clearance motion {' '.join(SEEN)}")
+        said = mapping(entry, what, f"name shape pose clearance motion uncertainty {' '.join(SEEN)}")
         name = word(said.get("name", f"obstacle{i}"), what)
         pose = pose_of(said.get("pose"), name)
         if "motion" in said:

@@ -47,7 +47,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
-    still = [x for x in world.pieces if x.joint == -1]
+    still = [x for i, x in enumerate(world.pieces) if x.joint == -1 and not world.may_leave(i)]
     kinds = [dict.fromkeys(named(x.name) for x in still if (x.kind == "obstacle") == own) for own in (False, True)]
     if all(kinds):
         lines.append(f"  not compared, both stand still: {' and obstacles '.join(map(', '.join, kinds))}")
@@ -55,6 +55,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
         for rates in [x["velocity"] for x in targets if "velocity" in x]:
             moving = (f"{named(world.joints[i].name)} at {digits(x)}" for i, x in zip(world.lead, rates, strict=True))
             lines.append(f"  moving at the {end}: {', '.join(moving)} (rad or m per second)")
+    lines += unknown(world)
     rules = [(x.name, *x.follows) for x in world.joints if x.follows]
     following = (
         f"{named(name)} at {digits(k)} x {named(world.joints[i].name)} + {digits(add)}" for name, i, k, add in rules
@@ -64,6 +65,24 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     lines += [f"  held: {', '.join(held)}"] * bool(world.held)
     assumed = ["  if:", *(f"    {line}" for line in ASSUMES.splitlines())]
     return "\n".join([*map(shown, lines), *assumed]), not missing
+
+
+def unknown(world: World) -> list[str]:
+    """What is proven of all worlds that differ by no more than these sizes."""
+    sizes = world.unknown
+    if sizes is None:
+        return []
+    turned = "up to {} m, {} rad about its origin"
+    found = [
+        f"obstacle {named(name)} is {turned.format(digits(shift), digits(turn))} and {digits(speed)} m/s away"
+        for name, (shift, turn, speed) in sizes.around.items()
+    ]
+    if sizes.base.any():
+        found.append(f"the robot's base is {turned.format(*map(digits, sizes.base))} away")
+    for off, unit in ((sizes.joints, "rad or m"), (sizes.rates, "rad/s or m/s")):
+        each = (f"{named(x.name)} by {digits(y)}" for x, y in zip(world.joints, off, strict=True) if y)
+        found += [f"joints are off by up to {', '.join(each)} ({unit})"] * bool(off.any())
+    return ["  in every world in which:", *(f"    {line}" for line in found)]
 
 
 def millimetres(metres: float) -> str:

@@ -210,8 +210,8 @@ class World:
         """Take the content of a world's file, and a proof's groups of the triangles of meshes."""
         keys = "joints held links bodies tracks not_compared clearances motion limits path start goal duration also"
         need(type(said) is dict, "the world: a mapping is expected")
-        version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads = keys_of(
-            {"loads": None, **said}, "the world", f"hdplan_world {keys} loads"
+        version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads, sizes = (
+            keys_of({"loads": None, "sizes": None, **said}, "the world", f"hdplan_world {keys} loads sizes")
         )
         self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
         need(version == VERSION, f"the world is not of version {VERSION}")
@@ -236,6 +236,9 @@ class World:
         for i, each in enumerate(bodies):
             self.add_body(i, each)
         self.lay_tracks()
+        from .unknown import Unknown
+
+        self.unknown = None if sizes is None else Unknown(self, sizes)
         self.pair_up(apart)
         self.stack_up()
         self.usual, own, self.among = keys_of(clearances, "clearances", "obstacles own self")
@@ -365,7 +368,7 @@ class World:
             one, two = pieces[a], pieces[b]
             within = two.kind != "obstacle"
             excused = one.name == two.name or (one.name, two.name) in self.left_out
-            if not (excused if within else one.joint == two.joint == -1):
+            if not (excused if within else one.joint == two.joint == -1 and not self.may_leave(b)):
                 rows.append((a, b))
         self.pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
         number, links = np.array([[x.body, x.kind == "link"] for x in pieces], dtype=np.int64).reshape(-1, 2).T
@@ -373,6 +376,10 @@ class World:
         ways = [way for a, b in near.tolist() for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
         self.within = np.array([b < own for _, b in rows], dtype=bool)  # pairs of the robot with itself
+
+    def may_leave(self, piece: int) -> bool:
+        """Whether a piece that stands may be elsewhere at another time."""
+        return self.unknown is not None and bool(self.unknown.speed[piece])
 
     def stack_up(self) -> None:
         """Collect joints (n, ...) and pieces (g, ...) in arrays, with the centres of balls around the pieces, in the

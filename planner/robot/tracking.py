@@ -1,0 +1,42 @@
+"""By how much joints may be off a motion while it is executed: a scene's `robot.tracking`, one value for each joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, listed, naming
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.sizes import Tracking
+
+
+def tracking(scene: Scene, robot: Robot, name: str = "position") -> Array:
+    """Return how far the planned joints (n,), or their velocities, may be off [rad or m, per second]; joints that are
+    held are where they are said to be.
+
+    Raises InputError, naming the file that specifies the robot, for a wrong number of values and unknown names.
+    """
+    given = getattr(scene.robot.tracking or Tracking(), name)
+    where = f"robot.tracking.{name}"
+    with naming(scene.robot.source or scene.source):
+        if isinstance(given, float):
+            return np.full(robot.n, given)
+        if not isinstance(given, Mapping):
+            if len(given) != robot.n:
+                joints = listed(robot.joint_names)
+                raise InputError(f"{where}: {len(given)} values, but {robot.name} plans {robot.n} joints: {joints}")
+            return np.array(given)
+        found = np.zeros(robot.n)
+        for joint, value in given.items():
+            found[robot.index_of(joint, where)] = value
+        return found
+
+
+def tracking_of_all(scene: Scene, robot: Robot, name: str = "position") -> Array:
+    """Return the same of all joints of the model (m,): what follows is off by as much as what it follows, times its
+    factor."""
+    own = tracking(scene, robot, name)
+    return own if robot.linkage is None else np.abs(robot.linkage.matrix) @ own

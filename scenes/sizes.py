@@ -1,0 +1,111 @@
+"""How large is what a scene does not know: where obstacles really are, how far a controller lags, how well the robot's
+place is known. A world is *within the sizes* if all of it is; what is certified is certified in every such world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import numpy as np
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
+
+Distance = Annotated[float, Number(0.0, 1.0, unit="m")]
+Turn = Annotated[float, Number(0.0, math.pi, unit="rad")]
+JointSizes = float | tuple[float, ...] | Mapping[str, float]
+"""A size for each joint: one for all, one each in the order of the planned joints, or by name, the others 0."""
+AnyJointSizes = float | Numbers | Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class JointSize:
+    """A size of every joint, at least 0: one for all joints, one each, or by name."""
+
+    unit: str
+    most: float = math.inf
+
+    def __call__(self, value: object) -> Any:
+        """Return a float, a tuple or a dictionary."""
+        size = Number(0.0, self.most, unit=self.unit)
+        if isinstance(value, np.ndarray) and value.ndim:
+            value = list(value)
+        match value:
+            case {**named} if named:
+                return Named(size)(value)
+            case [_, *_]:
+                return Row(size)(value)
+            case bool() | dict() | list() | tuple() | None:
+                forms = "a number, a list of numbers, or a mapping from joint names to numbers"
+                raise FieldError(f"must be {forms}, at least 0 [{self.unit}], found {describe(value)}", value=value)
+        return size(value)
+
+
+class Sized(Checked):
+    """Sizes that can be made smaller together."""
+
+    def times(self, share: float) -> Self:
+        """Return so much of every size."""
+        return type(self)(**{each.name: _times(getattr(self, each.name), share) for each in fields(self)})  # type: ignore[arg-type]
+
+
+def _times(size: JointSizes, share: float) -> JointSizes:
+    if isinstance(size, Mapping):
+        return {name: share * value for name, value in size.items()}
+    return tuple(share * value for value in size) if isinstance(size, tuple) else share * size
+
+
+@dataclass(frozen=True, repr=False)
+class Uncertainty(Sized):
+    """An obstacle is not quite where the scene says: each of its points may be up to `position` away from where the
+    pose, turned by up to `orientation` about the obstacle's origin, has it, and up to `speed` times the time more."""
+
+    position: Distance = 0.0  # [m]
+    orientation: Turn = 0.0  # [rad] about any axis through its origin
+    speed: Annotated[float, Number(0.0, 100.0, unit="m/s")] = 0.0  # at which it may leave, from time 0 on
+
+    if TYPE_CHECKING:
+
+        def __init__(self, position: float = 0.0, orientation: float = 0.0, speed: float = 0.0) -> None: ...
+
+
+@dataclass(frozen=True, repr=False)
+class Tracking(Sized):
+    """By how much the joints may be off the motion while the controller executes it."""
+
+    position: Annotated[JointSizes, JointSize("rad or m", 1.0)] = 0.0
+    velocity: Annotated[JointSizes, JointSize("rad/s or m/s")] = 0.0
+
+    if TYPE_CHECKING:
+
+        def __init__(self, position: AnyJointSizes = 0.0, velocity: AnyJointSizes = 0.0) -> None: ...
+
+    def _check_whole(self) -> None:
+        for name in ("position", "velocity"):  # zeros in any form are none
+            given = getattr(self, name)
+            if not any(given.values() if isinstance(given, Mapping) else np.atleast_1d(given)):
+                object.__setattr__(self, name, 0.0)
+
+    @property
+    def of_rates(self) -> bool:
+        """Whether any joint's velocity may be off."""
+        return self.velocity != 0.0
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration(Sized):
+    """The robot's base may stand up to `position` away from `robot.base`, turned by up to `orientation` about it."""
+
+    position: Distance = 0.0  # [m]
+    orientation: Turn = 0.0  # [rad] about any axis through the base's origin
+
+    if TYPE_CHECKING:
+
+        def __init__(self, position: float = 0.0, orientation: float = 0.0) -> None: ...
+
+
+def chord(angle: float) -> float:
+    """Return how far a turn moves a point at most, as a share of its distance from the origin."""
+    return 2.0 * math.sin(0.5 * angle)

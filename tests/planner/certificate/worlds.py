@@ -1,0 +1,148 @@
+"""Worlds within a scene's sizes, sampled: Pinocchio's kinematics and coal's own distances of the robot's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from hdplan import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Scene, Sphere, Trajectory
+from hdplan.planner.geometry.coal_shapes import triangle_tree
+from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.tracking import tracking
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.sizes import Calibration, Uncertainty
+
+Points = tuple[Array, Array]
+
+
+def coal_shape(obstacle: Obstacle) -> object:
+    """An obstacle as coal's own shape."""
+    match shape := obstacle.shape:
+        case Box():
+            return coal.Box(*shape.size)
+        case Sphere():
+            return coal.Sphere(shape.radius)
+        case Capsule():
+            return coal.Capsule(shape.radius, shape.length)
+        case Cylinder():
+            return coal.Cylinder(shape.radius, shape.length)
+        case Ellipsoid():
+            return coal.Ellipsoid(*shape.radii)
+        case Mesh():
+            return triangle_tree(load_mesh(shape, obstacle.name))
+    raise TypeError(shape)
+
+
+@dataclass
+class Near:
+    """The two closest bodies of a world."""
+
+    distance: float
+    a: int = -1  # of the robot's geometries
+    b: int = -1  # an obstacle
+    points: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
+
+
+class Worlds:
+    """All worlds within the sizes of a scene, along one motion."""
+
+    def __init__(self, scene: Scene, robot: Robot, trajectory: Trajectory) -> None:
+        """Read the obstacles."""
+        self.scene, self.robot, self.curve = scene, robot, curve_of(robot, trajectory)
+        self.shapes = [coal_shape(each) for each in scene.obstacles]
+        self.motions = [ObstacleMotion.of(each) for each in scene.obstacles]
+        self.lag = tracking(scene, robot)
+        self.base = scene.robot.calibration or Calibration()
+        self.data = robot.model.createData()
+
+    def sampled(self, rng: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
+        """Yield least distances to obstacles and between links in worlds at the edge of the sizes: random ones, and
+        each again with all that is unknown turned to where it brings the closest bodies together."""
+        for _ in range(count):
+            where = float(rng.uniform())
+            time = float(self.curve.time_of(where)) if self.curve.times is not None else 0.0
+            q = self.curve.at_parameter(np.array([where]))[0]
+            off = rng.choice([-1.0, 1.0], len(q)) * self.lag
+            poses = []
+            for each, pose in zip(self.scene.obstacles, self._poses(time), strict=True):
+                sizes = each.uncertainty or Uncertainty()
+                shift, turn = _displaced(rng, sizes.position + sizes.speed * time, sizes.orientation)
+                pose[:3, :3], pose[:3, 3] = turn @ pose[:3, :3], pose[:3, 3] + shift
+                poses.append(pose)
+            base = _displaced(rng, self.base.position, self.base.orientation)
+            yield self.nearest(q + off, base, poses).distance, self.between_links(q + off)
+            near = self.nearest(q, (np.zeros(3), np.eye(3)), self._poses(time))
+            yield self._worst(q, time, near), self.between_links(q - off)
+
+    def _poses(self, time: float) -> list[Array]:
+        return [motion.at(np.array([time]))[0] for motion in self.motions]
+
+    def _worst(self, q: Array, time: float, near: Near) -> float:
+        """The distance with the closest obstacle moved towards the closest link, and every joint, too."""
+        on_link, on_other = near.points
+        way = (on_other - on_link) / max(float(np.linalg.norm(on_other - on_link)), 1e-12)
+        if not np.isfinite(near.distance):
+            return near.distance
+        pin.computeJointJacobians(self.robot.model, self.data, self._full(q))
+        joint = self.robot.collision.geometryObjects[near.a].parentJoint
+        frame = pin.getJointJacobian(self.robot.model, self.data, joint, pin.ReferenceFrame.WORLD)
+        off = np.sign(self.robot.fold(way @ (frame[:3] + np.cross(frame[3:].T, on_link).T))) * self.lag
+        poses = self._poses(time)
+        sizes, pose = self.scene.obstacles[near.b].uncertainty or Uncertainty(), poses[near.b]
+        axis = np.cross(on_other - pose[:3, 3], -way)
+        axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+        pose[:3, :3] = pin.exp3(sizes.orientation * axis) @ pose[:3, :3]
+        pose[:3, 3] -= (sizes.position + sizes.speed * time) * way
+        return self.nearest(q + off, (self.base.position * way, np.eye(3)), poses).distance
+
+    def _full(self, q: Array) -> Array:
+        return np.asarray(self.robot.unfolded.pin_q(self.robot.expand(q)[None])[0])
+
+    def _placed(self, q: Array) -> list[tuple[Array, Array]]:
+        placed = self.robot.collision.createData()
+        pin.updateGeometryPlacements(self.robot.model, self.data, self.robot.collision, placed, self._full(q))
+        return [(np.array(each.rotation), np.array(each.translation)) for each in placed.oMg]
+
+    def nearest(self, q: Array, base: tuple[Array, Array], poses: list[Array]) -> Near:
+        """The closest link and obstacle in one world."""
+        origin, best, (shift, turn) = np.array(self.robot.base.position), Near(np.inf), base
+        for a, (rotation, at) in enumerate(self._placed(q)):
+            item = self.robot.collision.geometryObjects[a]
+            there = turn @ rotation, turn @ (at - origin) + origin + shift
+            for b, shape in enumerate(self.shapes):
+                if not item.parentJoint and not self.scene.obstacles[b].moves:
+                    continue  # both stand
+                found, points = _distance(item.geometry, there, shape, (poses[b][:3, :3], poses[b][:3, 3]))
+                if found < best.distance:
+                    best = Near(found, a, b, points)
+        return best
+
+    def between_links(self, q: Array) -> float:
+        """The least distance of two links that are compared."""
+        items, own = self.robot.collision.geometryObjects, self.robot.link_geometry
+        places = self._placed(q)
+        pairs = [(a, b) for one, other in self.robot.self_pairs for a in own[one] for b in own[other]]
+        return min(
+            (_distance(items[a].geometry, places[a], items[b].geometry, places[b])[0] for a, b in pairs),
+            default=np.inf,
+        )
+
+
+def _distance(a: object, one: tuple[Array, Array], b: object, other: tuple[Array, Array]) -> tuple[float, Points]:
+    result = coal.DistanceResult()
+    places = coal.Transform3s(*one), coal.Transform3s(*other)
+    found = coal.distance(a, places[0], b, places[1], coal.DistanceRequest(True), result)
+    return found, (np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2()))
+
+
+def _displaced(rng: np.random.Generator, far: float, angle: float) -> tuple[Array, Array]:
+    """A shift and a turn of these sizes, in random directions."""
+    way, axis = rng.normal(size=(2, 3))
+    return far * way / np.linalg.norm(way), pin.exp3(angle * axis / np.linalg.norm(axis))

@@ -1,0 +1,199 @@
+"""Laws of proofs in scenes with sizes: what is accepted holds in worlds sampled within them, by other kinematics and
+distances; a world that says less, or more, is not the scene's; and the checker knows what it cannot prove."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import hdplan
+from hdplan import InputError, Scene, Tracking, Trajectory, Uncertainty
+from hdplan.planner.proof.proof import Proof, prove
+from hdplan.planner.proof.world import world_of
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.verify import RejectedError
+from hdplan.verify.checking import check
+from hdplan.verify.compare import check_equal
+from hdplan.verify.kernel import accept, unpack
+from hdplan.verify.reading import read_world
+
+from ..certificate.test_sizes import HOMES, random_scene, sized
+from ..certificate.worlds import Worlds
+
+Made = tuple[Path, Path, Scene, Trajectory, Proof]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A motion beside a person, and its proof."""
+    folder = tmp_path_factory.mktemp("person")
+    scene, motion = load_scene("panda_person"), folder / "motion.json"
+    file = folder / "scene.yaml"
+    scene.save(file)
+    result = hdplan.plan(scene)
+    result.save(motion)
+    return file, motion, scene, result.trajectory, prove(file, motion)
+
+
+def test_the_proof_is_of_every_world_within_the_sizes(made: Made) -> None:
+    file, motion, scene, trajectory, proof = made
+    bound = proof.certificate.clearance
+    assert bound is not None
+    head, _, _, _ = unpack(proof.data)
+    assert bound - 1e-4 <= head["clearance"] <= bound
+    verdict, _ = check(file, motion, proof.data)
+    for said in (
+        "in every world in which:",
+        "obstacle person is up to 0 m, 0 rad about its origin and 0.3 m/s away",
+        "obstacle crate is up to 0.01 m, 0.05 rad about its origin and 0 m/s away",
+        "the robot's base is up to 0.002 m, 0.001 rad about its origin away",
+        "joints are off by up to panda_joint1 by 0.002",
+    ):
+        assert said in verdict.text
+    assert "person" not in next(line for line in verdict.text.splitlines() if "both stand still" in line)
+    setup = Setup.of(scene)
+    found = np.array(list(Worlds(setup.scene, setup.robot, trajectory).sampled(np.random.default_rng(0), 15)))
+    assert (found.min(axis=0) >= [head["clearance"], head["self_clearance"]]).all()
+
+
+@pytest.mark.parametrize("robot", HOMES)
+def test_random_sizes_are_proven_nearly_as_they_are_certified(robot: str, tmp_path: Path) -> None:
+    """Obstacles that move and turn, all shapes, a base that hangs."""
+    home, more = HOMES[robot]
+    done = 0
+    for seed in (2, 5, 7):
+        scene, motion = random_scene(seed, robot, home, **more)
+        goal = motion.positions[-1].tolist()
+        scene = scene.with_goal(goal)
+        file, rows = tmp_path / f"{seed}.yaml", tmp_path / f"{seed}.json"
+        scene.save(file)
+        motion.save(rows)
+        certificate = hdplan.certify(scene, motion)
+        if not certificate.certified:
+            continue
+        proof = prove(file, rows)
+        head, *_ = unpack(proof.data)
+        assert head["clearance"] >= certificate.clearance - 1e-4
+        assert head["self_clearance"] >= certificate.self_clearance - 1e-4
+        done += 1
+    assert done
+
+
+def test_other_sizes_are_another_scene(made: Made, tmp_path: Path) -> None:
+    file, motion, _, _, proof = made
+    told = check(file, motion, proof.data)[1]
+    content = yaml.safe_load(file.read_text())
+    places: list[tuple[Any, ...]] = [
+        ("obstacles", 1, "uncertainty", "speed"),
+        ("obstacles", 2, "uncertainty", "position"),
+        ("obstacles", 2, "uncertainty", "orientation"),
+        ("robot", "tracking", "position"),
+        ("robot", "tracking", "velocity"),
+        ("robot", "calibration", "position"),
+        ("robot", "calibration", "orientation"),
+    ]
+    other = tmp_path / "scene.yaml"
+    for place in places:
+        for factor in (0.5, 2.0):
+            changed = copy.deepcopy(content)
+            held = changed
+            for key in place[:-1]:
+                held = held[key]
+            held[place[-1]] *= factor
+            other.write_text(yaml.safe_dump(changed))
+            with pytest.raises(RejectedError, match="the worlds differ: sizes"):
+                check_equal(read_world(other, motion).world, told)
+
+
+def test_the_kernel_takes_what_is_unknown_off_its_bounds(made: Made) -> None:
+    """In its own world a proof is accepted, with smaller sizes too; with larger ones of each kind it is not."""
+    file, motion, _, _, proof = made
+    world = read_world(file, motion).world
+    assert accept(world, proof.data)[1]
+
+    def with_sizes(change: Any) -> dict[str, Any]:
+        other = copy.deepcopy(world)
+        change(other["sizes"])
+        return other
+
+    def smaller(sizes: Any) -> None:
+        sizes["around"]["crate"] = {"shift": 0.0, "turn": 0.0, "speed": 0.0}
+        sizes["joints"] = [0.0] * 7
+
+    assert accept(with_sizes(smaller), proof.data)[1]
+    larger = (
+        lambda sizes: sizes["around"]["crate"].update(shift=0.05),
+        lambda sizes: sizes["around"]["crate"].update(turn=0.5),
+        lambda sizes: sizes["around"].update(floor={"shift": 0.5, "turn": 0.0, "speed": 0.0}),
+        lambda sizes: sizes["around"]["person"].update(speed=0.8),
+        lambda sizes: sizes["around"]["crate"].update(speed=0.1),
+        lambda sizes: sizes.update(joints=[0.05] * 7),
+        lambda sizes: sizes["base"].update(shift=0.1),
+        lambda sizes: sizes["base"].update(turn=0.2),
+        lambda sizes: sizes.update(rates=[2.0] * 7),
+    )
+    for change in larger:
+        with pytest.raises(RejectedError):
+            accept(with_sizes(change), proof.data)
+    wrong = (
+        lambda sizes: sizes["around"].update(nobody={"shift": 0.1, "turn": 0.0, "speed": 0.0}),
+        lambda sizes: sizes["around"]["crate"].update(shift=-0.1),
+        lambda sizes: sizes["around"]["crate"].update(turn=4.0),
+        lambda sizes: sizes["around"]["crate"].update(shift=float("nan")),
+        lambda sizes: sizes["around"]["crate"].update(more=0.0),
+        lambda sizes: sizes.update(joints=[0.0] * 6),
+        lambda sizes: sizes.update(joints=[-1.0] * 7),
+        lambda sizes: sizes.update(base={"shift": 0.0, "turn": 0.0}),
+        lambda sizes: sizes.pop("rates"),
+    )
+    for change in wrong:
+        with pytest.raises(RejectedError):
+            accept(with_sizes(change), proof.data)
+    upright = copy.deepcopy(world)
+    upright["path"] = [{"kind": "upright", "link": "panda_hand", "axis": [0, 0, 1.0], "off": 0.0, "tolerance": 3.0}]
+    with pytest.raises(RejectedError, match="sizes: of a robot with constraints or torques"):
+        accept(upright, proof.data)
+
+
+def test_without_sizes_the_world_is_as_it_was() -> None:
+    scene = load_scene("panda_cage")
+    motion = hdplan.plan(scene).trajectory
+    none = sized(scene, Uncertainty(), tracking=Tracking([0.0] * 7))
+    one, other = (world_of(Setup.of(each), motion) for each in (scene, none))
+    assert "sizes" not in one
+    assert repr(one) == repr(other)
+
+
+def test_joints_that_follow_lag_as_what_they_follow(tmp_path: Path) -> None:
+    """Of parallel linkages every link is off by what moves it, in certificate, proof and sampled worlds alike."""
+    from ..linkage import linkage_urdf
+
+    robot = hdplan.RobotSpec(urdf=linkage_urdf(tmp_path), tracking=Tracking({"lift": 0.01, "elbow": 0.005}))
+    ball = hdplan.Obstacle("ball", hdplan.Sphere(0.2), [1.5, 0.9, 1.0], uncertainty=Uncertainty(0.01))
+    rows = np.array([[0.0, 0.1, 0.2, 0.0, 0.1], [0.05, 0.15, 0.1, 0.1, 0.1]])
+    scene = Scene(robot=robot, obstacles=[ball], start=rows[0], goal=rows[1])
+    setup = Setup.of(scene)
+    motion = Trajectory(setup.robot.joint_names, rows)
+    certificate = hdplan.certify(scene, motion)
+    assert certificate.certified, certificate.text
+    found = np.array(list(Worlds(setup.scene, setup.robot, motion).sampled(np.random.default_rng(0), 10)))
+    assert certificate.clearance is not None
+    assert certificate.self_clearance is not None
+    assert (found.min(axis=0) >= [certificate.clearance, certificate.self_clearance]).all()
+    file, path = tmp_path / "scene.yaml", tmp_path / "motion.json"
+    scene.save(file)
+    motion.save(path)
+    assert unpack(prove(file, path).data)[0]["clearance"] >= certificate.clearance - 1e-4
+
+
+def test_what_no_proof_knows_is_refused_by_name() -> None:
+    scene = load_scene("panda_cup")
+    with pytest.raises(InputError, match=r"robot.tracking: is given, and no proof of path.upright knows it"):
+        dataclasses.replace(scene, robot=dataclasses.replace(scene.robot, tracking=Tracking(0.001)))
