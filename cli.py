@@ -43,8 +43,8 @@ Examples:
 Shipped scenes are called by their bare names: baxter_bimanual_carry, empty,
 kinova_shelf, panda_bookshelf, panda_cable, panda_cage, panda_camera, panda_carry,
 panda_conveyor, panda_corridor, panda_cup, panda_fold, panda_gate, panda_grasp, panda_heavy,
-panda_pick_place, panda_seam, panda_table_pick, panda_vase, planar_arm, pr2_shelf, tiago_shelf,
-ur5_ceiling, ur5_pallet, ur5_palletize, ur5_payload, ur5_scan, ur5_table, xarm7_post.
+panda_person, panda_pick_place, panda_seam, panda_table_pick, panda_vase, planar_arm, pr2_shelf,
+tiago_shelf, ur5_ceiling, ur5_pallet, ur5_palletize, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 no certified motion was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (its results so far are written, marked as such); 2 bad input;

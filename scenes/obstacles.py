@@ -86,7 +86,7 @@ class Obstacle(Checked):
 
     @property
     def moves(self) -> bool:
-        """Whether it may be elsewhere at another time."""
+        """True if the obstacle may be elsewhere at another time."""
         return self.motion is not None or (self.uncertainty is not None and self.uncertainty.speed > 0.0)
 
     def _check_whole(self) -> None:

@@ -125,6 +125,10 @@ class Scene(Checked):
             size = "tracking" if self.robot.tracking is not None else "calibration"
             for name in (*self.path.asked, *(["limits.torque"] if self.limits.torque is not None else [])):
                 raise FieldError(f"is given, and no proof of {name} knows it: leave one of them out", f"robot.{size}")
+        if self.robot.tracking is not None and self.robot.tracking.of_rates and not self.timed:
+            raise FieldError(
+                "only matters for a motion with times, but timing and limits are missing", "robot.tracking.velocity"
+            )
         if self.robot.check_pairs and not self.self_collision.checked:
             raise FieldError("names pairs to check, but self_collision: false checks none", "robot.check_pairs")
 
@@ -208,10 +212,6 @@ class Scene(Checked):
             if obstacle.uncertainty is not None and obstacle.uncertainty.speed and duration is None:
                 where = f"obstacles[{i}].uncertainty.speed"
                 raise FieldError("needs known times, but timing.duration is missing", where)
-        if self.robot.tracking is not None and self.robot.tracking.of_rates and not self.timed:
-            raise FieldError(
-                "only matters for a motion with times, but timing and limits are missing", "robot.tracking.velocity"
-            )
         if self.timed and duration is None and self.limits.acceleration is None:
             given = next((name for name in QUANTITIES if getattr(self.limits, name) is not None), None)
             raise FieldError(

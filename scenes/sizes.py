@@ -90,7 +90,7 @@ class Tracking(Sized):
 
     @property
     def of_rates(self) -> bool:
-        """Whether any joint's velocity may be off."""
+        """True if any joint's velocity may be off."""
         return self.velocity != 0.0
 
 

@@ -54,7 +54,7 @@ class AnyStage(Checked):
 
 @dataclass(frozen=True, repr=False)
 class ArmStage(AnyStage):
-    """What every stage has that moves the arm."""
+    """Common part of every stage that moves the arm."""
 
     blend: Annotated[float, Number(high=1.0, low=0.0, unit="m")] = field(default=0.0, kw_only=True)
     """Radius around its end within which it goes over into the next stage without a stop [m]; 0: it ends at rest."""

@@ -245,7 +245,7 @@ def _of_sizes(scene: Scene, robot: Robot, bodies: Bodies) -> Iterator[str]:
 
 
 def _are_known(bodies: Bodies, pieces: Sequence[int], unknown: Uncertainty) -> bool:
-    """Whether pieces of an obstacle may be as far from where they are said to be as the scene says."""
+    """True if pieces of an obstacle may be as far from their places as the scene's sizes allow."""
     if (sizes := bodies.sizes) is None:
         return False
     far = (sizes.position[pieces] >= unknown.position) & (sizes.turn[pieces] >= chord(unknown.orientation))

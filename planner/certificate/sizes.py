@@ -1,4 +1,4 @@
-"""What a scene does not know, in lengths: how much closer two bodies may be in a world within the scene's sizes.
+"""The unknown of a scene, in lengths: how much closer two bodies may be in a world within the scene's sizes.
 
 An obstacle is off by a shift of at most its `position`, a turn about its origin by at most its `orientation` θ, and
 `speed` times the time t more. A turn moves a point by a chord, 2 sin(½ θ) times its distance from the origin. To turn

@@ -25,7 +25,7 @@ from hdplan.scenes.targets import JointTarget
 
 @dataclass(frozen=True)
 class Corner:
-    """Where a stage would have ended, had it not been blended into the next one."""
+    """The end of a stage, had it not been blended into the next one."""
 
     radius: float  # [m]
     link: str  # of which the radius is meant

@@ -105,7 +105,7 @@ def _reach_at(robot: Robot, ends: tuple[tuple[float, ...], ...]) -> tuple[Array,
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Where an obstacle is in one span of time, and how much larger [m]; elsewhere it is far away."""
+    """Place of an obstacle in one span of time, and how much larger [m]; elsewhere it is far away."""
 
     motion: ObstacleMotion
     begin: float  # [s]

@@ -1,6 +1,6 @@
 """A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
 
-The certificate says what can be proven; here the planes are found that prove nearly as much (LOST_CLEARANCE) by the
+The certificate says what can be proven; here the planes are found that prove nearly as much (SHORTS) by the
 checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
 """
 
@@ -29,7 +29,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import Scene, unknown_in
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import RejectedError
@@ -41,7 +41,7 @@ from hdplan.verify.kernel import MAGIC, VERSION, check_apart, least_distances, u
 from hdplan.verify.reading import Reading, read_world
 from hdplan.verify.world import Piece, World
 
-LOST_CLEARANCE = 1e-4  # [m] by which less is proven than by the certificate
+SHORTS = (1e-4, 5e-4, 2e-3)  # [m] by which less is proven than by the certificate: more only where sizes are unknown
 COMPRESSION = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
 MOST_ROUNDS = 40  # in which meshes are divided
 
@@ -188,9 +188,17 @@ class _Writer:
         self.known = dict[Any, tuple[Rows, Array]]()  # depths and normals by pieces
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
+        *more, last = SHORTS if any(unknown_in(self.setup.scene)) else SHORTS[:1]
+        for short in more:  # the checker's own bounds on what is unknown are a little larger
+            with contextlib.suppress(NotProvenError):
+                return self._written(certificate, asked, short)
+        return self._written(certificate, asked, last)
+
+    def _written(self, certificate: Certificate, asked: float, short: float) -> Proof:
         least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
         lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
-        clearance, own = _less(bound, 0.0 if lower else asked), _less(certificate.self_clearance, least)
+        clearance = _less(bound, 0.0 if lower else asked, short)
+        own = _less(certificate.self_clearance, least, short)
         for _ in range(MOST_ROUNDS):
             world = World(self.reading.world, self.cuts)
             claimed = {
@@ -300,11 +308,11 @@ class _Writer:
         return {**self.planned, "bodies": bodies}
 
 
-def _less(clearance: float | None, asked: float) -> float:
+def _less(clearance: float | None, asked: float, short: float) -> float:
     """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
     if clearance is None:
-        return LOST_CLEARANCE
-    return max(asked, clearance - min(0.9 * LOST_CLEARANCE, 0.5 * clearance))
+        return short
+    return max(asked, clearance - min(0.9 * short, 0.5 * clearance))
 
 
 def _identity(piece: Piece) -> tuple[int, bytes]:

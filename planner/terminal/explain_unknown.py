@@ -1,4 +1,4 @@
-"""What a scene does not know, and how many millimetres each size costs at most: rows of the explanation."""
+"""The unknown of a scene, and how many millimetres each size costs at most: rows of the explanation."""
 
 from __future__ import annotations
 

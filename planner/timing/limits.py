@@ -32,7 +32,7 @@ class TimingLimit(Protocol):
     """One limit of a scene."""
 
     def rows(self, spline: BSpline) -> PathRows | None:
-        """Return it on a path at the points of `grid`; None if the fastest law does not know this limit."""
+        """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
         ...
 
     def stretch_of_law(self, samples: PathSamples) -> Array:

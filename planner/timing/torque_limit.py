@@ -35,7 +35,7 @@ class TorqueLimit:
         return self.dynamics.coefficients(*(spline(grid(), order) for order in range(3)))
 
     def rows(self, spline: BSpline) -> PathRows | None:
-        """Return it on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
+        """Rows on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
         and the certificate says where."""
         along = self._along(spline)
         return None if self._too_heavy(along.c) else PathRows.both(along.a, along.b, along.c, (1 - MARGIN) * self.limit)

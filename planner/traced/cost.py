@@ -81,7 +81,7 @@ class JaxCost:
 
     @property
     def _several(self) -> bool:
-        """Whether the tables are of several problems."""
+        """True if the tables are of several problems."""
         return self.tables.smoothness.ndim > 2
 
     def _of_every(self, of: Callable[..., Any], positions: jax.Array, axis: int) -> Any:

@@ -20,7 +20,7 @@ NO_PLACE = 2**31 - 1  # of a pair that only fills a table
 
 
 class Structure(NamedTuple):
-    """What the problems of one array have in common."""
+    """Common part of the problems of one array."""
 
     waypoints: int  # N
     joints: int  # n that are planned

@@ -26,6 +26,7 @@ NAMES = {
     "panda_gate",
     "panda_grasp",
     "panda_heavy",
+    "panda_person",
     "panda_table_pick",
     "panda_vase",
     "planar_arm",

@@ -342,7 +342,7 @@ def at_poses(world: World, said: Any, end: str) -> bool:
     """True if the motion ends with links at poses."""
     (poses,), count = keys_of(said, end, "poses"), float(len(world.control.mid))
     there = placed([(end, x) for x in poses], "link position_tolerance orientation_tolerance free")
-    last, bonds = Motion(world, np.array([[count - INSTANT, count]])), list[Bond]()
+    last, bonds = Motion(world, np.array([[count - INSTANT, count]]), lags=False), list[Bond]()
     for link, *within, at in there:
         bonds += bonds_of_pose(end, link_of(world, link), (-1, at), within)
     return end == "goal" and len(there) > 0 and all(bool((last.apart(x) <= x.most).all()) for x in bonds)

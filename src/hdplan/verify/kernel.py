@@ -125,8 +125,9 @@ def picked(values: Any, *rows: Any) -> Any:
 class Motion:
     """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
 
-    def __init__(self, world: World, spans: Any) -> None:
-        """Compute them for `spans` (k, 2) of the rows, exact numbers."""
+    def __init__(self, world: World, spans: Any, lags: bool = True) -> None:
+        """Compute them for `spans` (k, 2) of the rows, exact numbers; of the motion as it is commanded, if nothing
+        `lags`."""
         self.world, (low, high), degree = world, spans.T, world.control.mid.shape[1] - 1
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
@@ -142,7 +143,7 @@ class Motion:
         self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
         self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
         if world.unknown is not None:
-            self.off = up(self.off + world.unknown.joints)
+            self.off = up(self.off + world.unknown.joints * lags)
             self.latest = latest(world.times, spans)
         self.most: Any = up(np.abs(self.step) + self.off)
         cos, sin = (x[..., None, None] for x in cos_sin(np.asfortranarray(self.middle)))

@@ -33,7 +33,7 @@ def sizes(top: dict[str, Any], joints: Any) -> dict[str, Any]:
 
 
 def lag(said: Any, lead: list[str], what: str) -> list[float]:
-    """What each joint that leads may be off: one number for all, one each, or by name."""
+    """Greatest deviation of each joint that leads: one number for all, one each, or by name."""
     if isinstance(said, list):
         return [float(x) for x in values(said, len(lead), what)]
     if isinstance(said, dict):

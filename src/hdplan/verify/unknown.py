@@ -1,4 +1,4 @@
-"""What a world does not know: how far obstacles, joints and the robot's base may be from where it has them.
+"""The unknown of a world: how far obstacles, joints and the robot's base may be from where it has them.
 
 An obstacle is shifted by at most `shift`, turned about its frame's origin by at most `turn`, and after a time t it may
 be `speed` times |t| farther. A turn moves a point by at most 2 sin(angle / 2) times its distance from the origin, and
@@ -101,7 +101,7 @@ def sizes_of(said: Any, what: str, keys: str) -> Any:
 
 
 def of_joints(world: World, said: Any, what: str) -> Any:
-    """What all joints may be off (n,): one number each of those that follow none, of others that times their factor."""
+    """Greatest deviations of all joints (n,): one number each of those that follow none, of others that times their factor."""
     own, found = numbers(said, (len(world.lead),), what), np.zeros(len(world.joints))
     need((own >= 0).all(), f"{what}: is negative")
     found[world.lead] = own

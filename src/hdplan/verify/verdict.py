@@ -68,7 +68,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
 
 
 def unknown(world: World) -> list[str]:
-    """What is proven of all worlds that differ by no more than these sizes."""
+    """The statement on all worlds that differ by no more than these sizes."""
     sizes = world.unknown
     if sizes is None:
         return []

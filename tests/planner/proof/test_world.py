@@ -88,8 +88,9 @@ def test_worlds_are_plain_and_complete(name: str) -> None:
     setup = Setup.of(load_scene(name))
     found = world_of(setup, straight(setup))
     check_equal(found, written(found))
-    assert {*found} | {"loads"} == KEYS
+    assert {*found} | {"loads", "sizes"} == KEYS
     assert ("loads" in found) == ("torque" in setup.limits)
+    assert ("sizes" in found) == (name == "panda_person")
     assert all(0.0 <= each <= 1e-9 for each in offs(found))
     for number, joint in enumerate(found["joints"]):
         assert -1 <= joint["parent"] < number
@@ -106,6 +107,7 @@ def test_worlds_are_plain_and_complete(name: str) -> None:
     compared = {tuple(sorted((names[a], names[b]))) for a, b in rows}
     assert {*pairs} == every - compared
     still = {each["name"] for each in found["bodies"] if each["joint"] == -1}
+    still -= {each.name for each in setup.scene.moving}  # who may leave is compared with it
     assert not any({*pair} <= still for pair in compared)  # nor what stands still beside an obstacle that does
 
 

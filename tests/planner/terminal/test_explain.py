@@ -72,7 +72,8 @@ EVERYTHING = """
 hdplan: 1
 robot: {name: panda, base: {position: [0, 0, 1.6], rpy: [3.141592653589793, 0, 0]}}
 obstacles:
-  - {name: wall, shape: {type: box, size: [0.1, 2, 0.3]}, pose: {position: [0.8, 0, 0.6]}, clearance: 0.05}
+  - {name: wall, shape: {type: box, size: [0.1, 2, 0.3]}, pose: {position: [0.8, 0, 0.6]}, clearance: 0.05,
+     uncertainty: {position: 0.001}}
   - {name: cart, shape: {type: sphere, radius: 0.1}, pose: {position: [0.4, -2, 0.5]}, motion: {velocity: [0, 0.3, 0]}}
 attached:
   - {name: cup, link: panda_hand, shape: {type: sphere, radius: 0.03}, pose: {position: [0, 0, 0.12]}, mass: 0.4,
@@ -103,6 +104,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
     for name, words in (
         ("loads", "1 kg on panda_hand, 0.4 kg of cup"),
         ("base", "stands at (0, 0, 1.6), upside down"),
+        ("unknown", "obstacles[].uncertainty.position: planned and proven for every world within these sizes"),
         ("moving obstacles", "1; each sample of the motion meets them where they are at its time"),
         ("path.upright", "axis (0, 0, 1) of panda_hand points up all the way, tilted by 0.5 rad at most"),
         ("path.relative", "panda_hand keeps its pose at panda_link6, within 500 mm and 3 rad"),

@@ -27,6 +27,7 @@ from hdplan.scenes.poses import Pose, from_rpy
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.sizes import Calibration, Tracking, Uncertainty
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
@@ -234,6 +235,11 @@ class Maker:
         return value if self.rng.random() < 0.6 else otherwise
 
     def obstacle(self) -> Obstacle:
+        """One that moves or stands, maybe not quite where it is said to be."""
+        unknown = Uncertainty(self.number(high=1.0), self.number(high=3.0), self.number())
+        return replace(self.known(), uncertainty=self.maybe(unknown, None))
+
+    def known(self) -> Obstacle:
         shape, clearance = self.shape(), self.maybe(float(self.rng.uniform()), None)
         match int(self.rng.integers(3)):
             case 0:
@@ -327,6 +333,11 @@ class Maker:
         own = kinds[int(self.rng.integers(3))]
         spec = replace(spec, check_pairs=((self.name(), self.name()),) * own.checked)
         held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
+        if self.rng.random() < 0.3:  # of what is unknown of a robot there are no proofs beside these
+            limits, upright, within, relative, follow = replace(limits, torque=None), None, None, None, None
+            payload, settings = None, replace(settings, objective="smoothness")
+            lag = Tracking(self.number(high=1.0), {self.name(): self.number()})
+            spec = replace(spec, tracking=lag, calibration=Calibration(self.number(high=1.0), self.number(high=3.0)))
         return Scene(
             name="random",
             source=Path("random.yaml"),
