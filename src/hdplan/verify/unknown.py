@@ -101,7 +101,7 @@ def sizes_of(said: Any, what: str, keys: str) -> Any:
 
 
 def of_joints(world: World, said: Any, what: str) -> Any:
-    """Greatest deviations of all joints (n,): one number each of those that follow none, of others that times their factor."""
+    """Greatest deviations of all joints (n,): given for those that follow none, times the factor for others."""
     own, found = numbers(said, (len(world.lead),), what), np.zeros(len(world.joints))
     need((own >= 0).all(), f"{what}: is negative")
     found[world.lead] = own
