@@ -12,7 +12,7 @@ Distances are proven *lower bounds* in metres, positive = separated. Two bodies 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -161,10 +161,12 @@ class Certifier:
         required: float | None = None,
         check_ends: bool = True,
         suspect: tuple[int, float] | None = None,
+        passing: Collection[str] = (),
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
-        failures are not complete."""
+        failures are not complete. At ends that are `passing` the robot goes on: the motion itself says where those
+        are, so that no lesser clearance is required for them."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
@@ -177,7 +179,7 @@ class Certifier:
             refuse_large_motion(self.sweep.bodies, self._fields, moved, self.robot.unfolded.joint_names)
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
-        required, reductions = self.asked(curve) if required is None else (required, ())
+        required, reductions = self.asked(curve, passing) if required is None else (required, ())
         floor = self._floor(required)
         proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect)
         path = None if self.path is None or beyond else self.path.prove(moved)
@@ -237,12 +239,14 @@ class Certifier:
             ),
         )
 
-    def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
+    def asked(self, curve: Curve, passing: Collection[str] = ()) -> tuple[float, tuple[str, ...]]:
         """Return the clearance [m] that the scene asks of a motion, for obstacles without a clearance of their own:
         planner.clearance, or less, with a note, where the scene's own start or goal is closer. Of several goals the one
-        that the motion reaches counts."""
+        that the motion reaches counts; ends that are `passing` do not."""
         required, notes = self.scene.planner.clearance, []
         for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
+            if field in passing:
+                continue
             required, note = self.allowed(field, self.too_close(q, required, seconds), required)
             notes += [note] if note else []
         return required, tuple(notes)
