@@ -52,7 +52,7 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.values import Number, checked, instance
+from hdplan.scenes.values import Number, boolean, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
@@ -170,6 +170,7 @@ class Certifier:
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
+        check_ends = checked(boolean, check_ends, "check_ends")
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
