@@ -30,7 +30,7 @@ from hdplan.scenes.deadline import check_time, seconds_left, whole_limit
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget
-from hdplan.scenes.values import Number, Whole, checked, instance
+from hdplan.scenes.values import Number, Whole, checked, functions, instance, is_row, wrong
 
 FOR_MESHES = 0.5  # share of the time left before the deadline, for splitting meshes
 RESERVED, MOST_RESERVED = 0.2, 1.0  # share of the time left, and most [s], that is reserved for the certificate
@@ -85,7 +85,10 @@ def plan(
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
+    functions(report=report, stop=stop)
     run = solver_named(solver)
+    if not is_row(terms):
+        raise wrong("a list of OwnTerms", terms).within("terms")
     for term in terms:
         instance(term, OwnTerm, "terms")
     began = time.perf_counter()

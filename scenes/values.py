@@ -251,6 +251,13 @@ def instance(value: object, kind: type, where: str) -> None:
         raise wrong(f"of the class {kind.__name__}", value).within(where)
 
 
+def functions(**given: object) -> None:
+    """Raise a FieldError unless arguments, by their names, can be called."""
+    for where, value in given.items():
+        if not callable(value):
+            raise wrong("a function", value).within(where)
+
+
 def shorten(text: str) -> str:
     """Cut a long text for an error message."""
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."

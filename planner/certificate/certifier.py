@@ -12,7 +12,7 @@ Distances are proven *lower bounds* in metres, positive = separated. Two bodies 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -52,7 +52,7 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.values import Number, checked, instance
+from hdplan.scenes.values import Number, boolean, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
@@ -161,13 +161,16 @@ class Certifier:
         required: float | None = None,
         check_ends: bool = True,
         suspect: tuple[int, float] | None = None,
+        passing: Collection[str] = (),
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
-        failures are not complete."""
+        failures are not complete. At ends that are `passing` the robot goes on: the motion itself says where those
+        are, so that no lesser clearance is required for them."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
+        check_ends = checked(boolean, check_ends, "check_ends")
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
@@ -177,7 +180,7 @@ class Certifier:
             refuse_large_motion(self.sweep.bodies, self._fields, moved, self.robot.unfolded.joint_names)
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
-        required, reductions = self.asked(curve) if required is None else (required, ())
+        required, reductions = self.asked(curve, passing) if required is None else (required, ())
         floor = self._floor(required)
         proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect)
         path = None if self.path is None or beyond else self.path.prove(moved)
@@ -237,12 +240,14 @@ class Certifier:
             ),
         )
 
-    def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
+    def asked(self, curve: Curve, passing: Collection[str] = ()) -> tuple[float, tuple[str, ...]]:
         """Return the clearance [m] that the scene asks of a motion, for obstacles without a clearance of their own:
         planner.clearance, or less, with a note, where the scene's own start or goal is closer. Of several goals the one
-        that the motion reaches counts."""
+        that the motion reaches counts; ends that are `passing` do not."""
         required, notes = self.scene.planner.clearance, []
         for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
+            if field in passing:
+                continue
             required, note = self.allowed(field, self.too_close(q, required, seconds), required)
             notes += [note] if note else []
         return required, tuple(notes)

@@ -33,7 +33,7 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.job import Grip, Move, Release, Set, Wait
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.stage import ArmStage, Touch
-from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
@@ -171,7 +171,8 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         if blend:
             setup = setup.changed(goal=_passed(curve))
         scene, certifier = setup.asked, Certifier(setup)
-        certificate = certifier.certify(part)
+        passing = [end for end, passed in (("start", world.rates), ("goal", blend)) if passed]
+        certificate = certifier.certify(part, passing=passing)
     fingers = moves_fingers(stage)
     arm = standing_scene(world, number) if fingers else None
     if arm is not None and certificate.certified:
@@ -228,13 +229,18 @@ def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Move)
-    if isinstance(stage.goal, JointTarget):
-        link = radius_link(world, number)
-        goals = [(link, link_pose(robot, robot.configuration(stage.goal), link)[:3, 3])]
-    else:
-        poses = [pose for target in stage.goal.targets if not isinstance(target, JointTarget) for pose in target.poses]
-        goals = [(pose.link or end_effector(robot, "blend"), np.array(pose.pose.position)) for pose in poses]
-    away = min((float(np.linalg.norm(link_pose(robot, q, link)[:3, 3] - at)) for link, at in goals), default=np.inf)
+    link = radius_link(world, number)
+
+    def off(target: JointTarget | PoseTarget | AllOf) -> float:
+        """How far the links of a goal are from it at most [m]; of joint values the link that the radius is about."""
+        if isinstance(target, JointTarget):
+            places = [(link, link_pose(robot, robot.configuration(target), link)[:3, 3])]
+        else:
+            places = [(each.link or end_effector(robot, "blend"), each.pose.position) for each in target.poses]
+        return max(float(np.linalg.norm(link_pose(robot, q, each)[:3, 3] - at)) for each, at in places)
+
+    goal = stage.goal
+    away = min(off(each) for each in ((goal,) if isinstance(goal, JointTarget) else goal.targets))
     if away <= stage.blend:
         return ""
     return f"it goes over into the next stage {away:.4g} m from its goal, {stage.blend:g} m are allowed"

@@ -202,11 +202,13 @@ def _blending() -> Iterator[None]:
         raise InputError(f"blend: {error}") from None
 
 
-def corner_of(world: World, number: int) -> Corner:
-    """Return where a stage that is blended into the next one would have ended. Raises InputError for a move to several
-    goals, before a curve."""
+def corner_of(world: World, number: int) -> Corner | None:
+    """Return where a stage that is blended into the next one would have ended; None between two moves, of which the
+    second is to anywhere. Raises InputError for a move to several goals, before a curve."""
     assert world.scene.job is not None
     stages = world.scene.job.stages
+    if not any(isinstance(each, Curve) for each in stages[number : number + 2]):
+        return None
     stage, link = stages[number], radius_link(world, number)
     if isinstance(stage, Curve):
         leg, _ = leg_of(world, number)
@@ -231,7 +233,7 @@ def radius_link(world: World, number: int) -> str:
         if isinstance(each, Curve):
             return link_of(each, world)
     targets = () if isinstance(stage.goal, JointTarget) else stage.goal.targets  # type: ignore[union-attr]
-    poses = [each for each in targets if isinstance(each, PoseTarget)]
+    poses = [pose for each in targets if not isinstance(each, JointTarget) for pose in each.poses]
     return poses[0].link if poses and poses[0].link is not None else end_effector(world.robot, "blend")
 
 

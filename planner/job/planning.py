@@ -36,7 +36,7 @@ from hdplan.scenes.job import Job, Move, stage_name
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.values import Number, Whole, checked, instance
+from hdplan.scenes.values import Number, Whole, checked, functions, instance
 
 SHARE = 0.3  # of the time left, for one motion where there are others to try
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
@@ -67,6 +67,7 @@ def plan_job(
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
+    functions(report=report, stop=stop)
     began = time.perf_counter()
     first = World.at_first(scene)
     assert scene.job is not None

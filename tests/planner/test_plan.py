@@ -337,3 +337,22 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
     assert len(rounds) == 1 + DENSER  # as it says that it is clear, and is not
     assert np.array_equal(best.trajectory.positions, line)
     assert certify(scene, best.trajectory, robot).certified
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"report": None}, "report: must be a function, found nothing"),
+        ({"stop": True}, "stop: must be a function, found true"),
+        ({"terms": 3}, "terms: must be a list of OwnTerms, found 3"),
+        ({"terms": (each for each in ())}, "terms: must be a list of OwnTerms"),  # would be empty the second time
+        ({"terms": ["cost"]}, "terms: must be of the class OwnTerm"),
+    ],
+)
+def test_arguments_of_other_kinds_are_refused_by_name(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        plan(planar(), **wrong)
+    motion = Trajectory(("panda_joint1",), np.zeros((2, 1)))
+    for value in (1, [], np.zeros((2, 2))):
+        with pytest.raises(InputError, match="check_ends: must be true or false"):
+            certify(planar(), motion, check_ends=value)  # type: ignore[arg-type]

@@ -209,6 +209,48 @@ def test_moves_blend_within_the_radius() -> None:
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 
 
+def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -> None:
+    """Start and goal of a scene do, where they are close; but where stages meet the motion itself says."""
+    times, places, _ = driven(planned)
+    motion = planned.trajectory
+    middle = places[np.searchsorted(times, motion.times[motion.stages[1].row])]  # type: ignore[index]
+    way = (P2 - middle) / np.linalg.norm(P2 - middle)
+    for far in np.arange(0.10, 0.4, 0.02):
+        ball = hdplan.Obstacle("ball", hdplan.Sphere(0.01), middle + far * way)
+        scene = replace(planned.scene, obstacles=[ball])
+        if (found := hdplan.certify_job(scene, motion)).certified:
+            break
+    assert found.certified
+    assert found.clearance is not None
+    for share in (0.9, 1.2):
+        asked = replace(scene, planner=hdplan.PlannerSettings(clearance=share * found.clearance))
+        assert hdplan.certify_job(asked, motion).certified is (share < 1.0)
+
+
+def test_moves_to_several_goals_blend_into_moves() -> None:
+    """One of several goals is enough, of poses together each counts."""
+    robot, data = hdplan.load_robot("panda"), hdplan.load_robot("panda").model.createData()
+    first, last = np.array(START) + [0.5, 0.2, 0.1, 0.2, 0, 0.1, 0], np.array(START) + [0.2, -0.6, 0, 0.1, 0, 0, 0]
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(first))
+    near, elbow = (
+        hdplan.PoseTarget(link, hdplan.Pose(place.translation, pin.Quaternion(place.rotation).coeffs()))
+        for link in (TOOL, "panda_link4")
+        for place in [data.oMf[robot.model.getFrameId(link)]]
+    )
+    both = hdplan.AllOf([near, elbow])
+    result = hdplan.plan_job(job_of(hdplan.Move(both, name="there", blend=0.06), hdplan.Move(last)))
+    assert result.certified, result.text
+    off = replace(elbow, pose=hdplan.Pose(np.array(elbow.pose.position) + [0.0, 0.0, 0.2]))
+    for goal, certified in (
+        ([off, near], True),
+        ([off, first.tolist()], True),
+        (hdplan.AllOf([near, off]), False),
+        (off, False),
+    ):
+        other = job_of(hdplan.Move(goal, name="there", blend=0.06), hdplan.Move(last))
+        assert _certified(other, result) is certified
+
+
 def _certified(scene: hdplan.Scene, result: JobResult) -> bool:
     try:
         return hdplan.certify_job(scene, result.trajectory).certified
