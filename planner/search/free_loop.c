@@ -129,7 +129,9 @@ static long long left_open(line* along, double half, int wide, long long count) 
   return open;
 }
 
-/* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. */
+/* The end of the free part that begins at `low`, of the interval up to `high`, by the first `count` active pairs. Which
+   pair is met is said wherever that is not `high`: one that is too near in the middle may be proven to be free until there,
+   but for rounding. */
 static double end_of(line* along, double low, double high, long long count) {
   const double middle = 0.5 * (low + high), half = 0.5 * (high - low);
   place_between(along, middle);
@@ -140,6 +142,7 @@ static double end_of(line* along, double low, double high, long long count) {
     along->hit = first;
     return low;
   }
+  if (open < 0) along->hit = first;
   const double reached = end_of(along, low, middle, open < 0 ? count : open);
   if (open < 0 || reached < middle) return reached;
   return end_of(along, middle, high, open);

@@ -1,5 +1,7 @@
 /* The fastest law along a path: `time_optimal.py` says what it is, and has the same in NumPy, equal to the bit. */
 
+#include <math.h>
+
 #include "../../distance/compiled/border.h"
 
 /* Rows a ü + b u̇² ≤ c at the points of an even grid, of `step`: each (points, rows); no |ü| and no u̇² exceeds `most`. */
@@ -71,8 +73,8 @@ static range eliminated(range left, const side* above, const side* below) {
 
 /* Put the squared path_speeds of the fastest law (points) into x; the ends of their sets (points) are scratch. Returns whether
    there is one. */
-static int time_optimal(const limits* of, side above, side below, double rounding, double* lows, double* highs,
-                        double* x) {
+static int time_optimal(const limits* of, side above, side below, double rounding, double slack, double* lows,
+                        double* highs, double* x) {
   const long long last = of->points - 1;
   range next = {0.0, 0.0, 0};
   lows[last] = highs[last] = 0.0;
@@ -92,7 +94,8 @@ static int time_optimal(const limits* of, side above, side below, double roundin
     gather(of, i, next, &above, &below);
     double most = of->most;
     for (long long p = 0; p < above.count; ++p) {
-      const double u = (above.c[p] - above.b[p] * x[i]) / above.a[p];
+      const double by_speed = above.b[p] * x[i], rounded = slack * (fabs(above.c[p]) + fabs(by_speed));
+      const double u = (above.c[p] - by_speed + rounded) / above.a[p];
       if (u < most) most = u;
     }
     const double reached = x[i] + 2.0 * of->step * most;
@@ -116,14 +119,14 @@ WRAPPER(call_time_optimal) {
   of.c = numbers(&taken, "c", SHAPE(of.points, of.rows));
   of.step = number(&taken, "step");
   of.most = number(&taken, "most");
-  const double rounding = number(&taken, "rounding");
+  const double rounding = number(&taken, "rounding"), slack = number(&taken, "slack");
   double* x = written(&taken, "x", SHAPE(of.points));
   const long long lines = 2 * of.rows + 4;
   const side above = take_side(scratch(&taken, 3 * lines), lines), below = take_side(scratch(&taken, 3 * lines), lines);
   double* ends = scratch(&taken, 2 * of.points);
   int found = 0;
   if (ready(&taken))
-    WITHOUT_LOCK(found = time_optimal(&of, above, below, rounding, ends, ends + of.points, x));
+    WITHOUT_LOCK(found = time_optimal(&of, above, below, rounding, slack, ends, ends + of.points, x));
   return ended(&taken, PyBool_FromLong(found));
 }
 

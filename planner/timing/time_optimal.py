@@ -12,8 +12,9 @@ bounds it from above, with each from below, leaves a bound on x alone,
 
     (b₁ |a₂| + b₂ a₁) x ≤ c₁ |a₂| + c₂ a₁,   a₁ > 0 > a₂.
 
-Forwards, from rest, ü is as large as the rows allow, and x' stays in its set. The loop in C and the twin here agree to
-the bit; toppra, by the authors of the paper, solves linear programs at each point, and agrees but for rounding.
+Forwards, from rest, ü is as large as the rows allow, but for rounding, and x' stays in its set. The loop in C and the
+twin here agree to the bit; toppra, by the authors of the paper, solves linear programs at each point, and agrees but
+for rounding.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from hdplan.scenes.errors import HdplanError
 GRID = 200  # intervals of the path
 MOST = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
 ROUNDING = 1e-8  # [1/s²] by which a set may be empty
+SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one where a path turns back
 
 
 class PathRows(NamedTuple):
@@ -60,7 +62,7 @@ def time_optimal(limits: Sequence[PathRows]) -> Stepwise:
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
     loops = library()
     found = known and (
-        loops.time_optimal(a, b, c, 1.0 / GRID, MOST, ROUNDING, squares) if loops else _law(a, b, c, squares)
+        loops.time_optimal(a, b, c, 1.0 / GRID, MOST, ROUNDING, SLACK, squares) if loops else _law(a, b, c, squares)
     )
     path_speeds = np.sqrt(squares)
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
@@ -91,9 +93,11 @@ def _law(a: Array, b: Array, c: Array, x: Array) -> bool:
         return False
     x[0] = 0.0
     for i in range(last):
-        pushed, by_pace, bound = lines(i)
+        pushed, by_speed, bound = lines(i)
         above = pushed > 0.0
-        most = min(MOST, float(((bound - by_pace * x[i])[above] / pushed[above]).min()))
+        used = by_speed * x[i]
+        left = bound - used + SLACK * (np.abs(bound) + np.abs(used))
+        most = min(MOST, float((left[above] / pushed[above]).min()))
         x[i + 1] = np.clip(x[i] + twice * most, *sets[i + 1])
     return True
 

@@ -14,7 +14,7 @@ from hdplan.planner.kinematics import forward
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.motion import motion_bounds
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.problem import pace, samples
+from hdplan.planner.problem import path_speed, samples
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -87,7 +87,7 @@ def test_newton_step(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("waypoints", [1, 2, 6])
 @pytest.mark.parametrize("n", [1, 3, 7])
-def test_pace(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_path_speed(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Joints without a limit, steps that stand, and steps of any size."""
     rng = np.random.default_rng(waypoints + 10 * n)
     cost = PathSpeed(rng.choice([0.1, 2.0, np.inf], n, p=[0.4, 0.4, 0.2]) if n > 1 else np.ones(1))
@@ -95,7 +95,7 @@ def test_pace(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
         positions = np.cumsum(size * rng.normal(size=(waypoints, n)) * rng.choice([0.0, 1.0], (waypoints, 1)), axis=0)
         loop = cost.value(positions)
         with monkeypatch.context() as patch:
-            patch.setattr(pace, "library", lambda: None)
+            patch.setattr(path_speed, "library", lambda: None)
             twin = cost.value(positions)
         for found, expected in zip(vars(loop).values(), vars(twin).values(), strict=True):
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max(initial=0.0))

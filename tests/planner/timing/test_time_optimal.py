@@ -146,3 +146,18 @@ def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
     assert rows is not None
     with pytest.raises(HdplanError, match="no time law"):
         time_optimal([rows])
+
+
+def test_limits_hold_where_a_path_turns_back_or_stands() -> None:
+    """There slopes and what is left of rows are rounding, which must not decide how fast it goes on."""
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        path = rng.normal(size=(2, int(rng.integers(1, 8))))
+        spline = smooth(np.repeat(np.vstack([path, path[::-1]]), 7, axis=0))
+        limits = 10.0 ** rng.uniform(-3.0, 3.0, (2, path.shape[1]))
+        given = [RateLimit(order, each).rows(spline) for order, each in zip((1, 2), limits, strict=True)]
+        law = time_optimal([rows for rows in given if rows is not None])
+        change = np.diff(law.path_speeds**2)[:, None] * GRID / 2
+        for end in (slice(-1), slice(1, None)):
+            acceleration = spline(grid(), 1)[end] * change + spline(grid(), 2)[end] * law.path_speeds[end, None] ** 2
+            assert np.all(np.abs(acceleration) <= (1 + ROUNDING) * limits[1])

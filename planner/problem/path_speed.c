@@ -51,7 +51,7 @@ static double path_speed(long long count, long long n, const double* positions, 
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
-WRAPPER(call_pace) {
+WRAPPER(call_path_speed) {
   arguments taken = begin("path_speed", given, count);
   const double* positions = numbers(&taken, "positions", SHAPE(ANY, ANY));
   const long long waypoints = taken.shape[0], n = taken.shape[1];
@@ -65,7 +65,7 @@ WRAPPER(call_pace) {
   return ended(&taken, PyFloat_FromDouble(cost));
 }
 
-PyMethodDef pace_functions[] = {
-    FUNCTION("path_speed", call_pace, "The cost of a motion's path_speed, and its derivatives."),
+PyMethodDef path_speed_functions[] = {
+    FUNCTION("path_speed", call_path_speed, "The cost of a motion's path_speed, and its derivatives."),
     END_OF_FUNCTIONS,
 };
