@@ -135,17 +135,13 @@ class PoseCurve:
         far, angle = self.tolerances
         return places, (_lengths(origins - there) <= far) & (angles <= angle)
 
-    def beyond(self, origins: Array, nodes: Array) -> tuple[float, float]:
-        """Return the last of the nodes before the link leaves the radius in which it comes, and the first one in that
-        in which it leaves."""
-        first, last = 0, len(nodes) - 1
-        if self.comes is not None:
-            far = _lengths(origins - self.origins[0]) > self.comes
-            first = max(int(far.argmax()) - 1, 0) if far.any() else last
-        if self.goes is not None:
-            far = _lengths(origins - self.origins[-1]) > self.goes
-            last = min(len(far) - int(far[::-1].argmax()), last) if far.any() else 0
-        return float(nodes[first]), float(nodes[last])
+    def beyond(self) -> tuple[float, float]:
+        """Return the places of the curve between which a link that follows it may be beyond the radii in which it comes
+        and leaves: first and last so far from its ends, less the tolerance."""
+        far, whole = self.tolerances[0], float(len(self.steps))
+        first = 0.0 if self.comes is None else _leaves(self.origins, self.comes - far)
+        last = whole if self.goes is None else whole - _leaves(self.origins[::-1], self.goes - far)
+        return first, last
 
     def on_it(self, rotations: Array, origins: Array) -> tuple[int, int, float, float]:
         """Return the first and the last of some nodes at which the link, which comes from elsewhere and leaves, is to
@@ -196,7 +192,6 @@ class Followed:
     places: Array  # (k,) on the curve, in poses
     before: Array  # (j,) nodes up to the first of these
     after: Array  # (j,) nodes from the last of these on
-    beyond: tuple[float, float]  # nodes between which it is not within the radii in which it comes and leaves
 
     @classmethod
     def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain) -> Followed:
@@ -209,7 +204,7 @@ class Followed:
         nodes, on = interval + fraction, slice(first, last + 1)
         places = curve.places(rotations[on], origins[on], begins, ends)
         around = nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :]
-        return cls(curve, nodes[on], places, *around, curve.beyond(origins, nodes))
+        return cls(curve, nodes[on], places, *around)
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
@@ -220,8 +215,13 @@ class Followed:
 
     @property
     def rated(self) -> tuple[Index, Array, Array]:
-        """Parts of the motion on which the link's speed is limited."""
-        first, last = self.beyond
+        """Parts of the motion on which the link's speed is limited: while it comes or leaves it is within its radius,
+        and on the curve before it passes a place that is beyond."""
+        begins, ends = self.curve.beyond()
+        row = np.searchsorted(self.places, begins, side="right") - 1, np.searchsorted(self.places, ends)
+        first, last = self.nodes[np.clip(row, 0, len(self.nodes) - 1)]
+        first = self.before[0] if self.curve.comes is None else first
+        last = self.after[-1] if self.curve.goes is None else last
         if first >= last:  # all of it
             first, last = self.before[0], self.after[-1]
         return spans_between(np.union1d(np.arange(np.ceil(first), np.floor(last) + 1.0), [first, last]))
@@ -410,6 +410,19 @@ def _turning(part: Part, joint: int) -> tuple[Array, Array, Array]:
     delta, off = part.delta * moves, (part.off * moves).sum(axis=1)
     turn = np.abs(delta).sum(axis=1)
     return np.einsum("kn,knc->kc", delta, part.axes), 0.5 * turn**2 + off, turn + off
+
+
+def _leaves(points: Array, radius: float) -> float:
+    """Return where a line through points (N, 3) first is so far from the first of them, in points; its end where it is
+    nowhere so far."""
+    off = points - points[0]
+    far = _lengths(off) > max(radius, 0.0)
+    if not far.any():
+        return float(len(points) - 1)
+    k = int(far.argmax())
+    one, way = off[k - 1], off[k] - off[k - 1]
+    a, b, c = way @ way, one @ way, one @ one - max(radius, 0.0) ** 2  # a x² + 2 b x + c = 0
+    return float(k - 1 + np.clip((-b + np.sqrt(max(b * b - a * c, 0.0))) / a, 0.0, 1.0))
 
 
 def _lengths(vectors: Array) -> Array:

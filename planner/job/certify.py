@@ -236,7 +236,8 @@ def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
         if isinstance(target, JointTarget):
             places = [(link, link_pose(robot, robot.configuration(target), link)[:3, 3])]
         else:
-            places = [(each.link or end_effector(robot, "blend"), each.pose.position) for each in target.poses]
+            poses = target.poses
+            places = [(each.link or end_effector(robot, "blend"), np.array(each.pose.position)) for each in poses]
         return max(float(np.linalg.norm(link_pose(robot, q, each)[:3, 3] - at)) for each, at in places)
 
     goal = stage.goal

@@ -262,6 +262,30 @@ def test_speeds_of_a_tool_are_kept_or_refused() -> None:
         assert f"path.follow.{name}" in broken.text
 
 
+def test_a_way_beyond_the_radius_between_two_looks_has_its_speed_limited() -> None:
+    """The base slides out of the radius in which it comes, and back, between two of the places that are looked at."""
+    rows, rates, second = np.zeros((4, 10)), np.zeros((4, 10)), np.zeros((4, 10))
+    rows[:, 3:] = READY
+    rows[:, 0], rates[1, 0], second[1, 0] = [0.0, 0.0375, 0.0, 0.2], 2.54, -150.0
+    times = np.array([0.0, 0.1, 0.3, 2.3])
+    motion = Curve.through(rows, times, rates, second)
+    looks, fine = (
+        np.abs(np.concatenate([motion.at_time(np.linspace(*span, count))[:, 0] for span in ((0, 0.1), (0.1, 0.3))]))
+        for count in (5, 501)
+    )
+    assert looks.max() < 0.05
+    assert fine.max() > 0.06
+    robot = setup_of("wheeled", [hdplan.Pose([0, 0, 0]), hdplan.Pose([1, 0, 0])]).robot
+    dense = motion.at_time(np.concatenate([np.linspace(0.0, 0.3, 601), np.linspace(0.3, 2.3, 41)[1:]]))
+    poses = poses_of(*tool_poses(robot, dense, TOOLS["wheeled"]))
+    setup = setup_of("wheeled", poses, position_tolerance=0.04, begin_tolerance=0.05, speed=0.2)
+    for slower in (1.0, 100.0):
+        own = rates / slower, second / slower**2
+        driven = Trajectory(setup.robot.joint_names, rows, setup.robot.locked, times * slower, *own)
+        found = Certifier(setup).certify(driven, check_ends=False)
+        assert {each.field for each in found.departures} == ({"path.follow.speed"} if slower == 1.0 else set())
+
+
 def test_bad_curves_are_refused() -> None:
     one, half = hdplan.Pose([0, 0, 0]), hdplan.Pose.from_rpy([0, 0, 0], [3.1, 0, 0])
     for poses, words in (
