@@ -30,11 +30,8 @@ AWAY = 1e4  # [m] where a body is in spans that are not its own
 
 def kept(setup: Setup) -> dict[str, float]:
     """Return how far links are to be kept from each obstacle at time 0, by its name [m]."""
-    own = of_robot(setup)[0]
-    return {
-        each.name: setup.scene.clearances[each.name] + sum(of_obstacle(each)[:2]) + own
-        for each in setup.scene.obstacles
-    }
+    own, clearances = of_robot(setup)[0], setup.scene.clearances
+    return {each.name: clearances[each.name] + sum(of_obstacle(each)[:2]) + own for each in setup.scene.obstacles}
 
 
 def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:

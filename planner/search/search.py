@@ -387,7 +387,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     exact = exactly(loose) if search.is_tight else loose
     if exact is loose:
         yield from map(Guess, ways)
-    grown, exactly_so = tree_ways(exact, search.required, seed), _exact_guesses(exact, seed)
+    grown, exactly_so = tree_ways(exact, search.required, seed, lambda: search.over), _exact_guesses(exact, seed)
     for turn in itertools.count():
         search.problem = exact
         if (way := next(grown, None)) is not None:

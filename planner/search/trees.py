@@ -9,7 +9,7 @@ the same ways. Without a C compiler there are none, and the roadmap's guesses ha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 
 import numpy as np
@@ -29,6 +29,7 @@ KEPT = 0.5  # share of what the ends have to spare that is kept
 FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
 LONGEST = 0.5  # of a line between two nodes [rad or m]
 TURN = 64  # targets of the trees, before another guess has its turn
+AT_ONCE = 4  # of them between two looks at whether time is up; even, as the trees grow in turn
 MOST = 64  # nodes of each tree for a target, at most
 SHORTCUTS = 24  # lines that are tried between two places of a way
 
@@ -92,16 +93,18 @@ def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | Non
     return found
 
 
-def tree_ways(problem: Problem, required: float, seed: int) -> Iterator[Array | None]:
+def tree_ways(
+    problem: Problem, required: float, seed: int, over: Callable[[], bool] = lambda: False
+) -> Iterator[Array | None]:
     """Yield a way (N, n) as waypoints of a problem with exact distances, each time that two trees meet, and None after
-    each TURN targets by which they did not. None at all where there is no free space to be had."""
+    each TURN targets by which they did not, or once it is over. None at all where there is no free space to be had."""
     space = free_space(problem, required)
     if space is None:
         return
     for again in itertools.count():
         rng = np.random.default_rng((seed, again))
         trees = Trees(problem, space, rng)
-        while (way := trees.grow(TURN)) is None:
+        while (way := trees.grow(TURN, over)) is None:
             yield None
         yield through(problem, shortened(space, way, rng))
 
@@ -115,14 +118,25 @@ class Trees:
         self.nodes = [end[None].copy() for end in (problem.start, problem.goal)]
         self.parents = [np.full(1, -1) for _ in self.nodes]
 
-    def grow(self, targets: int) -> Array | None:
-        """Grow towards so many targets; return the way (C, n) between the ends, both included, if the trees meet."""
+    def grow(self, targets: int, over: Callable[[], bool] = lambda: False) -> Array | None:
+        """Grow towards so many targets, until it is over; return the way (C, n) between the ends, both included, if
+        the trees meet."""
+        drawn = around_line(self.problem, self.rng, targets)
+        for first in range(0, targets, AT_ONCE):
+            if over():
+                break
+            if (way := self._towards(drawn[first : first + AT_ONCE])) is not None:
+                return way
+        return None
+
+    def _towards(self, targets: Array) -> Array | None:
+        """The same for a few (k, n), in one loop of C, which nothing interrupts."""
         counts, joint = np.array([len(rows) for rows in self.parents]), np.empty(2, np.int64)
-        room = [np.vstack([nodes, np.empty((MOST * targets, nodes.shape[1]))]) for nodes in self.nodes]
-        rows = [np.append(parents, np.empty(MOST * targets, np.int64)) for parents in self.parents]
-        drawn, loops = around_line(self.problem, self.rng, targets), library()
+        room = [np.vstack([nodes, np.empty((MOST * len(targets), nodes.shape[1]))]) for nodes in self.nodes]
+        rows = [np.append(parents, np.empty(MOST * len(targets), np.int64)) for parents in self.parents]
+        loops = library()
         assert loops is not None
-        loops.grow_trees(self.space.struct, LONGEST, drawn, counts, room[0], rows[0], room[1], rows[1], joint)
+        loops.grow_trees(self.space.struct, LONGEST, targets, counts, room[0], rows[0], room[1], rows[1], joint)
         self.nodes = [nodes[:count] for nodes, count in zip(room, counts, strict=True)]
         self.parents = [parents[:count] for parents, count in zip(rows, counts, strict=True)]
         return np.vstack([self._to(0, joint[0])[::-1], self._to(1, joint[1])]) if joint[0] >= 0 else None

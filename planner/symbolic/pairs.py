@@ -72,7 +72,8 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
         standing = len(pieces)
         for row, obstacle in enumerate(moved):
             pieces += carried_pieces(obstacle, kinematics.nj + row, settings.normals)[0]
-    margins = np.array([scene.clearances[piece.name] + extra for piece in pieces])
+    clearances = scene.clearances
+    margins = np.array([clearances[piece.name] + extra for piece in pieces])
     reached = pairs_within_reach(model, pieces[:standing], margins[:standing])
     met = np.concatenate([reached, all_pairs(bodies, range(standing, len(pieces)))])
     supports = with_frames(kinematics.supports, len(moved))

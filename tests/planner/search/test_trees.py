@@ -150,3 +150,17 @@ def test_what_a_line_meets_is_known_even_where_its_proofs_disagree() -> None:
     assert trees.grow(32) is not None or min(map(len, trees.nodes)) > 9
     for nodes in trees.nodes:
         assert np.isfinite(nodes).all()
+
+
+def test_they_stop_when_it_is_over_and_grow_the_same_until_then() -> None:
+    problem = exact("tiago_shelf")
+    space = space_of(problem)
+    calls = itertools.count()
+    stopped, whole = (Trees(problem, space, np.random.default_rng((3, 0))) for _ in range(2))
+    whole.grow(96)
+    assert stopped.grow(96, lambda: next(calls) >= 1) is None
+    for part, nodes in zip(stopped.nodes, whole.nodes, strict=True):
+        assert 1 < len(part) < len(nodes)
+        np.testing.assert_array_equal(part, nodes[: len(part)])
+    ways = tree_ways(problem, 0.0, 0, lambda: True)
+    assert [next(ways) for _ in range(3)] == [None] * 3
