@@ -4,10 +4,11 @@
         [--ompl RRTConnect BITstar ...] [--csv F]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
-mbm/baxter with Baxter's description. Prints a row per set: how many have ends that are free, how many of these are
-certified and in which time, and, with --proofs, of how many a proof was written and accepted whole; to the error
-stream, a line per problem. With --ompl, planners of OMPL, which has to be installed, get the same time for any way by
-hdplan's own checker (`peer_exact.py`), and what they alone solve is counted.
+mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it, and are planned with
+ten seeds each. Prints a row per set: how many have ends that are free, how many of these are certified and in which
+time, and, with --proofs, of how many a proof was written and accepted whole; to the error stream, a line per problem.
+With --ompl, planners of OMPL, which has to be installed, get the same time for any way by hdplan's own checker
+(`peer_exact.py`), and what they alone solve is counted.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from narrow_places import places
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -34,6 +36,8 @@ FETCH = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_
 UR5 = "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3"
 BAXTER = [f"{side}_{joint}" for side in ("left", "right") for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
 SETS = ("cage", "bookshelf", "table")
+PLACES = places()
+SEEDS = 10  # of each place of our own
 SCENE = "scene.yaml"
 
 
@@ -51,7 +55,11 @@ class Outcome:
 
 
 def scenes(folder: Path, kind: str, every: int, first: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the number and the scene, as a file has it, of every K-th problem of a set, from the J-th."""
+    """Yield the number and the scene, as a file has it, of every K-th problem of a set, from the J-th; a place of our
+    own, with the seed as its number, SEEDS times."""
+    if kind in PLACES:
+        yield from ((str(seed), PLACES[kind]) for seed in range(SEEDS))
+        return
     for file in sorted((folder / kind).glob("scene*.yaml"))[first::every]:
         number = file.stem.removeprefix("scene")
         placed = yaml.safe_load(file.read_text())
@@ -102,9 +110,10 @@ def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: 
     """Plan one problem, and prove it."""
     file, motion = folder / SCENE, folder / "motion.json"
     file.write_text(yaml.safe_dump(said, sort_keys=False))
+    seed = int(number) if kind in PLACES else 0
     began = time.perf_counter()
     try:
-        result = hdplan.plan(hdplan.load_scene(file), time_limit=time_limit)
+        result = hdplan.plan(hdplan.load_scene(file), seed=seed, time_limit=time_limit)
     except hdplan.UnsolvableError as error:
         return Outcome(kind, number, f"ends: {str(error).partition(': ')[2]}")
     seconds = time.perf_counter() - began
@@ -180,7 +189,7 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--set", nargs="+", choices=SETS, default=SETS)
+    parser.add_argument("--set", nargs="+", choices=(*SETS, *PLACES), default=SETS)
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--from", type=int, default=0, dest="first", help="the first problem of a set")
     parser.add_argument("--ompl", nargs="+", default=[], metavar="PLANNER", help="planners of OMPL beside hdplan")

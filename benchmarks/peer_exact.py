@@ -39,7 +39,10 @@ def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tu
     space = free_space(problem, required)
     assert space is not None
     ends = np.stack([problem.start, problem.goal])
-    lower, upper = np.minimum(problem.robot.lower, ends.min(axis=0)), np.maximum(problem.robot.upper, ends.max(axis=0))
+    lower, upper = problem.robot.lower, problem.robot.upper
+    turns = np.isinf(lower)  # for ever: half a turn beyond the ends is enough
+    lower = np.where(turns, -np.pi, np.minimum(lower - ends.min(axis=0), 0.0)) + ends.min(axis=0)
+    upper = np.where(turns, np.pi, np.maximum(upper - ends.max(axis=0), 0.0)) + ends.max(axis=0)
     ending, found = time.perf_counter() + time_limit, "no way"
     for again in itertools.count(seed):
         util.RNG.setSeed(again)
@@ -51,6 +54,8 @@ def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tu
         method = getattr(geometric, planner)(information)
         if hasattr(method, "setRange"):
             method.setRange(RANGE)
+        if hasattr(method, "setStopOnSolnImprovement"):
+            method.setStopOnSolnImprovement(True)  # at the first way: BIT* shows none before it stops
         setup.setPlanner(method)
         setup.setup()
         met = base.exactSolnPlannerTerminationCondition(setup.getProblemDefinition())
