@@ -202,7 +202,7 @@ def main() -> None:
         for kind in options.set:
             for number, said in scenes(options.folder.absolute(), kind, options.every, options.first):
                 done = [run(kind, number, said, Path(folder), options.time_limit, options.proofs)]
-                if not done[0].status.startswith("ends"):
+                if options.ompl and not done[0].status.startswith("ends"):
                     done += beside(Path(folder) / SCENE, kind, number, options.ompl, options.time_limit)
                 print(*done, sep="\n", file=sys.stderr, flush=True)
                 outcomes += done
