@@ -1,11 +1,14 @@
 """Plan the problems in narrow places: a gripper that holds a cube in a cage, goals among cans, two arms under a table.
 
-    python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--time-limit S] [--proofs] [--csv F]
+    python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--proofs]
+        [--ompl RRTConnect BITstar ...] [--csv F]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
-mbm/baxter with Baxter's description. Prints a row per set: how many have ends that are free, how many of these are
-certified and in which time, and, with --proofs, of how many a proof was written and accepted whole; to the error
-stream, a line per problem.
+mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it, and are planned with
+ten seeds each. Prints a row per set: how many have ends that are free, how many of these are certified and in which
+time, and, with --proofs, of how many a proof was written and accepted whole; to the error stream, a line per problem.
+With --ompl, planners of OMPL, which has to be installed, get the same time for any way by hdplan's own checker
+(`peer_exact.py`), and what they alone solve is counted.
 """
 
 from __future__ import annotations
@@ -15,13 +18,14 @@ import csv
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from narrow_places import places
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -32,6 +36,9 @@ FETCH = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_
 UR5 = "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3"
 BAXTER = [f"{side}_{joint}" for side in ("left", "right") for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
 SETS = ("cage", "bookshelf", "table")
+PLACES = places()
+SEEDS = 10  # of each place of our own
+SCENE = "scene.yaml"
 
 
 @dataclass(frozen=True)
@@ -44,11 +51,16 @@ class Outcome:
     seconds: float = np.nan  # from the scene to the certificate
     attempts: int = 0
     proof: str = ""  # "accepted", or why not
+    planner: str = "hdplan"
 
 
-def scenes(folder: Path, kind: str, every: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the number and the scene, as a file has it, of every K-th problem of a set."""
-    for file in sorted((folder / kind).glob("scene*.yaml"))[::every]:
+def scenes(folder: Path, kind: str, every: int, first: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the number and the scene, as a file has it, of every K-th problem of a set, from the J-th; a place of our
+    own, with the seed as its number, SEEDS times."""
+    if kind in PLACES:
+        yield from ((str(seed), PLACES[kind]) for seed in range(SEEDS))
+        return
+    for file in sorted((folder / kind).glob("scene*.yaml"))[first::every]:
         number = file.stem.removeprefix("scene")
         placed = yaml.safe_load(file.read_text())
         task = yaml.safe_load(file.with_name(f"task{number}.yaml").read_text())
@@ -96,11 +108,12 @@ def _robot(folder: Path, kind: str) -> tuple[dict[str, Any], list[str]]:
 
 def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: float, proofs: bool) -> Outcome:
     """Plan one problem, and prove it."""
-    file, motion = folder / "scene.yaml", folder / "motion.json"
+    file, motion = folder / SCENE, folder / "motion.json"
     file.write_text(yaml.safe_dump(said, sort_keys=False))
+    seed = int(number) if kind in PLACES else 0
     began = time.perf_counter()
     try:
-        result = hdplan.plan(hdplan.load_scene(file), time_limit=time_limit)
+        result = hdplan.plan(hdplan.load_scene(file), seed=seed, time_limit=time_limit)
     except hdplan.UnsolvableError as error:
         return Outcome(kind, number, f"ends: {str(error).partition(': ')[2]}")
     seconds = time.perf_counter() - began
@@ -116,6 +129,35 @@ def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: 
         return Outcome(kind, number, "certified", seconds, result.attempts, str(error))
     word = "accepted" if verdict.whole else verdict.text.splitlines()[0]
     return Outcome(kind, number, "certified", seconds, result.attempts, word)
+
+
+def beside(file: Path, kind: str, number: str, planners: Sequence[str], time_limit: float) -> Iterator[Outcome]:
+    """Yield what planners of OMPL do with a problem."""
+    from peer_exact import solve
+
+    for planner in planners:
+        status, seconds = solve(hdplan.load_scene(file), planner, 1, time_limit)
+        yield Outcome(kind, number, status, seconds, planner=planner)
+
+
+def compared(outcomes: list[Outcome]) -> str:
+    """Markdown: one row per set and planner."""
+    solved = {(each.planner, each.set, each.number) for each in outcomes if each.status == "certified"}
+    rows = []
+    for kind, planner in dict.fromkeys((each.set, each.planner) for each in outcomes):
+        group = [each for each in outcomes if (each.set, each.planner) == (kind, planner)]
+        mine = [each for each in group if (planner, kind, each.number) in solved]
+        times = [each.seconds for each in mine]
+        row = {
+            "set": kind,
+            "planner": planner,
+            "ends are free": sum(not each.status.startswith("ends") for each in group),
+            "certified": len(mine),
+            "time median / worst [s]": f"{np.median(times):.2f} / {max(times):.2f}" if times else "",
+            "hdplan does not": sum(("hdplan", kind, each.number) not in solved for each in mine),
+        }
+        rows.append(row)
+    return markdown_text(rows)
 
 
 def table(outcomes: list[Outcome], proofs: bool) -> str:
@@ -147,8 +189,10 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--set", nargs="+", choices=SETS, default=SETS)
+    parser.add_argument("--set", nargs="+", choices=(*SETS, *PLACES), default=SETS)
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--from", type=int, default=0, dest="first", help="the first problem of a set")
+    parser.add_argument("--ompl", nargs="+", default=[], metavar="PLANNER", help="planners of OMPL beside hdplan")
     parser.add_argument("--time-limit", type=float, default=10.0)
     parser.add_argument("--proofs", action="store_true")
     parser.add_argument("--csv", type=Path)
@@ -156,10 +200,13 @@ def main() -> None:
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in options.set:
-            for number, said in scenes(options.folder.absolute(), kind, options.every):
-                outcomes.append(run(kind, number, said, Path(folder), options.time_limit, options.proofs))
-                print(outcomes[-1], file=sys.stderr, flush=True)
-    print(table(outcomes, options.proofs))
+            for number, said in scenes(options.folder.absolute(), kind, options.every, options.first):
+                done = [run(kind, number, said, Path(folder), options.time_limit, options.proofs)]
+                if options.ompl and not done[0].status.startswith("ends"):
+                    done += beside(Path(folder) / SCENE, kind, number, options.ompl, options.time_limit)
+                print(*done, sep="\n", file=sys.stderr, flush=True)
+                outcomes += done
+    print(compared(outcomes) if options.ompl else table(outcomes, options.proofs))
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(asdict(outcomes[0])))

@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pinocchio as pin
 from ompl import base, geometric, util
-from peer_task import Answer, Task
+from peer_task import Answer, Array, Task
 
 STARTS_WRONG = "AORRTC"  # gives the goal alone where the straight line is free (OMPL's issue 1420): it is tried before
 
@@ -25,26 +25,16 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
     began = time.process_time()
     util.RNG.setSeed(seed)  # of the generators made from here on; 0 would be passed over
-    space = base.RealVectorStateSpace(task.robot.n)
-    bounds = base.RealVectorBounds(task.robot.n)
-    for joint, (low, high) in enumerate(zip(task.lower.tolist(), task.upper.tolist(), strict=True)):
-        bounds.setLow(joint, low)
-        bounds.setHigh(joint, high)
-    space.setBounds(bounds)
-    setup = geometric.SimpleSetup(space)
+    setup = asked(task.lower, task.upper, task.start, task.goal)
     information = setup.getSpaceInformation()
     setup.setStateValidityChecker(_Validity(task, margin))
     if resolution is not None:
-        information.setStateValidityCheckingResolution(resolution / space.getMaximumExtent())
-    start, goal = space.allocState(), space.allocState()
-    for state, q in ((start, task.start), (goal, task.goal)):
-        for joint, value in enumerate(q.tolist()):
-            state[joint] = value
-    setup.setStartAndGoalStates(start, goal)
+        information.setStateValidityCheckingResolution(resolution / setup.getStateSpace().getMaximumExtent())
     setup.setPlanner(getattr(geometric, planner)(information))
     setup.setup()
     ready = time.process_time()
-    if planner == STARTS_WRONG and information.checkMotion(start, goal):
+    ends = setup.getProblemDefinition()
+    if planner == STARTS_WRONG and information.checkMotion(ends.getStartState(0), ends.getGoal().getState()):
         return Answer(np.stack([task.start, task.goal]), ready - began, time.process_time() - ready)
     setup.solve(time_limit)
     found = setup.haveExactSolutionPath()
@@ -52,9 +42,29 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     if found and left > 0.0:
         setup.simplifySolution(left)
     done = time.process_time()
-    states = setup.getSolutionPath().getStates() if found else []
-    path = np.array([[state[joint] for joint in range(task.robot.n)] for state in states])
-    return Answer(path if found else None, ready - began, done - ready)
+    return Answer(path_of(setup, task.robot.n), ready - began, done - ready)
+
+
+def asked(lower: Array, upper: Array, start: Array, goal: Array) -> geometric.SimpleSetup:
+    """Ask for a way between two configurations (n,) within limits (n,)."""
+    space, bounds = base.RealVectorStateSpace(len(lower)), base.RealVectorBounds(len(lower))
+    for joint, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
+        bounds.setLow(joint, low)
+        bounds.setHigh(joint, high)
+    space.setBounds(bounds)
+    setup, ends = geometric.SimpleSetup(space), (space.allocState(), space.allocState())
+    for state, q in zip(ends, (start, goal), strict=True):
+        for joint, value in enumerate(q.tolist()):
+            state[joint] = value
+    setup.setStartAndGoalStates(*ends)
+    return setup
+
+
+def path_of(setup: geometric.SimpleSetup, joints: int) -> Array | None:
+    """Return the way (N, n) that was found, if any."""
+    if not setup.haveExactSolutionPath():
+        return None
+    return np.array([[state[joint] for joint in range(joints)] for state in setup.getSolutionPath().getStates()])
 
 
 class _Validity:

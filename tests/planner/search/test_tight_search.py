@@ -6,11 +6,15 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
+import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
@@ -22,6 +26,10 @@ from hdplan.planner.search.search import EXACT_AFTER, GUESSES, TIGHT, Search, _g
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+
+from narrow_places import places
 
 
 def search(scene: Scene) -> Search:
@@ -102,3 +110,13 @@ def test_ways_back_and_nodes_are_free_by_the_exact_distance() -> None:
     assert len(roadmap.nodes) > 2
     touching = [bool(certifier.contacts(q, 0.0)) for q in roadmap.nodes[2:]]
     assert not any(touching)
+
+
+@pytest.mark.parametrize("name", places())
+def test_narrow_places_of_our_own_are_certified(name: str, tmp_path: Path) -> None:
+    """A tube, doors that are not in line, from gap to gap: a handful of guesses suffices."""
+    file = tmp_path / f"{name}.yaml"
+    file.write_text(yaml.safe_dump(places()[name]))
+    result = hdplan.plan(hdplan.load_scene(file))
+    assert result.certified
+    assert result.attempts <= 12
