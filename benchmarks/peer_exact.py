@@ -23,7 +23,7 @@ from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.trees import free_space
 from hdplan.scenes.array_types import Array
 
-RANGE = 0.5  # of a step of those planners that take steps [rad or m]: with OMPL's own they find less
+RANGE = 0.5  # of a step of those planners that take steps [rad or m], as in hdplan's trees
 
 
 def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tuple[str, float]:

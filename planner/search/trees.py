@@ -2,8 +2,10 @@
 
 They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be
 free, by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a
-motion without contacts already, if not a smooth one. One seeded generator makes all random draws: the same seed gives
-the same ways. Without a C compiler there are none, and the roadmap's guesses have to do.
+motion without contacts already, if not a smooth one; but for links whose bodies overlap so often that their pair is
+left to the certificate (`CollisionModel.unresolved`), which may refuse it. One seeded generator
+makes all random draws: the same seed gives the same ways. Without a C compiler there are none, and the roadmap's
+guesses have to do.
 """
 
 from __future__ import annotations
