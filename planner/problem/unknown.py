@@ -8,6 +8,7 @@ motion it is enlarged by what it may have gone at the end of that span, and far 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,13 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking_of_all
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
 from hdplan.scenes.sizes import chord
 from hdplan.scenes.targets import JointTarget
+
+if TYPE_CHECKING:
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
 AWAY = 1e4  # [m] where a body is in spans that are not its own
@@ -118,6 +121,8 @@ class Span:
 
 def spans(obstacle: Obstacle, duration: float) -> tuple[Span, ...]:
     """Return the spans of a motion in which an obstacle grows, the first and the last without an end."""
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
+
     motion, speed = ObstacleMotion.of(obstacle), of_obstacle(obstacle)[2]
     count = int(np.clip(np.ceil(speed * duration / STEP), 1, MOST_SPANS))
     edges = np.linspace(0.0, duration, count + 1)

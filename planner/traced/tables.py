@@ -15,6 +15,7 @@ import numpy as np
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.once import read_only
 
 NO_PLACE = 2**31 - 1  # of a pair that only fills a table
 
@@ -59,10 +60,10 @@ class Tables(NamedTuple):
     pairs: tuple[PairTable, ...]  # by their number of planes
 
 
-ZERO, NONE, ONE = np.array(0.0), np.array(0), np.array(1.0)
-APART = np.array([0.0, 0.0, 1.0, -1.0])[:, None]  # planes 1 m below the vertices, which are at the origin
-FILL_PAIR = PairTable(NONE, vertices=ZERO, weights=ONE, radius=ZERO, planes=APART, place=np.array(NO_PLACE))
-FILL = Tables(*(ZERO,) * 5, NONE, np.array(0.5), ZERO, turns=np.eye(3), origins=ZERO, shaping_length=ZERO, pairs=())
+ZERO, NONE, ONE, HALF = (read_only(np.array(x)) for x in (0.0, 0, 1.0, 0.5))
+APART = read_only(np.array([0.0, 0.0, 1.0, -1.0])[:, None])  # planes 1 m below the vertices, which are at the origin
+FILL_PAIR = PairTable(NONE, vertices=ZERO, weights=ONE, radius=ZERO, planes=APART, place=read_only(np.array(NO_PLACE)))
+FILL = Tables(*(ZERO,) * 5, NONE, HALF, ZERO, turns=read_only(np.eye(3)), origins=ZERO, shaping_length=ZERO, pairs=())
 
 
 def structure_of(problem: Problem) -> Structure:

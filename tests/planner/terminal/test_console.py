@@ -135,6 +135,7 @@ def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: p
     assert errors.getvalue() == "hdplan: 1 of 3: 0 certified, 1 not\n"
 
 
+@pytest.mark.usefixtures("long_at_once")
 def test_nobody_reading_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     tried = threading.Event()
 
