@@ -126,7 +126,7 @@ def measured(problem: Problem) -> dict[str, dict[str, float]]:
         with no_cache():
             solver = program.solver("ipopt", {"ipopt": STEP, **QUIET}, compiled=in_c)
         spent, x, p = seconds() - began, program.guess(positions), program.values(FIRST_WEIGHT)
-        first, second = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.bend(positions))
+        first, second = (lambda: problem.evaluate(positions, FIRST_WEIGHT)), (lambda: problem.second_order(positions))
         calls: list[Callable[[], object]] = [first, second]  # cost and gradient together, once: a second call is warmer
         if form:
             more = {"nlp_f": (), "nlp_grad_f": (), "nlp_hess_l": (np.ones(1), np.zeros(solver.numel_in("lbg")))}
