@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-TIGHT = 2  # first guesses where the bodies overlap at an end, before trees and exact distances have their turn
-EXACT_AFTER = 9  # guesses after GUESSES before exact distances have their turn, where the bodies are free at both ends
+TIGHT, LOOSE = 2, 6  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
+EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 LITTLE_CHANGE = (
     0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
@@ -383,7 +383,7 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
     loose, overlap = search.problem, ends_overlap(search.problem)
-    yield from map(Guess, itertools.islice(ways, (TIGHT if overlap else GUESSES) - 1))
+    yield from map(Guess, itertools.islice(ways, (TIGHT if overlap else LOOSE) - 1))
     exact = exactly(loose) if search.is_tight else loose
     if exact is loose:
         yield from map(Guess, ways)

@@ -22,7 +22,7 @@ from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.search import search as searching
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import Roadmap, seeds
-from hdplan.planner.search.search import EXACT_AFTER, GUESSES, TIGHT, Search, _guesses
+from hdplan.planner.search.search import EXACT_AFTER, LOOSE, TIGHT, Search, _guesses
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -55,7 +55,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None)
     under_way.best = failing(Status.IN_CONTACT)
-    for _ in range(TIGHT if overlap else GUESSES):
+    for _ in range(TIGHT if overlap else LOOSE):
         np.testing.assert_array_equal(next(guesses).positions, next(ever))
         assert under_way.problem is problem
     exact = seeds(exactly(problem), 5)
@@ -79,7 +79,7 @@ def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypa
     under_way = search(load_scene("panda_corridor"))
     problem, guesses = under_way.problem, _guesses(under_way, 0, None)
     under_way.best = failing(status)
-    for _ in range(GUESSES + 2):
+    for _ in range(LOOSE + 2):
         next(guesses)
         assert under_way.problem is problem
 
