@@ -18,9 +18,8 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
 
-UNIT_ERROR = (
-    1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
-)
+# a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+UNIT_ERROR = 1e-12
 TURN = 6.3  # [rad] a little more than a whole turn
 NORMALIZED_ERROR = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 

@@ -33,9 +33,8 @@ Numbers = Sequence[float] | NDArray[Any]
 in an ``__init__`` that only type checkers see; the fields hold the types of their annotations."""
 
 LARGEST_NUMBER = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
-SMALLEST = (
-    1e-100  # of a number above 0: its square, and LARGEST_NUMBER divided by it, stay well within the range of floats
-)
+# of a number above 0: its square, and LARGEST_NUMBER divided by it, stay well within the range of floats
+SMALLEST = 1e-100
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a value that an error repeats
 

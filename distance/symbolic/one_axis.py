@@ -27,9 +27,8 @@ SKIPPED, APART, CONTACT = range(3)
 # A minimum smaller than this is taken as zero: one over its square stays finite. The sign stays safe, as 0 is not free.
 TINY_NUMBER = 1e-150
 
-UNROLLED_PAIRS = (
-    32  # vertex pairs written out as straight-line code; more of them run in loops, which compilers vectorize
-)
+# vertex pairs written out as straight-line code; more of them run in loops, which compilers vectorize
+UNROLLED_PAIRS = 32
 
 
 @dataclass(frozen=True)

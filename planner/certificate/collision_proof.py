@@ -27,9 +27,8 @@ SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is 
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-CLOSER_SHARE = (
-    0.02  # share of this tolerance by which a place must be closer than the closest one known to be looked at
-)
+# share of this tolerance by which a place must be closer than the closest one known to be looked at
+CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked

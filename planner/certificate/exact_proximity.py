@@ -36,9 +36,8 @@ from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphe
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
 HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
-DOUBTFUL_DIFFERENCE = (
-    1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
-)
+# [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+DOUBTFUL_DIFFERENCE = 1e-5
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
 NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel contact
 

@@ -303,6 +303,11 @@ class NearEnd(_Along):
         """Parts of the motion to begin with."""
         return spans_between(self.motion.after if self.at_end else self.motion.before)
 
+    @property
+    def end(self) -> str:
+        """The end of the curve, in a word."""
+        return "end" if self.at_end else "beginning"
+
     def on(self, interval: Index, start: Array, width: Array) -> Valued:
         """Return the constraint on parts of the motion."""
         there = np.broadcast_to(self.motion.curve.origins[-1 if self.at_end else 0], (len(interval), 3))
@@ -310,14 +315,14 @@ class NearEnd(_Along):
 
     def broken(self, found: float) -> str:
         """Such as "tool0 is 70 mm away from the end of its curve and not on it, 50 mm are allowed"."""
-        where = "end" if self.at_end else "beginning"
-        away = f"{self.link} is {found * 1e3:.3g} mm away from the {where} of its curve and not on it"
+        away = f"{self.link} is {found * 1e3:.3g} mm away from the {self.end} of its curve and not on it"
         return f"{away}, {self.allowed * 1e3:g} mm are allowed"
 
     def kept(self, worst: float) -> str:
         """Such as "tool0 blended within 42 of 50 mm of the end of its curve"."""
-        where = "end" if self.at_end else "beginning"
-        return f"{self.link} blended within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of the {where} of its curve"
+        return (
+            f"{self.link} blended within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of the {self.end} of its curve"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -167,9 +167,7 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
     first = np.arange(len(interval)) - np.repeat(np.cumsum(count) - count, count)
     start, end = first / count[interval], (first + 1) / count[interval]
     sampled = _Torques(model, robot, orders, limits)
-    of_point = np.repeat(
-        np.arange(len(count)), count + 1
-    )  # both ends of every interval between rows, and what is between
+    of_point = np.repeat(np.arange(len(count)), count + 1)  # both ends of every interval, and places within
     place = np.arange(len(of_point)) - np.repeat(np.cumsum(count + 1) - count - 1, count + 1)
     torques, begins = sampled.at(of_point, place / count[of_point]), np.arange(len(interval)) + interval
     at_start, at_end = torques[begins], torques[begins + 1]

@@ -27,9 +27,8 @@ VERSION = "2"  # to be changed with anything that changes which bodies overlap, 
 TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alone counts here, depends on neither
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
-OVERLAP_SHARE = (
-    0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
-)
+# share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
+OVERLAP_SHARE = 0.5
 
 NONE = read_only(np.empty((0, 3)))
 

@@ -35,9 +35,8 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 from hdplan.scenes.shapes import Shape
 
-DOUBTFUL_DIFFERENCE = (
-    1e-6  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
-)
+# [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+DOUBTFUL_DIFFERENCE = 1e-6
 NUDGE = 1e-5  # [rad] by which A is turned for another query: enough to break an exactly parallel contact
 NUDGES = 3
 REQUEST = coal.DistanceRequest()

@@ -23,7 +23,7 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 
 NEAR_DISTANCE = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
 COMING, RECOVERING = 1e3, 30.0  # weights of violations, for moving obstacles and for recovery to a margin [s/m or s]
-NEAR_MOVING = 0.01  # [m] from a moving obstacle, below which its price is constant
+NEAR_MOVING = 0.01  # [m] from a moving obstacle, below which its weight is constant
 
 
 class Asked(NamedTuple):
@@ -37,7 +37,7 @@ class Asked(NamedTuple):
 
 def pair_constraints(asked: Asked, gains: Array, base: Array, coming: Mask) -> SoftConstraints:
     """Return rows for the velocity, by `gains` w (n,) and `base` u_b (n,); coming (m,): pairs with what moves, which
-    may be violated, at a price that grows as they come closer. The others at least get no worse than by braking."""
+    may be violated, with a weight that grows as they come closer. The others at least get no worse than by braking."""
     matrix = asked.rows.gradient * gains
     begun = matrix @ base
     target = begun - asked.rates * asked.slack - asked.rows.drift

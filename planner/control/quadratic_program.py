@@ -7,7 +7,7 @@ target has a weight:
 
     minimize ½ uᵀ H u + fᵀ u + ½ Σ (weight_k s_k)²    subject to    a_k·u ≥ floor_k,   a_k·u + s_k ≥ target_k    (2)
 
-so that (1) is solved exactly if it is feasible, and otherwise (2) favours the rows of the highest price. A row with
+so that (1) is solved exactly if it is feasible, and otherwise (2) favours the rows of the greatest weight. A row with
 floor = target is a hard constraint, one with floor = −∞ a purely soft one. (2) is feasible if some velocity keeps every
 floor: with box and floors around 0, standing still does.
 """
@@ -31,7 +31,7 @@ class SoftConstraints(NamedTuple):
 
     matrix: Array  # (m, n) a
     target: Array  # (m,)
-    floor: Array  # (m,) floor, at most the target; −inf: none
+    floor: Array  # (m,) at most the target; −inf: none
     weight: Array  # (m,) of the shortfall from the target
 
     def with_rows(self, other: SoftConstraints) -> SoftConstraints:
@@ -58,7 +58,7 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, constr
     weight = weight[kept] * length
     n, gives = len(linear), floor < target
     count = int(gives.sum())
-    # (2) in u and price · s; each weighted row is scaled so that its coefficients are at most 1
+    # (2) in u and weight · s; each weighted row is scaled so that its coefficients are at most 1
     scale = np.maximum(weight[gives], 1.0)
     weighted = np.hstack([matrix[gives] * (weight[gives] / scale)[:, None], np.diag(1.0 / scale)])
     floors = np.hstack([matrix, np.zeros((len(matrix), count))])

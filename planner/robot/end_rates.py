@@ -10,7 +10,7 @@ import numpy as np
 
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, listed
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import freeze
 from hdplan.scenes.targets import Goals, JointRates, JointTarget
 
@@ -57,10 +57,7 @@ def end_rates(robot: Robot, target: JointTarget | Goals, from_request: bool) -> 
 
 def _resolved(robot: Robot, given: JointRates, where: str, from_request: bool) -> Array:
     if not isinstance(given, Mapping):
-        if len(given) != robot.n:
-            joints = listed(robot.joint_names)
-            raise InputError(f"{where}: {len(given)} values, but {robot.name} plans {robot.n} joints: {joints}")
-        return np.array(given)
+        return robot.one_each(given, where)
     found = np.zeros(robot.n)
     for joint, value in given.items():
         if joint in robot.joint_names:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -236,6 +236,14 @@ class Robot:
         if joint not in self.joint_names:
             raise InputError(f"{where}: unknown joint '{joint}'{nearest(joint, (*self.joint_names, *self.locked))}")
         return self.joint_names.index(joint)
+
+    def one_each(self, values: Sequence[float], where: str) -> Array:
+        """Return values of the planned joints (n,), in their order. Raises InputError, naming `where`, for another
+        number of them."""
+        if len(values) != self.n:
+            joints = listed(self.joint_names)
+            raise InputError(f"{where}: {len(values)} values, but {self.name} plans {self.n} joints: {joints}")
+        return np.array(values)
 
     def _within_limits(self, q: Array, where: str, from_request: bool) -> Array:
         slack = LIMIT_ROUNDING if from_request else 1e-9

@@ -30,9 +30,8 @@ from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene, derived
 
 SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
-DOUBTFUL_DIFFERENCE = (
-    1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
-)
+# [m] coal's distance and that of its own witness points differ by more only where coal is wrong
+DOUBTFUL_DIFFERENCE = 1e-5
 
 Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4, 4)
 

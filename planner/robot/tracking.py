@@ -8,7 +8,7 @@ import numpy as np
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, listed, naming
+from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.sizes import Tracking
 
@@ -25,10 +25,7 @@ def tracking(scene: Scene, robot: Robot, name: str = "position") -> Array:
         if isinstance(given, float):
             return np.full(robot.n, given)
         if not isinstance(given, Mapping):
-            if len(given) != robot.n:
-                joints = listed(robot.joint_names)
-                raise InputError(f"{where}: {len(given)} values, but {robot.name} plans {robot.n} joints: {joints}")
-            return np.array(given)
+            return robot.one_each(given, where)
         found = np.zeros(robot.n)
         for joint, value in given.items():
             found[robot.index_of(joint, where)] = value

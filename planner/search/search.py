@@ -49,9 +49,8 @@ GUESSES = 3  # first guesses for a goal before the next goal's turn
 TIGHT, LOOSE = 2, 6  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
 EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
-LITTLE_CHANGE = (
-    0.05  # relative difference of the costs of a motion and the one from which it was begun, if little changed
-)
+# relative difference of the costs of a motion and the one from which it was begun, if little changed
+LITTLE_CHANGE = 0.05
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}
 

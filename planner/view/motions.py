@@ -31,9 +31,8 @@ if TYPE_CHECKING:
 FAINT: Color = (160, 160, 160)
 THIN_PATH = 0.5 * PATH_WIDTH  # [m] of the path of a motion that is not the active one
 THROUGH = 0.4  # opacity of the robots of motions that are not the active one
-SAME_PLACE = (
-    1e-3  # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
-)
+# [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
+SAME_PLACE = 1e-3
 LONGEST_NAME = 40  # characters of a motion's name
 
 

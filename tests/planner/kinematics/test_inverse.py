@@ -16,9 +16,8 @@ from hdplan.scenes.targets import FREE_ROTATIONS, AllOf, PoseTarget
 ROBOTS = ("panda", "ur5", "z1", "double_pendulum_continuous")
 BASE = Pose((0.3, -0.2, 0.9), (0.0, 0.6, 0.0, 0.8))
 EXACT = 1e-11  # [m, rad] rounding of a dozen products of matrices
-NEARLY = (
-    1e-6  # [rad] of a turn by almost nothing or almost a half, where the arc tangent and the root of a sum lose digits
-)
+# [rad] of a turn by almost nothing or almost a half, where the arc tangent and the root of a sum lose digits
+NEARLY = 1e-6
 
 
 def target_at(robot: Robot, link: str, q: np.ndarray, turned: pin.SE3, free: str) -> PoseTarget:
