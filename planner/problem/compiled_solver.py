@@ -14,13 +14,20 @@ import casadi as ca
 from hdplan.distance.compiled.c_library import BRIEF, loaded
 from hdplan.scenes.errors import InputError
 
+IN_C = frozenset(  # classes of functions that CasADi's CodeGenerator writes
+    ("MXFunction", "SXFunction", "Map", "OmpMap", "ThreadMap", "Switch", "BSplineInterpolant", "LinearInterpolant")
+    + ("FastNewton", "RungeKutta")
+)
+
 
 def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str, Any]) -> ca.Function | None:
     """Return the solver of a program; None where there is no C compiler. Raises InputError for a program that calls
     functions which cannot be written to C."""
     for name in ("f", "g"):
-        if called := callbacks(nlp[name]):
-            raise InputError(f"compiled: {name} calls '{called[0]}', which is no graph; allowed is form symbolic")
+        if called := not_in_c(nlp[name]):
+            raise InputError(
+                f"compiled: {name} calls '{called[0]}', which CasADi cannot write to C; allowed is form symbolic"
+            )
     interpreted = ca.nlpsol("solver", plugin, nlp, options)
     generator = ca.CodeGenerator("nlp.c", {"verbose": False})
     generator.add(interpreted.oracle())
@@ -29,8 +36,9 @@ def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str,
     return loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), BRIEF)
 
 
-def callbacks(expression: ca.MX) -> list[str]:
-    """Return the names of functions in an expression that are no graphs: they are Python's, or other libraries'."""
+def not_in_c(expression: ca.MX) -> list[str]:
+    """Names of functions in an expression that CasADi cannot write to C: Python's, other libraries', some of its own
+    solvers."""
     whole = ca.Function("whole", ca.symvar(expression), [expression])
     every = [whole, *whole.find_functions()]
-    return [each.name() for each in every if any(word in each.class_name() for word in ("Callback", "External"))]
+    return [each.name() for each in every if each.class_name() not in IN_C]

@@ -22,8 +22,9 @@ from numpy.typing import ArrayLike
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.compiled_solver import callbacks
+from hdplan.planner.problem.compiled_solver import not_in_c
 from hdplan.planner.problem.hinge import BAND
+from hdplan.planner.problem.kinks import place_of_jump
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.symbolic_place import SymbolicMotion
 from hdplan.planner.problem.terms import MotionPenalty, Term
@@ -31,6 +32,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 KINDS = ("cost", "penalty", "constraint")
+UNLIKE_STEPS, STEP_ROOM = 0.1, 0.01  # steps at which a term is tried: of the line, and [rad or m] beyond it
 CONSTRAINT_ROUNDING = 1e-9  # by which a constraint may be exceeded, in its unit: rounding
 
 
@@ -58,22 +60,27 @@ class OwnTerm:
         """The term of a problem with n planned joints, which are `own` among the model's; `activation` [m] as the
         planner's. It is tried on a motion `line` (N, n). Raises InputError for what is no such term."""
         q, step = ca.MX.sym("q", n), ca.MX.sym("step", n)
+        if not isinstance(self.name, str) or not self.name:
+            raise InputError(f"term: name must be a text, found {self.name!r}")
         if self.kind not in KINDS:
             raise self._wrong(f"kind must be one of {', '.join(KINDS)}, found {self.kind!r}")
-        if not (isinstance(self.scale, (int, float)) and 0 < self.scale < np.inf):
+        if isinstance(self.scale, bool) or not (isinstance(self.scale, (int, float)) and 0 < self.scale < np.inf):
             raise self._wrong(f"scale must be a positive number, found {self.scale!r}")
         try:
             value = self.each(q, step)
         except RuntimeError as error:  # CasADi's, of sizes that do not fit
             raise self._wrong(f"{str(error).strip().splitlines()[-1]} (q and step have {n} rows)") from None
-        if not isinstance(value, ca.MX) or not value.is_column() or (self.kind == "cost" and not value.is_scalar()):
+        except Exception as error:  # of the user's own function
+            raise self._wrong(f"the function of (q, step) fails with {type(error).__name__}: {error}") from error
+        column = isinstance(value, ca.MX) and value.is_column() and value.numel() > 0
+        if not column or (self.kind == "cost" and not value.is_scalar()):
             found = f"casadi.MX of shape {value.shape}" if isinstance(value, ca.MX) else repr(value)
             raise self._wrong(f"a {'scalar' if self.kind == 'cost' else 'column'} casadi.MX is expected, found {found}")
         known = {q.__hash__(), step.__hash__()}
         if strange := [symbol.name() for symbol in ca.symvar(value) if symbol.__hash__() not in known]:
             raise self._wrong(f"depends on '{strange[0]}'; allowed are the waypoint and the step")
-        if called := callbacks(value):
-            raise self._wrong(f"calls '{called[0]}', which is no graph of CasADi's, and cannot be written to C")
+        if called := not_in_c(value):
+            raise self._wrong(f"calls '{called[0]}', which CasADi cannot write to C")
         low, high = (
             self._bound(name, given, value.numel()) for name, given in (("lower", self.lower), ("upper", self.upper))
         )
@@ -94,6 +101,11 @@ class OwnTerm:
             raise self._wrong("is not twice differentiable: CasADi finds no second derivatives") from None
         if not all(np.isfinite(part).all() for part in term.rows(line)):
             raise self._wrong("is not twice differentiable along the straight line: its derivatives are not finite")
+        if (place := term.jump(line)) is not None:
+            raise self._wrong(
+                f"is not twice differentiable: its value or gradient jumps at {place:.3g} of the straight line; "
+                "allowed is a smooth expression, such as sqrt(x**2 + 1e-4) for |x|, or kind 'penalty' for max(x, 0)"
+            )
         return term
 
     def _residual(self, value: ca.MX, low: Array, high: Array) -> tuple[ca.MX, Array]:
@@ -160,6 +172,18 @@ class WrittenTerm(Term):
         inner, step = positions[1:-1], np.diff(positions, axis=0)[1:]
         every = np.arange(len(inner))
         return self._run([inner, step], [every, every])
+
+    def jump(self, line: Array) -> float | None:
+        """Place in [0, 1] of a straight line (N, n) at which the term jumps or has a kink, with steps that turn round
+        and are longer than those of the line; None if none is found."""
+        n, step = line.shape[1], UNLIKE_STEPS * (line[-1] - line[0]) + STEP_ROOM
+
+        def sampled(points: Array) -> tuple[Array, Array, Array]:
+            every = np.arange(len(points))
+            value, slope, _, hessian, *_ = self._run([points[:, :n], points[:, n:]], [every, every])
+            return value, slope, hessian.reshape(-1, 2 * n, 2 * n)
+
+        return place_of_jump(sampled, np.append(line[0], -step), np.append(line[-1], 0.9 * step))
 
     def excess(self, positions: Array) -> float:
         """How far a motion leaves the bounds of a constraint at its waypoints, in the constraint's unit; 0 if not."""

@@ -31,6 +31,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -268,10 +269,14 @@ class Problem:
     def with_term(self, term: Term | OwnTerm) -> Problem:
         """The same problem with one more term in its cost, the user's own: an `OwnTerm` in symbols, of the planned
         joints, or a `Term` in numbers, of all joints of the model, those that follow others included. Raises InputError
-        for an `OwnTerm` of other sizes, that is not twice differentiable or calls back into Python."""
-        from hdplan.planner.problem.own_term import OwnTerm
+        for an `OwnTerm` of other sizes, that is not twice differentiable, calls back into Python or has the name of
+        another one."""
+        from hdplan.planner.problem.own_term import OwnTerm, WrittenTerm
 
         if isinstance(term, OwnTerm):
+            others = (*self.terms.costs, *self.terms.own)
+            if any(isinstance(other, WrittenTerm) and other.name == term.name for other in others):
+                raise InputError(f"term '{term.name}': the name is taken by another term")
             n, linkage = len(self.start), self.robot.linkage
             own = np.arange(n) if linkage is None else linkage.own
             written = term.of(n, own, self.scene.planner.activation, self.polyline())

@@ -99,8 +99,11 @@ class Program:
     ) -> Array:
         """The p of a weight of the penalty [1/m²], and of other poses (4, 4) of obstacles by name than the scene's; of
         a moving one (B, 4, 4), one for each sample of the problem; and of boxes, spheres, cylinders and capsules of
-        other sizes in place of the scene's. Raises InputError for what is no obstacle, no pose or no such shape, and
-        for any of them where the penalty is external."""
+        other sizes in place of the scene's. Raises InputError for a weight below 0, for what is no obstacle, no pose or
+        no such shape, and for any of them where the penalty is external."""
+        number = as_numbers(weight)
+        if number is None or number.ndim or not 0 <= number < np.inf:
+            raise InputError(f"weight: found {weight!r}, allowed is a number that is not negative [1/m²]")
         if isinstance(self.penalty, SymbolicPenalty):
             return np.append(weight, self.penalty.values(poses or {}, sizes or {}))
         for name, given in (("poses", poses), ("sizes", sizes)):
@@ -200,8 +203,11 @@ class Program:
         for a function of Python in the program, as in form external.
         """
         given = {**(self.stages if plugin == "fatrop" else {}), **(options or {})}
-        found = self._compiled(plugin, given) if compiled else None
-        return ca.nlpsol("solver", plugin, self.nlp, given) if found is None else found
+        try:
+            found = self._compiled(plugin, given) if compiled else None
+            return ca.nlpsol("solver", plugin, self.nlp, given) if found is None else found
+        except RuntimeError as error:  # CasADi's: the place in its source, then what is wrong
+            raise InputError(f"solver '{plugin}': {str(error).strip().splitlines()[0].split(': ', 1)[-1]}") from None
 
     def _compiled(self, plugin: str, given: Mapping[str, Any]) -> ca.Function | None:
         from hdplan.planner.problem.compiled_solver import compiled_solver
@@ -230,8 +236,10 @@ class Program:
         return np.concatenate([stages.ravel(), q[-2], step[-1]])
 
     def positions(self, x: ArrayLike) -> Array:
-        """The waypoints (N, n) of an x, within the joint limits."""
+        """The waypoints (N, n) of an x, within the joint limits. Raises InputError for another number of values."""
         problem, values = self.problem, np.asarray(x, dtype=np.float64).ravel()
+        if len(values) != self.x.numel():
+            raise InputError(f"x: {self.x.numel()} numbers are expected, found {len(values)}")
         inside = values[places(len(problem.start), problem.waypoints)]
         return problem.clip(np.vstack([problem.start, inside, problem.goal]))
 

@@ -119,6 +119,22 @@ class Doubled(ca.Callback):
 
 
 DOUBLED = Doubled()
+X, P = ca.MX.sym("x"), ca.MX.sym("p")
+ROOT = ca.rootfinder("root", "newton", {"x": X, "p": P, "g": X + X**3 - P})
+TABLE = ca.interpolant("table", "linear", [np.linspace(-4, 4, 9)], np.sin(np.arange(9.0)))
+JUMPS = r"is not twice differentiable: its value or gradient jumps at"
+SMOOTH = (
+    lambda q, step: ca.sqrt(q[0] ** 2 + 1e-8),
+    lambda q, step: ca.tanh(1e3 * q[1]),
+    lambda q, step: ca.fmax(q[0] - 0.2, 0) ** 2,
+    lambda q, step: ca.exp(9 * q[0]) * ca.sumsqr(step),
+)
+
+
+@pytest.mark.parametrize("each", SMOOTH)
+def test_smooth_expressions_are_taken(each: Any) -> None:
+    """However steep they are."""
+    assert small().with_term(hdplan.OwnTerm("mine", each)).terms.costs
 
 
 @pytest.mark.parametrize(
@@ -134,8 +150,19 @@ DOUBLED = Doubled()
         ),
         (
             (lambda q, step: DOUBLED(q[0]),),
-            r"calls 'doubled', which is no graph of CasADi's, and cannot be written to C",
+            r"calls 'doubled', which CasADi cannot write to C",
         ),
+        ((lambda q, step: ROOT(x0=0, p=q[0])["x"],), r"calls 'root', which CasADi cannot write to C"),
+        ((lambda q, step: ca.fabs(q[0]),), JUMPS),
+        ((lambda q, step: ca.fabs(step[0]),), JUMPS),
+        ((lambda q, step: ca.floor(3 * q[0]) * q[1],), JUMPS),
+        ((lambda q, step: ca.if_else(q[0] > 0.1, 1, 2), "penalty"), JUMPS),
+        ((lambda q, step: TABLE(q[0]),), JUMPS),
+        (
+            (lambda q, step: ca.MX(0, 1), "penalty"),
+            r"a column casadi\.MX is expected, found casadi\.MX of shape \(0, 1\)",
+        ),
+        ((lambda q: q[0],), r"the function of \(q, step\) fails with TypeError"),
         ((lambda q, step: q[0] * ca.MX.sym("z"),), r"depends on 'z'; allowed are the waypoint and the step"),
         ((lambda q, step: q[0], "hard"), r"kind must be one of cost, penalty, constraint, found 'hard'"),
         ((lambda q, step: q, "constraint", 1.0, 0.0), r"lower must be below upper"),
@@ -147,6 +174,11 @@ DOUBLED = Doubled()
 def test_what_is_no_term_is_refused(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(InputError, match=f"term 'mine': {words}"):
         small().with_term(hdplan.OwnTerm("mine", *arguments))
+
+
+def test_two_terms_have_two_names() -> None:
+    with pytest.raises(InputError, match="term 'wavy': the name is taken by another term"):
+        small().with_term(TERMS[0]).with_term(dataclasses.replace(TERMS[1], name="wavy"))
 
 
 def test_terms_are_checked_first() -> None:

@@ -18,7 +18,7 @@ import hdplan
 import hdplan.planner.problem as room
 from hdplan.planner.build import build
 from hdplan.planner.problem.clearance import PairTerm
-from hdplan.planner.problem.compiled_solver import callbacks
+from hdplan.planner.problem.compiled_solver import not_in_c
 from hdplan.planner.problem.hinge import Hinge
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.symbolic_penalty import SymbolicPenalty, refuse_unwritten
@@ -150,9 +150,9 @@ def test_no_function_of_it_calls_back() -> None:
     for name in ("panda_conveyor", "panda_heavy", "panda_cup"):
         graph = graph_of(problem_of(name))
         assert {each.class_name() for each in [graph, *graph.find_functions()]} <= kinds
-        assert not callbacks(problem_of(name).casadi(form="symbolic").f)
+        assert not not_in_c(problem_of(name).casadi(form="symbolic").f)
     external = problem_of("planar_arm").casadi()
-    assert callbacks(external.f) == ["penalty"]
+    assert not_in_c(external.f) == ["penalty"]
 
 
 def test_it_is_kept_mapped_and_differentiated_again(tmp_path: Path) -> None:
@@ -292,7 +292,7 @@ def test_compiled_it_is_the_same() -> None:
             )
         )
     close(found[1], found[0], 1e-7)
-    with pytest.raises(InputError, match="compiled: f calls 'penalty', which is no graph; allowed is form symbolic"):
+    with pytest.raises(InputError, match="compiled: f calls 'penalty', which CasADi cannot write to C; allowed is form symbolic"):
         problem_of("planar_arm").casadi().solver(compiled=True)
     with pytest.raises(InputError, match="options: calc_lam_p: while a compiled solver runs, obstacles stand"):
         program.solver("ipopt", {"calc_lam_p": True}, compiled=True)
@@ -359,6 +359,13 @@ def test_what_is_no_pose_is_refused() -> None:
         program.values(1.0, {name: np.stack([np.eye(4)] * 3)})
     with pytest.raises(InputError, match=rf"poses: {name}"):
         program.values(1.0, {name: 2 * np.eye(4)})
+    for weight in (-1.0, np.nan, "heavy", [1.0, 2.0]):
+        with pytest.raises(InputError, match="weight: found .*, allowed is a number that is not negative"):
+            program.values(weight)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=rf"x: {program.x.numel()} numbers are expected, found 3"):
+        program.positions(np.zeros(3))
+    with pytest.raises(InputError, match="solver 'ipopt': Unknown option: bogus"):
+        program.solver("ipopt", {"bogus": 1})
     cost = ca.Function("cost", [program.x, program.p], [program.f])
     x, p = program.guess(program.problem.polyline()), program.values(1.0)
     assert np.isfinite(float(cost(x, p)))
