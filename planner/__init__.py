@@ -7,4 +7,6 @@ from __future__ import annotations
 
 from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook", "result_page": "page.result_page"})
+_HOMES = {"result_html": "hdplan.planner.pictures.notebook", "result_page": "hdplan.planner.page.result_page"}
+
+__getattr__ = lazy_imports(__name__, _HOMES)

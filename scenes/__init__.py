@@ -7,4 +7,4 @@ from __future__ import annotations
 
 from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = lazy_imports(__name__, {"scene_text": "yaml_format.writer"})
+__getattr__ = lazy_imports(__name__, {"scene_text": "hdplan.scenes.yaml_format.writer"})

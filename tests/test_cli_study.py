@@ -18,8 +18,7 @@ from pathlib import Path
 import pytest
 
 from hdplan import cli
-from hdplan.distance.studies import accuracy as study
-from hdplan.distance.studies import conservativeness, query_time
+from hdplan.distance.studies import accuracy as study, conservativeness, query_time
 from hdplan.planner.commands import studies
 from hdplan.planner.studies import paper_figures, planning_runs
 

@@ -98,8 +98,7 @@ def run_plan(
     if output is not None:
         result.save(output)
     if plot is not None:
-        from hdplan.planner.pictures.plot import Subject
-        from hdplan.planner.pictures.plot import plot as draw
+        from hdplan.planner.pictures.plot import Subject, plot as draw
 
         draw(Subject.planned(Setup.of(problem), result), plot)
     proven = result.certified

@@ -1,4 +1,4 @@
-"""Whether a function jumps or has a kink on a segment, found by bisection.
+"""Jumps and kinks of a function along a segment, found by bisection.
 
 In: values of a scalar function along a segment, its slope and its Hessian. Out: the place of a jump. Between two points
 that are close together, a value changes as the slopes say, and a slope as the Hessians say (trapezoidal rule). The

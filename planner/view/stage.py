@@ -16,9 +16,7 @@ from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.things import GOAL as THE_GOAL
-from hdplan.planner.view.things import START as THE_START
-from hdplan.planner.view.things import Thing
+from hdplan.planner.view.things import GOAL as THE_GOAL, START as THE_START, Thing
 from hdplan.planner.view.words import contact_words
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud

@@ -10,34 +10,6 @@ settings are safe.
 
 from __future__ import annotations
 
-from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control.braking import Command
-from hdplan.planner.control.controller import Controller, Step
-from hdplan.planner.control.look_ahead import Mode
-from hdplan.planner.control.rollout import Run, simulate
-from hdplan.planner.control.settings import ControlSettings
-from hdplan.planner.control.tasks import Damping, PoseTask, Ranked, Task, TrackTask, standing
+from hdplan.scenes.lazy_imports import lazy_names
 
-__all__ = [
-    "BarrierSettings",
-    "Barriers",
-    "Command",
-    "ControlSettings",
-    "Controller",
-    "Damping",
-    "Mode",
-    "PoseTask",
-    "Ranked",
-    "Run",
-    "Step",
-    "Task",
-    "TrackTask",
-    "scene_barriers",
-    "simulate",
-    "standing",
-]
-
-
-def __dir__() -> list[str]:
-    """Public names."""
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -16,39 +16,6 @@ CasADi's are graphs without callbacks: they can be differentiated twice, mapped,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from hdplan.scenes.lazy_imports import lazy_names
 
-from hdplan.scenes.lazy_imports import lazy_imports
-
-if TYPE_CHECKING:
-    from hdplan.distance.symbolic.graph_distance import hdsdf_function as distance
-    from hdplan.planner.symbolic.clearance import SceneClearance, clearance
-    from hdplan.planner.symbolic.dynamics import dynamics
-    from hdplan.planner.symbolic.kinematics import kinematics
-    from hdplan.planner.traced.cost import JaxCost, jax_cost
-
-__all__ = ["JaxCost", "SceneClearance", "clearance", "distance", "dynamics", "jax_cost", "kinematics"]
-
-_find = lazy_imports(
-    "hdplan",
-    {
-        "JaxCost": "planner.traced.cost",
-        "SceneClearance": "planner.symbolic.clearance",
-        "clearance": "planner.symbolic.clearance",
-        "dynamics": "planner.symbolic.dynamics",
-        "hdsdf_function": "distance.symbolic.graph_distance",
-        "jax_cost": "planner.traced.cost",
-        "kinematics": "planner.symbolic.kinematics",
-    },
-)
-
-
-def __getattr__(name: str) -> object:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return _find("hdsdf_function" if name == "distance" else name)
-
-
-def __dir__() -> list[str]:
-    """Public names."""
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

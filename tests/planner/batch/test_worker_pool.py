@@ -22,9 +22,7 @@ import pytest
 
 import hdplan
 from hdplan.distance.compiled.cache import write_whole
-from hdplan.planner.batch import many
-from hdplan.planner.batch import outcome as outcome_module
-from hdplan.planner.batch import worker_pool as crew_module
+from hdplan.planner.batch import many, outcome as outcome_module, worker_pool as crew_module
 from hdplan.planner.batch.caches import packed
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.job import Job

@@ -13,8 +13,7 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from hdplan.distance.compiled import cache
-from hdplan.planner.collision import collision_model, separation_bounds
-from hdplan.planner.collision import link_bodies as module
+from hdplan.planner.collision import collision_model, link_bodies as module, separation_bounds
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody, contains, enclosed, fit_report, link_bodies, link_triangles

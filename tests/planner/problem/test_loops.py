@@ -13,8 +13,7 @@ from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
 from hdplan.planner.collision import broad_phase, hdsdf
 from hdplan.planner.kinematics import forward
-from hdplan.planner.problem import clearance, samples
-from hdplan.planner.problem import problem as problems
+from hdplan.planner.problem import clearance, problem as problems, samples
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.solvers import newton_step

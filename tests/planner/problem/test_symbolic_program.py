@@ -292,7 +292,9 @@ def test_compiled_it_is_the_same() -> None:
             )
         )
     close(found[1], found[0], 1e-7)
-    with pytest.raises(InputError, match="compiled: f calls 'penalty', which CasADi cannot write to C; allowed is form symbolic"):
+    with pytest.raises(
+        InputError, match="compiled: f calls 'penalty', which CasADi cannot write to C; allowed is form symbolic"
+    ):
         problem_of("planar_arm").casadi().solver(compiled=True)
     with pytest.raises(InputError, match="options: calc_lam_p: while a compiled solver runs, obstacles stand"):
         program.solver("ipopt", {"calc_lam_p": True}, compiled=True)
@@ -360,7 +362,7 @@ def test_what_is_no_pose_is_refused() -> None:
     with pytest.raises(InputError, match=rf"poses: {name}"):
         program.values(1.0, {name: 2 * np.eye(4)})
     for weight in (-1.0, np.nan, "heavy", [1.0, 2.0]):
-        with pytest.raises(InputError, match="weight: found .*, allowed is a number that is not negative"):
+        with pytest.raises(InputError, match=r"weight: found .*, allowed is a number that is not negative"):
             program.values(weight)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=rf"x: {program.x.numel()} numbers are expected, found 3"):
         program.positions(np.zeros(3))

@@ -25,8 +25,7 @@ from hdplan.scenes.yaml_format.reader import read_robot
 from hdplan.verify.balls import HERE, Ball, dot
 from hdplan.verify.kernel import Motion
 from hdplan.verify.moving import joints_of
-from hdplan.verify.scene import frame as frame_of
-from hdplan.verify.scene import hull
+from hdplan.verify.scene import frame as frame_of, hull
 from hdplan.verify.world import World
 
 from .worlds import read, read_and_planned

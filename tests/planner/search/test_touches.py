@@ -10,8 +10,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.plan import plan
-from hdplan.planner.search import search as searching
-from hdplan.planner.search import touches
+from hdplan.planner.search import search as searching, touches
 from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Solution, Solver, SolverStatus
 from hdplan.scenes.errors import HdplanError

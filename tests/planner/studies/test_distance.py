@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.distance.studies import accuracy as measuring
-from hdplan.distance.studies import unions as cutting
+from hdplan.distance.studies import accuracy as measuring, unions as cutting
 from hdplan.distance.studies.accuracy import BANDS, FULL, GAPS, NORMALS, Entry, Plan, Setting, Study
 from hdplan.distance.studies.conservativeness import Conservativeness, RungAlarms
 from hdplan.distance.studies.query_time import METHODS, PairTimes, QueryTimes

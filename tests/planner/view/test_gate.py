@@ -16,8 +16,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view import gate as module
-from hdplan.planner.view import server as serving
+from hdplan.planner.view import gate as module, server as serving
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError

@@ -1,0 +1,20 @@
+"""Public names of hdplan.control and their homes."""
+
+from hdplan.planner.control.barriers import (
+    Barriers as Barriers,
+    BarrierSettings as BarrierSettings,
+    scene_barriers as scene_barriers,
+)
+from hdplan.planner.control.braking import Command as Command
+from hdplan.planner.control.controller import Controller as Controller, Step as Step
+from hdplan.planner.control.look_ahead import Mode as Mode
+from hdplan.planner.control.rollout import Run as Run, simulate as simulate
+from hdplan.planner.control.settings import ControlSettings as ControlSettings
+from hdplan.planner.control.tasks import (
+    Damping as Damping,
+    PoseTask as PoseTask,
+    Ranked as Ranked,
+    Task as Task,
+    TrackTask as TrackTask,
+    standing as standing,
+)
