@@ -1,4 +1,4 @@
-"""The doors: what `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` offer is listed by their stubs, is
+"""The doors: what `hdplan`, `hdplan.distance`, `hdplan.control` and `hdplan.symbolic` offer is what stubs list, is
 documented, and can be pickled, copied and looked at."""
 
 from __future__ import annotations

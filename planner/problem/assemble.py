@@ -160,7 +160,9 @@ def on_frames(problem: Problem) -> Problem:
     joint beyond the robot's and those of the moving ones, in the scene's order. All moving link bodies are paired with
     it, as what is proven of where it stands, and how large it is, does not hold of others."""
     scene, bodies, settings = problem.scene, problem.bodies, problem.scene.planner
-    first = problem.kinematics.nj + len(scene.moving)
+    moving = problem.terms.moving_obstacles
+    carried = 0 if moving is None else len(moving.motions)
+    first = problem.kinematics.nj + carried
     frame = {obstacle.name: first + i for i, obstacle in enumerate(scene.standing)}
     pieces = tuple(replace(body, joint=frame[body.name]) for body in problem.halfspace_bodies if body.joint == 0)
     pairs = all_pairs(bodies, range(len(pieces)))
@@ -168,7 +170,7 @@ def on_frames(problem: Problem) -> Problem:
         return problem
     clearances = kept(problem.setup)
     margins = np.array([clearances[piece.name] + settings.activation for piece in pieces])
-    supports = with_frames(problem.kinematics.supports, len(scene.obstacles))
+    supports = with_frames(problem.kinematics.supports, carried + len(scene.standing))
     assembled = body_pairs(bodies, pieces, pairs, margins, supports)
     obstacles = _clearance(assembled, _distance(assembled, bodies, pieces, settings), settings, pieces)
     return replace(problem, terms=replace(problem.terms, obstacles=obstacles))

@@ -29,14 +29,17 @@ from hdplan.planner.problem.assemble import on_frames
 from hdplan.planner.problem.closed_sum import closed_sum
 from hdplan.planner.problem.symbolic_place import SymbolicMotion, SymbolicPlace
 from hdplan.planner.problem.terms import Term
+from hdplan.planner.problem.unknown import spans
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed, nearest
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.shapes import Shape
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
 
 FRAME = 12 + SIZES  # numbers of a frame, as in `pair_symbols`
+HEIGHT = 11  # the place among them of the origin's z
 GROWING = ("box", "sphere", "cylinder", "capsule")  # shapes with sizes as parameters
 WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motion"}
 
@@ -85,13 +88,16 @@ class SymbolicPenalty:
         the obstacles' poses. Raises InputError for a term that is not written in symbols."""
         for term in problem.terms:
             refuse_unwritten(term)
-        problem.setup.refuse_speeds("no room that grows with time is written in symbols")
         self.problem, self.exact, self.movable = on_frames(problem), exact, movable
         scene, moving, found = problem.scene, problem.terms.moving_obstacles, []
+        self._away: list[Array] = []  # of each moving obstacle, how far (S, B) each of its S frames is above it [m]
         if moving is not None:
             times = moving.law.time_at(problem.samples.parameter)
-            for each, path in zip(scene.moving, moving.motions, strict=True):
-                found.append(ObstaclePlaces(each.name, path.at(times), np.eye(4), each.shape))
+            for each in scene.moving:
+                poses = ObstacleMotion.of(each).at(times)
+                found.append(ObstaclePlaces(each.name, poses, np.eye(4), each.shape))
+                placed = np.array([span.at(times)[:, 2, 3] for span in spans(each, scene.end_time)])
+                self._away.append(placed - poses[:, 2, 3])
         for each in scene.standing:
             found.append(ObstaclePlaces(each.name, each.pose.matrix[None], each.pose.matrix, each.shape))
         self.obstacles = tuple(found)
@@ -171,13 +177,14 @@ class SymbolicPenalty:
         if x is not None:
             looks = ca.reshape(linear(ca.vec(looks), x), looks.shape)
 
-        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", FRAME, len(self.obstacles))
+        frames_count = len(moving) + standing.shape[1]
+        q, carried = ca.MX.sym("q", kinematics.n), ca.MX.sym("frames", FRAME, frames_count)
         place = SymbolicPlace(kinematics, q, carried, self.exact, self.movable)
         at_sample = [part for term in terms if (part := term.written_at_sample(place)) is not None]
         result = mark
         if at_sample:
             frames = ca.vertcat(ca.MX(0, count), *moving, ca.repmat(ca.vec(standing), 1, count))
-            by_sample = ca.reshape(frames, FRAME, len(self.obstacles) * count)
+            by_sample = ca.reshape(frames, FRAME, frames_count * count)
             form = functools.reduce(operator.add, at_sample)
             result += closed_sum("samples", [place], form, samples.weight)(looks, by_sample)
         still = ca.horzcat(ca.MX.zeros(FRAME, len(moving)), standing)
@@ -186,9 +193,9 @@ class SymbolicPenalty:
         return sum(over_motion, result)
 
     def _frames(self, places: ca.MX) -> tuple[list[ca.MX], ca.MX, ca.MX]:
-        """The frames of every moving obstacle at the samples (15, B), those of the standing ones (15, F), and 0, or NaN
-        where a pose is not rigid or a size is no length: a graph cannot raise an error, and far away no distance shows
-        it."""
+        """The frames of every moving obstacle at the samples (15, B), several of one that may leave its place; those of
+        the standing ones (15, F); and 0, or NaN where a pose is not rigid or a size is no length: a graph cannot raise
+        an error, and far away no distance shows it."""
         every, counts = self.obstacles, [len(each.poses) for each in self.obstacles]
         if not every:
             return [], ca.MX(FRAME, 0), ca.MX(0)
@@ -204,12 +211,13 @@ class SymbolicPenalty:
             at_home = np.concatenate([each.sizes for each in every])
             change = ca.reshape(ca.sparsify(ca.DM(spread)) @ (sizes - at_home), SIZES, len(every))
             mark += ca.sum1(ca.if_else(sizes >= 0, 0, math.nan))
-        moving = len(self.problem.scene.moving) if self.problem.terms.moving_obstacles is not None else 0
-        columns, changes = np.cumsum([0, *counts]).tolist(), ca.horzsplit(change)
-        found = [
-            ca.vertcat(frames[:, columns[row] : columns[row + 1]], ca.repmat(changes[row], 1, counts[row]))
-            for row in range(moving)
-        ]
+        columns, changes, found, moving = np.cumsum([0, *counts]).tolist(), ca.horzsplit(change), [], len(self._away)
+        for row, away in enumerate(self._away):
+            whole = ca.vertcat(frames[:, columns[row] : columns[row + 1]], ca.repmat(changes[row], 1, counts[row]))
+            for each in away:
+                raised = np.zeros((FRAME, counts[row]))
+                raised[HEIGHT] = each
+                found.append(whole + ca.sparsify(ca.DM(raised)) if each.any() else whole)
         return found, ca.vertcat(frames[:, columns[moving] :], change[:, moving:]), mark
 
 
