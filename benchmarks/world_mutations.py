@@ -59,7 +59,7 @@ SIZES = {  # of what is unknown, as scenes have it: of the robot, and of every o
 }
 MOMENTS = 200
 TEETH = "of those rejected"  # as the judge finds them
-WORST = 6  # moments of a pair at which what is unknown goes to its edges
+WORST = 4  # moments of a pair at which what is unknown goes to its edges
 WAYS = ((0.6180339, 0.3247179, 0.7161573), (-0.7548776, 0.5698402, 0.2360679), (0.1415926, -0.7182818, -0.5772156))
 SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and what the kernel lets ends be off
 
@@ -151,6 +151,17 @@ def apart(shape: Any, place: Any, other: Any, beside: Any) -> tuple[float, Any, 
     return away, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
 
 
+def wedge(a: Any, b: Any) -> Any:
+    """The products a x b of vectors (k, 3)."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+
+
+def strayed(places: Any, centers: Any, radius: float, k: int, others: Any) -> Any:
+    """How far points of a ball around a body are from where they are at a moment, at others at most."""
+    turn = np.linalg.norm(places[others, :3, :3] - places[k, :3, :3], axis=(1, 2))
+    return np.linalg.norm(centers[others] - centers[k], axis=1) + turn * radius
+
+
 def turned(place: Any, origin: Any, axis: Any, angle: float) -> Any:
     """A place (4, 4), turned about an axis through a point."""
     length = float(np.linalg.norm(axis))
@@ -189,10 +200,22 @@ class Judge:
         for q in np.column_stack([self.q, *followed]):
             pin.forwardKinematics(model, self.data, q)
             self.frames.append([x.copy() for x in self.data.oMi])
-        sizes = world.get("sizes") or {"around": {}, "base": None, "joints": [], "rates": []}
+        self.sizes = world.get("sizes")
+        sizes = self.sizes or {"around": {}, "base": None, "joints": [], "rates": []}
         self.around, self.base = sizes["around"], sizes["base"] or {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
         self.followed = followed
         self.off, self.rates = (self._off(sizes[key]) for key in ("joints", "rates"))
+        joints, count = world["joints"], len(world["joints"])
+        self.axes = np.array([x["axis"] for x in joints], dtype=float)
+        self.turns = np.array([x["kind"] == "revolute" for x in joints])[:, None]
+        self.follow = np.zeros((count, count))  # of each joint by the one that it follows, or by itself
+        for i, x in enumerate(joints):
+            leader, factor, _ = x["follows"] or (i, 1.0, 0.0)
+            self.follow[i, leader] = factor
+        self.above = np.zeros((len(model.names), count), dtype=bool)  # by which joints each is moved; the last: none
+        for i in range(len(model.names) - 1):
+            self.above[i] = self.above[int(model.parents[i + 1]) - 1]
+            self.above[i, i : i + 1] = True
 
     def _off(self, said: list[float]) -> Any:
         """How far all joints may be off, by that of those which follow none."""
@@ -264,14 +287,17 @@ class Judge:
                     continue
                 else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
-                far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
-                room, near = self.room(two), list[tuple[float, int]]()
-                for k in np.flatnonzero(far < least + room).tolist():
+                far, limit = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j], least + self.room(two)
+                left, near = np.flatnonzero(far < limit), list[tuple[float, int]]()
+                while len(left):
+                    k = int(left[len(left) // 2])
                     away, _, _ = apart(made[i], places[i][k], made[j], places[j][k])
-                    near.append((away - room[k], k))
+                    near += [(away - limit[k], k)] * bool(away < limit[k])
                     if away < least - SLACK:
                         return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, not {least}"
-                for _, k in sorted(near)[: WORST * bool(room.any())]:
+                    gone = sum(strayed(places[x], seen[x], radii[x], k, left) for x in (i, j))
+                    left = left[(away - gone < limit[left]) & (left != k)]  # others are surely farther apart
+                for _, k in sorted(near)[: WORST * bool(self.sizes)]:
                     away = self.closest(one, made[i], two, made[j], k)
                     if away < least - SLACK:
                         return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, if unlucky, not {least}"
@@ -291,39 +317,31 @@ class Judge:
     def closest(self, one: World, shape: Any, two: World, other: Any, k: int) -> float:
         """A distance [m] that two bodies have at a moment in a world within the sizes: each unknown goes to the edge at
         which the closest points of the two come together."""
-        frames, joints, moved = self.frames[k], self.world["joints"], np.zeros((2, len(self.model.names) - 1), bool)
-        for row, body in enumerate((one, two)):
-            joint = body["joint"]
-            while joint >= 0:
-                moved[row, joint] = True
-                joint = int(self.model.parents[joint + 1]) - 1
+        frames, joints = self.frames[k], self.world["joints"]
+        moves = np.array([self.above[x["joint"]] for x in (one, two)])
         places, best = [frames[x["joint"] + 1].homogeneous @ se3(x).homogeneous for x in (one, two)], np.inf
         obstacle, none = two["kind"] == "obstacle", {"shift": 0.0, "turn": 0.0, "speed": 0.0}
         own = self.around.get(two["name"], none) if obstacle else none
         base = self.base if obstacle else {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
         about, origin = np.array(base["about"], dtype=float), places[1][:3, 3].copy()
         shift = base["shift"] + own["shift"] + own["speed"] * abs(self.at[k])
-        for _ in range(3):
+        axes = np.array([x.rotation @ y for x, y in zip(frames[1:], self.axes, strict=False)])
+        points = np.array([x.translation for x in frames[1 : len(joints) + 1]])
+        for _ in range(2):
             away, a, b = apart(shape, places[0], other, places[1])
             best = min(best, away - shift)
-            if away <= shift:
+            if away <= shift or not (self.off.any() or base["turn"] or own["turn"]):
                 break
-            way, pull = (a - b) / away, np.zeros(len(joints))
-            for i, joint in enumerate(joints):  # by how much a joint parts the two
-                axis, at = frames[i + 1].rotation @ np.array(joint["axis"], dtype=float), frames[i + 1].translation
-                rates = (np.cross(axis, x - at) if joint["kind"] == "revolute" else axis for x in (a, b))
-                sides = zip(rates, (moved[0, i], moved[1, i]), (1, -1), strict=True)
-                leader, factor = (i, 1.0) if joint["follows"] is None else joint["follows"][:2]
-                pull[leader] += factor * sum(sign * bool(moves) * (way @ rate) for rate, moves, sign in sides)
-            q = self.q[k].copy()
-            for i, joint in enumerate(joints):
-                leader, factor = (i, 1.0) if joint["follows"] is None else joint["follows"][:2]
-                q[i] -= factor * np.sign(pull[leader]) * self.off[leader]
+            way = (a - b) / away
+            rates = [np.where(self.turns, wedge(axes, x - points), axes) @ way for x in (a, b)]
+            pull = self.follow.T @ (rates[0] * moves[0] - rates[1] * moves[1])  # by how much a joint parts the two
+            q = self.q[k] - self.follow @ (np.sign(pull) * self.off)
             pin.forwardKinematics(self.model, self.data, np.append(q, [x[k] for x in self.followed]))
             places = [self.data.oMi[x["joint"] + 1].homogeneous @ se3(x).homogeneous for x in (one, two)]
             places[0] = turned(places[0], about, -np.cross(a - about, way), base["turn"])
             places[1] = turned(places[1], origin, np.cross(b - origin, way), own["turn"])
-        return best
+        away, _, _ = apart(shape, places[0], other, places[1])
+        return min(best, away - shift)
 
     def contained(self, i: int, j: int, places: list[Any], centers: Any) -> str:
         """Whether one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
