@@ -1,12 +1,14 @@
 """Change proofs, motions, scenes, robots and meshes at random, and see what the checker of proofs accepts.
 
-    python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...]
+    python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...] [--state FILE]
 
 Every change keeps the hashes in the proof right, and the world in the proof is the one that the checker reads in the
 changed files, so that the kernel gets to see the change. What is accepted although
-something was changed is judged by hdplan: the certificate of the changed motion in the changed scene, of the changed
+something was changed is judged twice: by Pinocchio and coal in the world that the checker read (`world_mutations.py`),
+and, for what it read, by hdplan: the certificate of the changed motion in the changed scene, of the changed
 robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
-must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection.
+must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection. With
+a file of `--state`, a campaign that was ended goes on.
 """
 
 from __future__ import annotations
@@ -21,25 +23,28 @@ import sys
 import tempfile
 import time
 import zlib
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from campaign import Tally
+from world_mutations import judged
 
 import hdplan
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.robot_files.library import description_of, library_package_dirs
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
 from hdplan.verify.compare import plain
-from hdplan.verify.kernel import MAGIC
+from hdplan.verify.kernel import MAGIC, unpack
 from hdplan.verify.reading import read_world
+
+World = dict[str, Any]
 
 SCENES = (
     "panda_cage",
@@ -50,6 +55,7 @@ SCENES = (
     "ur5_payload",
     "panda_cup",
     "planar_arm",
+    "panda_person",
 )
 NUMBER = re.compile(r"(?<![\w.#])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")
 WILD = ("nan", "inf", ".nan", ".inf", "-1", "0", "1e308", "1e-320", "x", "", "[]", "{}", "null", "true", "9" * 30)
@@ -97,8 +103,9 @@ class Files:
             files.parts[key] = (folder / files.names[key]).read_bytes()
         return files
 
-    def verify(self, changed: dict[str, bytes]) -> str:
-        """Verify with some parts changed; hashes and world are those of the changed files, as far as these are read."""
+    def verify(self, changed: dict[str, bytes]) -> tuple[str, bytes, World, bool]:
+        """Verify with some parts changed; hashes and world are those of the changed files, as far as these are read.
+        Returns the statement, the proof, the world that was read, and whether that is all that the scene wants."""
         parts = {**self.parts, **changed}
         for key, name in self.names.items():
             (self.folder / name).write_bytes(parts[key])
@@ -113,7 +120,8 @@ class Files:
                 with contextlib.suppress(RejectedError):
                     parts["world"] = json.dumps(read_world(*self.files).world, default=plain).encode()
             data = MAGIC + zlib.compress(b"\n".join([head, parts["world"], parts["arrays"]]), 1)
-        return check(*self.files, data)[0].text
+        verdict, world = check(*self.files, data)
+        return verdict.text, data, json.loads(json.dumps(world, default=plain)), verdict.whole
 
     @property
     def files(self) -> tuple[Path, Path]:
@@ -125,8 +133,11 @@ class Files:
         for key, name in self.names.items():
             (self.folder / name).write_bytes(self.parts[key])
 
-    def judge(self, text: str) -> str:
-        """Say whether what was accepted is true of the files as they are now, and why not or why it is unknown."""
+    def judge(self, text: str, data: bytes, world: World, whole: bool) -> str:
+        """Say whether what was accepted is true of the world that was read, and of the files as they are now, and why
+        not or why it is unknown."""
+        if why := judged(world, unpack(data)[0], whole):
+            return f"false: {why}"
         try:
             scene, motion = hdplan.load_scene(self.files[0]), hdplan.Trajectory.load(self.files[1])
             certificate = hdplan.certify(scene, motion, required=0.0)
@@ -384,23 +395,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--scene", action="append", help="by default six shipped ones")
+    parser.add_argument("--scene", action="append", help=f"by default {', '.join(SCENES)}")
+    parser.add_argument("--state", type=Path, help="a file with what was found, to go on where it was ended")
     options = parser.parse_args()
-    found: dict[str, Counter[str]] = {kind: Counter() for kind in CHANGES}
-    slowest, rng = 0.0, np.random.default_rng(options.seed)
+    tally, slowest = Tally(options.seed, options.state), 0.0
     with tempfile.TemporaryDirectory() as folder:
         everything = []
         for name in options.scene or SCENES:
             (Path(folder) / name).mkdir()
             everything.append(Files.of(name, Path(folder) / name))
-            assert everything[-1].verify({}).startswith("accepted")
-        for number in range(options.count):
+            assert everything[-1].verify({})[0].startswith("accepted")
+        for number in tally.numbers(options.count):
+            rng = np.random.default_rng([options.seed, number])
             kind = list(CHANGES)[number % len(CHANGES)]
             files = everything[int(rng.integers(len(everything)))]
             changed = CHANGES[kind](files, rng)
             began = time.process_time()
             try:
-                text = files.verify(changed)
+                found = files.verify(changed)
             except RejectedError:
                 verdict = "rejected"
             except Exception as error:
@@ -408,16 +420,13 @@ def main() -> None:
             else:
                 verdict = ""
             slowest = max(slowest, time.process_time() - began)
-            verdict = verdict or files.judge(text)
-            found[kind][verdict.partition(":")[0]] += 1
+            verdict = verdict or files.judge(*found)
+            tally.add(kind, verdict.partition(":")[0])
             if ":" in verdict:
-                print(number, kind, files.folder.name, verdict, _difference(files, changed), file=sys.stderr)
-    columns = ("rejected", "true", "not judged", "false", "error")
-    rows = [
-        {"changed": kind, "changes": sum(each.values()), **{c: each[c] for c in columns}}
-        for kind, each in found.items()
-    ]
-    print(markdown_text(rows))
+                print(
+                    number, kind, files.folder.name, verdict, _difference(files, changed), file=sys.stderr, flush=True
+                )
+    print(tally.table(("rejected", "true", "not judged", "false", "error")))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"slowest {slowest:.1f} s, memory at most {memory:.2f} GB")
 

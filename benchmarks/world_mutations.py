@@ -1,19 +1,22 @@
 """Change worlds and proofs at random, and see what the kernel of the checker accepts.
 
-    python benchmarks/world_mutations.py [--count N] [--seed S] [--seconds T] [--scene NAME ...]
+    python benchmarks/world_mutations.py [--count N] [--seed S] [--seconds T] [--scene NAME ...] [--state FILE]
 
 Numbers, signs, indices and names of a world are changed, entries are dropped, doubled and exchanged, proofs get other
 leaves, directions, groups and claims. Whatever the kernel accepts is judged from the changed world alone, by Pinocchio
 and coal, without hdplan and without the kernel: at 200 moments of the motion bodies must be as far apart as stated, and
-limits, torques, path constraints, start, goal and duration must be kept as claimed. Prints a table with a row per kind
+limits, torques, path constraints, start, goal and duration must be kept as claimed. Where a world has sizes of what is
+unknown, every unknown goes to the edge that brings two bodies together. Prints a table with a row per kind
 of change: "false" must be 0, as must errors other than a rejection. Of the changed worlds that are rejected, every
-tenth is judged, too: the judge must find many of them false.
+tenth is judged, too: the judge must find many of them false. With a file of `--state`, a campaign that was ended goes
+on.
 """
 
 from __future__ import annotations
 
 import argparse
 import copy
+import hashlib
 import itertools
 import json
 import pickle
@@ -21,7 +24,6 @@ import sys
 import tempfile
 import time
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,12 +32,13 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+import yaml
+from campaign import Tally
 from scipy.interpolate import BPoly
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
@@ -47,9 +50,16 @@ World = dict[str, Any]
 
 SCENES = (
     *("planar_arm", "ur5_table", "ur5_payload", "panda_cup", "panda_carry", "panda_conveyor", "panda_heavy"),
-    *("panda_grasp", "panda_cage", "panda_table_pick"),
+    *("panda_grasp", "panda_cage", "panda_table_pick", "panda_person"),
+    *("planar_arm, sizes", "ur5_table, sizes", "panda_carry, sizes", "panda_conveyor, sizes"),
 )
+SIZES = {  # of what is unknown, as scenes have it: of the robot, and of every obstacle; speeds where a motion has times
+    "robot": {"tracking": {"position": 0.001}, "calibration": {"position": 0.001, "orientation": 0.001}},
+    "obstacle": {"position": 0.002, "orientation": 0.005},
+}
 MOMENTS = 200
+TEETH = "of those rejected"  # as the judge finds them
+WORST = 4  # moments of a pair at which what is unknown goes to its edges
 WAYS = ((0.6180339, 0.3247179, 0.7161573), (-0.7548776, 0.5698402, 0.2360679), (0.1415926, -0.7182818, -0.5772156))
 SLACK = 1e-6  # [m, rad or of a limit]: coal's and Pinocchio's own errors, and what the kernel lets ends be off
 
@@ -133,6 +143,36 @@ def odd(point: Any, corners: Any, way: Any) -> bool:
         return bool(np.sum((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)) % 2)
 
 
+def apart(shape: Any, place: Any, other: Any, beside: Any) -> tuple[float, Any, Any]:
+    """The distance of two shapes at places (4, 4), and their closest points."""
+    result, ways = coal.DistanceResult(), (coal.Transform3s(x[:3, :3], x[:3, 3]) for x in (place, beside))
+    a, b = ways
+    away = coal.distance(shape, a, other, b, coal.DistanceRequest(), result)
+    return away, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+
+
+def wedge(a: Any, b: Any) -> Any:
+    """The products a x b of vectors (k, 3)."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+
+
+def strayed(places: Any, centers: Any, radius: float, k: int, others: Any) -> Any:
+    """How far points of a ball around a body are from where they are at a moment, at others at most."""
+    turn = np.linalg.norm(places[others, :3, :3] - places[k, :3, :3], axis=(1, 2))
+    return np.linalg.norm(centers[others] - centers[k], axis=1) + turn * radius
+
+
+def turned(place: Any, origin: Any, axis: Any, angle: float) -> Any:
+    """A place (4, 4), turned about an axis through a point."""
+    length = float(np.linalg.norm(axis))
+    if not angle or length < 1e-12:
+        return place
+    turn = Rotation.from_rotvec(angle / length * axis).as_matrix()
+    found = place.copy()
+    found[:3, :3], found[:3, 3] = turn @ place[:3, :3], turn @ (place[:3, 3] - origin) + origin
+    return found
+
+
 class Judge:
     """A world as Pinocchio and coal have it, at moments of its motion."""
 
@@ -160,6 +200,30 @@ class Judge:
         for q in np.column_stack([self.q, *followed]):
             pin.forwardKinematics(model, self.data, q)
             self.frames.append([x.copy() for x in self.data.oMi])
+        self.sizes = world.get("sizes")
+        sizes = self.sizes or {"around": {}, "base": None, "joints": [], "rates": []}
+        self.around, self.base = sizes["around"], sizes["base"] or {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
+        self.followed = followed
+        self.off, self.rates = (self._off(sizes[key]) for key in ("joints", "rates"))
+        joints, count = world["joints"], len(world["joints"])
+        self.axes = np.array([x["axis"] for x in joints], dtype=float)
+        self.turns = np.array([x["kind"] == "revolute" for x in joints])[:, None]
+        self.follow = np.zeros((count, count))  # of each joint by the one that it follows, or by itself
+        for i, x in enumerate(joints):
+            leader, factor, _ = x["follows"] or (i, 1.0, 0.0)
+            self.follow[i, leader] = factor
+        self.above = np.zeros((len(model.names), count), dtype=bool)  # by which joints each is moved; the last: none
+        for i in range(len(model.names) - 1):
+            self.above[i] = self.above[int(model.parents[i + 1]) - 1]
+            self.above[i, i : i + 1] = True
+
+    def _off(self, said: list[float]) -> Any:
+        """How far all joints may be off, by that of those which follow none."""
+        joints = self.world["joints"]
+        lead = [i for i, x in enumerate(joints) if x["follows"] is None]
+        own = dict(zip(lead, said or [0.0] * len(lead), strict=True))
+        return np.array([own[i] if i in own else abs(x["follows"][1]) * own[x["follows"][0]]
+                         for i, x in enumerate(joints)])  # fmt: skip
 
     def _move(self, motion: World) -> None:
         """Values and rates of all joints at the moments."""
@@ -223,15 +287,61 @@ class Judge:
                     continue
                 else:
                     least = max(head["clearance"], world["clearances"]["own"].get(two["name"], usual))
-                far = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j]
-                for k in np.flatnonzero(far < least):
-                    a, b = (coal.Transform3s(places[x][k, :3, :3], places[x][k, :3, 3]) for x in (i, j))
-                    away = coal.distance(made[i], a, made[j], b, coal.DistanceRequest(), coal.DistanceResult())
+                far, limit = np.linalg.norm(seen[i] - seen[j], axis=1) - radii[i] - radii[j], least + self.room(two)
+                left, near = np.flatnonzero(far < limit), list[tuple[float, int]]()
+                while len(left):
+                    k = int(left[len(left) // 2])
+                    away, _, _ = apart(made[i], places[i][k], made[j], places[j][k])
+                    near += [(away - limit[k], k)] * bool(away < limit[k])
                     if away < least - SLACK:
                         return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, not {least}"
+                    gone = sum(strayed(places[x], seen[x], radii[x], k, left) for x in (i, j))
+                    left = left[(away - gone < limit[left]) & (left != k)]  # others are surely farther apart
+                for _, k in sorted(near)[: WORST * bool(self.sizes)]:
+                    away = self.closest(one, made[i], two, made[j], k)
+                    if away < least - SLACK:
+                        return f"{one['name']} and {two['name']}: {away} m at {self.at[k]}, if unlucky, not {least}"
                 if two["kind"] != "link" and (why := self.contained(i, j, places, centers)):
                     return why
         return ""
+
+    def room(self, two: World) -> Any:
+        """How much closer a body may be to another one as something is unknown, roughly, at all moments."""
+        found = 2.0 * self.off.sum() + np.zeros(len(self.at))
+        if two["kind"] == "obstacle":
+            own = self.around.get(two["name"], {"shift": 0.0, "turn": 0.0, "speed": 0.0})
+            found += own["shift"] + self.base["shift"] + 3.0 * (own["turn"] + self.base["turn"])
+            found += own["speed"] * np.abs(self.at)
+        return found
+
+    def closest(self, one: World, shape: Any, two: World, other: Any, k: int) -> float:
+        """A distance [m] that two bodies have at a moment in a world within the sizes: each unknown goes to the edge at
+        which the closest points of the two come together."""
+        frames, joints = self.frames[k], self.world["joints"]
+        moves = np.array([self.above[x["joint"]] for x in (one, two)])
+        places, best = [frames[x["joint"] + 1].homogeneous @ se3(x).homogeneous for x in (one, two)], np.inf
+        obstacle, none = two["kind"] == "obstacle", {"shift": 0.0, "turn": 0.0, "speed": 0.0}
+        own = self.around.get(two["name"], none) if obstacle else none
+        base = self.base if obstacle else {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
+        about, origin = np.array(base["about"], dtype=float), places[1][:3, 3].copy()
+        shift = base["shift"] + own["shift"] + own["speed"] * abs(self.at[k])
+        axes = np.array([x.rotation @ y for x, y in zip(frames[1:], self.axes, strict=False)])
+        points = np.array([x.translation for x in frames[1 : len(joints) + 1]])
+        for _ in range(2):
+            away, a, b = apart(shape, places[0], other, places[1])
+            best = min(best, away - shift)
+            if away <= shift or not (self.off.any() or base["turn"] or own["turn"]):
+                break
+            way = (a - b) / away
+            rates = [np.where(self.turns, wedge(axes, x - points), axes) @ way for x in (a, b)]
+            pull = self.follow.T @ (rates[0] * moves[0] - rates[1] * moves[1])  # by how much a joint parts the two
+            q = self.q[k] - self.follow @ (np.sign(pull) * self.off)
+            pin.forwardKinematics(self.model, self.data, np.append(q, [x[k] for x in self.followed]))
+            places = [self.data.oMi[x["joint"] + 1].homogeneous @ se3(x).homogeneous for x in (one, two)]
+            places[0] = turned(places[0], about, -np.cross(a - about, way), base["turn"])
+            places[1] = turned(places[1], origin, np.cross(b - origin, way), own["turn"])
+        away, _, _ = apart(shape, places[0], other, places[1])
+        return min(best, away - shift)
 
     def contained(self, i: int, j: int, places: list[Any], centers: Any) -> str:
         """Whether one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
@@ -258,11 +368,12 @@ class Judge:
         if "limits" in claims:
             low, high = np.array([[y if x is None else x for x, y in zip(r, (-np.inf, np.inf), strict=True)]
                                   for r in limits["position"]], dtype=float).T  # fmt: skip
-            if ((self.q < low - SLACK) | (self.q > high + SLACK)).any():
+            if ((self.q - self.off < low - SLACK) | (self.q + self.off > high + SLACK)).any():
                 return "position limits"
         for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
             most = np.array([np.inf if x is None else x for x in limits.get(name, [])], dtype=float)
-            if name in claims and (np.abs(self.values[order]) > most * (1 + SLACK) + SLACK).any():
+            off = self.rates if name == "velocity" else 0.0
+            if name in claims and (np.abs(self.values[order]) + off > most * (1 + SLACK) + SLACK).any():
                 return name
         if "torque" in claims:
             most = np.array([np.inf if x is None else x for x in limits["torque"]], dtype=float)
@@ -356,11 +467,16 @@ class Case:
 
     @classmethod
     def of(cls, scene: str) -> Case:
-        """Plan and prove a shipped scene."""
+        """Plan and prove a shipped scene, as it is or with SIZES of what is unknown."""
         with tempfile.TemporaryDirectory() as folder:
-            hdplan.plan(hdplan.load_scene(scene), time_limit=60).save(Path(folder) / "motion.json")
-            data = hdplan.prove(scene, Path(folder) / "motion.json").data
-            world = check(find_scene(scene), Path(folder) / "motion.json", data)[1]
+            name, _, more = scene.partition(", ")
+            file, motion = find_scene(name), Path(folder) / "motion.json"
+            if more:
+                (Path(folder) / "scene.yaml").write_text(with_sizes(file))
+                file = Path(folder) / "scene.yaml"
+            hdplan.plan(hdplan.load_scene(file), time_limit=60).save(motion)
+            data = hdplan.prove(file, motion).data
+            world = check(file, motion, data)[1]
         first, _, rest = zlib.decompress(data[len(MAGIC) :]).split(b"\n", 2)
         head, at = json.loads(first), 0
         sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
@@ -390,6 +506,17 @@ class Case:
         ]
         lines = f"{json.dumps(head)}\nnull\n".encode()
         return MAGIC + zlib.compress(lines + b"".join(x.astype(kind).tobytes() for x, kind in parts), 1)
+
+
+def with_sizes(file: Path) -> str:
+    """A scene with SIZES of what is unknown; its files are named from everywhere."""
+    said = yaml.safe_load(file.read_text(encoding="utf-8"))
+    said["robot"] |= SIZES["robot"]
+    for key in {"urdf", "srdf"} & {*said["robot"]}:
+        said["robot"][key] = str(file.parent / said["robot"][key])
+    for each in said["obstacles"]:
+        each["uncertainty"] = SIZES["obstacle"]
+    return yaml.safe_dump(said, sort_keys=False)
 
 
 Place = tuple[Any, Any, str]  # a list or mapping, a key of it, and the path to it
@@ -500,8 +627,8 @@ def exchange(case: Case, rng: Random) -> None:
 
 
 def limit(case: Case, rng: Random) -> None:
-    """Narrow a limit, a tolerance, a range or a clearance, or change a target."""
-    keys = [x for x in ("limits", "path", "goal", "start", "clearances", "loads") if case.world.get(x)]
+    """Narrow a limit, a tolerance, a range, a clearance or a size, or change a target."""
+    keys = [x for x in ("limits", "path", "goal", "start", "clearances", "loads", "sizes") if case.world.get(x)]
     holder, key, _ = chosen(rng, case.world, (float,), " ".join(keys))
     holder[key] *= float(1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, 0))
 
@@ -647,7 +774,8 @@ def outcome(case: Case, known: dict[str, str]) -> str:
         _, whole = accept(case.world, case.packed())
     except RejectedError:
         return "rejected"
-    key = json.dumps([case.world, case.head["claims"], case.head["clearance"], case.head["self_clearance"], whole])
+    said = [case.world, case.head["claims"], case.head["clearance"], case.head["self_clearance"], whole]
+    key = hashlib.sha256(json.dumps(said).encode()).hexdigest()
     if key not in known:
         known[key] = judged(case.world, case.head, whole)
     return f"false: {known[key]}" if known[key] else "true"
@@ -660,14 +788,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=np.inf, help="of a processor, after which no more is changed")
     parser.add_argument("--scene", action="append", help=f"by default {', '.join(SCENES)}")
+    parser.add_argument("--state", type=Path, help="a file with what was found, to go on where it was ended")
     options = parser.parse_args()
-    cases, found = [Case.of(x) for x in options.scene or SCENES], {kind: Counter[str]() for kind in CHANGES}
+    names, tally = options.scene or SCENES, Tally(options.seed, options.state)
+    cases, known, began = [Case.of(x) for x in names], dict[str, str](), time.process_time()
     kept = [pickle.dumps(x) for x in cases]
-    known, teeth, began = dict[str, str](), Counter[str](), time.process_time()
-    for case, name in zip(cases, options.scene or SCENES, strict=True):
+    for case, name in zip(cases, names, strict=True):
         if (verdict := outcome(case, known)) != "true":
             sys.exit(f"{name}: unchanged, {verdict}")
-    for n in range(options.count):
+    for n in tally.numbers(options.count):
         if time.process_time() - began > options.seconds:
             break
         rng = np.random.default_rng([options.seed, n])
@@ -679,7 +808,7 @@ def main() -> None:
                 CHANGES[str(rng.choice([*CHANGES]))](case, rng)
             case.packed()
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError):
-            found[kind]["not made"] += 1
+            tally.add(kind, "not made")
             continue
         try:
             verdict = outcome(case, known)
@@ -687,19 +816,17 @@ def main() -> None:
             verdict = f"error: {type(error).__name__}: {error}"
         if verdict == "rejected" and n % 10 == 0:
             try:
-                teeth["false" if judged(case.world, case.head, False) else "true"] += 1
+                found = "false" if judged(case.world, case.head, False) else "true"
             except Exception:
-                teeth["no world"] += 1
-        found[kind][verdict.partition(":")[0]] += 1
+                found = "no world"
+            tally.add(TEETH, found)
+        tally.add(kind, verdict.partition(":")[0])
         if ":" in verdict:
-            print(n, kind, (options.scene or SCENES)[i], verdict, file=sys.stderr, flush=True)
-    columns = ("rejected", "true", "false", "error", "not made")
-    found["all"] = sum(found.values(), Counter[str]())
-    rows: list[dict[str, str | int]] = [
-        {"changed": k, "changes": x.total(), **{c: x[c] for c in columns}} for k, x in found.items()
-    ]
-    print(markdown_text(rows))
-    print(f"of those rejected, the judge finds: {dict(teeth)}; {time.process_time() - began:.0f} s")
+            print(n, kind, names[i], verdict, file=sys.stderr, flush=True)
+    tally.save()
+    teeth = tally.found.pop(TEETH, {})
+    print(tally.table(("rejected", "true", "false", "error", "not made")))
+    print(f"of those rejected, the judge finds: {dict(teeth)}")
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ import numpy as np
 from hdplan.planner.motion.curve import Curve
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.files import read_file
-from hdplan.verify import RejectedError
+from hdplan.scenes.files import check_file, read_file
+from hdplan.verify import RejectedError, verify
 from hdplan.verify.checking import check
 from hdplan.verify.kernel import NARROWEST, Motion, leaves, unpack
 from hdplan.verify.world import World
@@ -43,11 +43,15 @@ class ReadProof:
         self, scene: Path, motion: Path, proof: Path | bytes, request: Path | None = None, robot: str | None = None
     ) -> None:
         """Read a proof's file, or its content; of a MoveIt scene with its request and robot. Raises InputError for what
-        is no proof of this motion in this scene."""
+        is no proof of this motion in this scene. A file is checked in a process of its own first, within bounds of
+        time and memory, as anybody may have written it."""
         name = "the proof" if isinstance(proof, bytes) else proof
-        with naming(name):
-            data = proof if isinstance(proof, bytes) else read_file(proof)
         try:
+            if not isinstance(proof, bytes):
+                with naming(name):
+                    check_file(proof)
+                verify(scene, motion, proof, request, robot)
+            data = proof if isinstance(proof, bytes) else read_file(proof)
             _, read = check(scene, motion, data, request, robot)
             _, _, cuts, trees = unpack(data)
             self.world = World(read, cuts)

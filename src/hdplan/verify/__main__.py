@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 from .balls import RejectedError, rejecting, shown
-from .checking import MOST_PARTS, bounded, check, check_job
+from .bounds import bounded
+from .checking import MOST_PARTS, check, check_job
 from .compare import plain
 from .kernel import IN_PART, is_job
 from .robot_files import is_name

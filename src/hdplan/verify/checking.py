@@ -1,28 +1,24 @@
-"""Files -> verdict: read the world, compare it with the proof's, let the kernel check; within bounds of time and
-memory."""
+"""Files -> verdict: read the world, compare it with the proof's, let the kernel check."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
+from .bounds import MOST_WAIT
 from .compare import check_equal
 from .effects import check_claims
 from .job import Part, read_job
-from .kernel import Trees, parts_of, proven_world, unpack
+from .kernel import Trees, is_job, parts_of, proven_world, unpack
 from .reach import check_reach
 from .reading import Reading, read_world
 from .verdict import in_words
 from .world import World, loads
-
-MOST_MEMORY = 1 << 31  # bytes that a check may take beside Python itself
-MOST_TIME, MOST_WAIT = 30, 60  # [s] of a processor, and by the clock
 
 SAME_PLACE = 1e-9  # [m], [rad] by which the worlds of a job may differ that hdplan and the checker derived
 MOST_PARTS = 20  # of a job, for each of which the check may take as much time
@@ -137,7 +133,11 @@ def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, 
     beside = [f"--{key}={x}" for key, x in (("request", request), ("robot", robot)) if x is not None]
     run = [sys.executable, "-m", __package__, "--json", *beside, "--", *map(str, (scene, motion, proof))]
     try:
-        done = subprocess.run(run, capture_output=True, timeout=2 * MOST_PARTS * MOST_WAIT, check=False)
+        with rejecting():
+            need(proof.is_file(), f"{proof}: no such file")
+            with proof.open("rb") as file:
+                parts = MOST_PARTS if is_job(file.read(100)) else 1
+        done = subprocess.run(run, capture_output=True, timeout=2 * parts * MOST_WAIT, check=False)
         if done.returncode == 2:  # a file that is not there
             raise RejectedError(done.stderr.decode(errors="replace").strip())
         text, whole = json.loads(done.stdout)
@@ -146,33 +146,3 @@ def verify(scene: Path, motion: Path, proof: Path, request: Path | None = None, 
     if whole is None:
         raise RejectedError(text)
     return Verdict(text, whole)
-
-
-def bounded(parts: int = 1) -> None:
-    """Let this process take at most MOST_MEMORY, and MOST_TIME and MOST_WAIT for as many parts, whatever the files say:
-    beyond that, the proof is rejected."""
-    most, wait = parts * MOST_TIME, parts * MOST_WAIT
-    late = threading.Timer(wait, _give_up, (f"needs more than {wait} s",))
-    late.daemon = True
-    late.start()
-    if sys.platform == "linux":
-        import resource
-        import signal
-
-        def at_most(kind: int, soft: int, hard: int) -> None:
-            allowed = resource.getrlimit(kind)[1]
-            free = allowed == resource.RLIM_INFINITY
-            resource.setrlimit(kind, (soft, hard) if free else (min(soft, allowed), min(hard, allowed)))
-
-        signal.signal(signal.SIGXCPU, lambda *_: _give_up(f"needs more than {most} s of a processor"))
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        at_most(resource.RLIMIT_AS, used + MOST_MEMORY, used + MOST_MEMORY)
-        at_most(resource.RLIMIT_CPU, most, most + 5)
-
-
-def _give_up(words: str) -> None:
-    import os
-
-    as_json = "--json" in sys.argv
-    os.write(1, (json.dumps([words, None]) if as_json else f"rejected: {words}\n").encode())
-    os._exit(1)

@@ -421,4 +421,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    from .bounds import bounded
+
+    bounded()
     sys.exit(main())

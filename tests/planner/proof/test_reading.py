@@ -10,10 +10,12 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.proof import reading
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify import RejectedError
 
 ROUNDING = 1e-9  # [m]
 COAL = 1e-5  # [m] by which coal says less than the distance of round bodies
@@ -69,6 +71,21 @@ def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
     assert read.closest("panda_hand", "bar3", True, -1.0) is not None
     with pytest.raises(InputError, match=r"no proof of .*motion.json in .*panda_gate"):
         ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)
+
+
+def test_a_proof_s_file_is_checked_within_bounds_before_it_is_read_here(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Anybody may have written it; a process of its own takes no more than its time and memory."""
+
+    def ended(*_: object) -> None:
+        raise RejectedError("needs more time, or more memory, than it may take")
+
+    monkeypatch.setattr(reading, "verify", ended)
+    file = tmp_path / "x.proof"
+    file.write_bytes(b"hdplan proof\n")
+    with pytest.raises(InputError, match=r"x.proof: is no proof of .*: needs more time, or more memory"):
+        ReadProof(find_scene("panda_cage"), tmp_path / "motion.json", file)
 
 
 def test_an_obstacle_with_the_name_of_a_link_has_planes_of_its_own(tmp_path: Path) -> None:

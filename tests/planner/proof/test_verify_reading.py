@@ -293,8 +293,8 @@ def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> No
 )
 def test_the_process_of_the_checker_is_limited(attack: str, wait: int, words: str) -> None:
     """Memory and time that files may cost are bounded, whatever they say, by the clock as well."""
-    code = f"""from hdplan.verify import balls, checking, __main__
-checking.MOST_TIME, checking.MOST_WAIT = 1, {wait}
+    code = f"""from hdplan.verify import balls, bounds, __main__
+bounds.MOST_TIME, bounds.MOST_WAIT = 1, {wait}
 def check(*_):
     with balls.rejecting():
         exec({attack!r})
@@ -303,6 +303,17 @@ sys.exit(__main__.main([{__file__!r}] * 3))"""
     run = [sys.executable, "-c", f"import sys\n{code}"]
     done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=20)
     assert (done.returncode, done.stdout, done.stderr) == (1, f"{words}\n", "")
+
+
+def test_the_kernel_alone_is_limited_too(tmp_path: Path) -> None:
+    code = """import runpy, sys
+from hdplan.verify import bounds
+bounds.bounded = lambda: print("bounded")
+sys.argv = ["kernel", "none.json", "none.proof"]
+runpy.run_module("hdplan.verify.kernel", run_name="__main__")"""
+    run = [sys.executable, "-W", "ignore", "-c", code]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "bounded\n", "none.json: no such file\n")
 
 
 def test_the_statement_names_the_files_that_were_read(tmp_path: Path) -> None:
