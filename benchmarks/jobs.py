@@ -3,12 +3,14 @@ sequences of the tests of MoveIt's Pilz planner, against its definition of their
 
     python benchmarks/jobs.py cppflow DIR --fetch FOLDER
     python benchmarks/jobs.py pilz DIR --prbt FOLDER
+    python benchmarks/jobs.py picks DIR --count 200
 
 DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. Each line has the
 problem, the length of the motion [s], the processor time of planning and certifying [s], and whether it is certified;
 the last one how many are. Frames are those at which all joints are 0. What is certified is looked at again at every
 pose of the path, by Pinocchio, against the path as published. Sequences of Pilz' planner: `pilz.py`; there DIR holds
-its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes.
+its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes. Random pick-and-place jobs:
+`picks.py`; they, their motions and what was found are written to DIR, from where a run that was ended goes on.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
+from picks import picks
 from pilz import pilz
 from scipy.spatial.transform import Rotation
 
@@ -144,14 +147,18 @@ def cppflow(folder: Path, fetch: Path | None, only: str, time_limit: float) -> N
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["cppflow", "pilz"])
+    parser.add_argument("what", choices=["cppflow", "pilz", "picks"])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--fetch", type=Path)
     parser.add_argument("--prbt", type=Path)
     parser.add_argument("--only", default="", help="how the names of problems begin")
     parser.add_argument("--time-limit", type=float, default=60.0)
+    parser.add_argument("--count", type=int, default=200, help="of random jobs")
+    parser.add_argument("--first", type=int, default=0, help="the number of the first")
     asked = parser.parse_args()
     if asked.what == "pilz":
         pilz(asked.folder, asked.prbt, asked.only, asked.time_limit)
+    elif asked.what == "picks":
+        picks(asked.folder, asked.count, asked.first, asked.time_limit)
     else:
         cppflow(asked.folder, asked.fetch, asked.only, asked.time_limit)

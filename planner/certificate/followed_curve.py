@@ -26,12 +26,12 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
+from hdplan.planner.geometry.rotations import matrices_of, vectors_of
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 
 NODES = 4  # of an interval between two rows, at which the nearest place is looked for
@@ -77,7 +77,7 @@ class PoseCurve:
 
     def at(self, segment: Index, fraction: Array) -> tuple[Array, Array]:
         """Return the curve's rotations (k, 3, 3) and origins (k, 3) at fractions (k,) of segments (k,)."""
-        turned = scipy.spatial.transform.Rotation.from_rotvec(fraction[:, None] * self.turns[segment]).as_matrix()
+        turned = matrices_of(fraction[:, None] * self.turns[segment])
         return turned @ self.rotations[segment], self.origins[segment] + fraction[:, None] * self.steps[segment]
 
     @cached_property
@@ -438,8 +438,7 @@ def turn_vectors(one: Array, other: Array, axis: int | None) -> Array:
     """Return the rotation vectors (k, 3) of the shortest turns from rotations (k, 3, 3) to others, or from one of their
     axes to that of the others."""
     if axis is None:
-        found = scipy.spatial.transform.Rotation.from_matrix(other @ one.transpose(0, 2, 1)).as_rotvec()
-        return np.asarray(found)
+        return vectors_of(other @ one.transpose(0, 2, 1))
     begins, ends = one[:, :, axis], other[:, :, axis]
     about = cross(begins, ends)
     sine, cosine = _lengths(about), (begins * ends).sum(axis=1)

@@ -33,6 +33,7 @@ from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve as MotionCurve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
@@ -167,8 +168,8 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     for first, last in itertools.pairwise(cuts):
         rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
-        spline = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        timed = Retimer(setup).along(waypoints, spline)
+        drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
+        timed = Retimer(setup).along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = timed.trajectory
         assert motion.times is not None
         for middle in path.middles:

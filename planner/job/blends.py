@@ -19,9 +19,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.planner.geometry.rotations import matrices_of
 from hdplan.planner.job.following import lengths_of, turns_between
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.lazy_imports import scipy
 
 CHORD = 0.02  # share of a tolerance that the chords of a blend take
 FEWEST, MOST = 8, 2048  # chords of half of a blend
@@ -55,7 +55,7 @@ class Leg:
         wide = np.maximum(np.diff(self.places)[segment], 1e-300)
         inner = np.clip((share - self.places[segment]) / wide, 0.0, 1.0)[:, None]
         found = self.poses[segment].copy()
-        turned = scipy.spatial.transform.Rotation.from_rotvec(inner * turns[segment]).as_matrix()
+        turned = matrices_of(inner * turns[segment])
         found[:, :3, :3] = turned @ found[:, :3, :3]
         found[:, :3, 3] += inner * (self.poses[segment + 1, :3, 3] - self.poses[segment, :3, 3])
         return found
@@ -160,7 +160,7 @@ class Blend:
         one, other, alpha = self.first.at(first), self.second.at(second), quintic(s)[:, None]
         between = turns_between(np.stack([one, other], axis=1).reshape(-1, 4, 4), self.first.free)[::2]
         found = one.copy()
-        turned = scipy.spatial.transform.Rotation.from_rotvec(alpha * between).as_matrix()
+        turned = matrices_of(alpha * between)
         found[:, :3, :3] = turned @ one[:, :3, :3]
         found[:, :3, 3] += alpha * (other[:, :3, 3] - one[:, :3, 3])
         return found

@@ -24,7 +24,7 @@ from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.link_frame import end_effector, link_poses, links_of
+from hdplan.planner.robot.link_frame import end_effector, frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
@@ -219,7 +219,7 @@ def _rotation_beyond(world: World, part: Trajectory) -> Array:
     """Return the rotation (3, 3) of a link where it first leaves the radius around a corner."""
     assert world.corner is not None
     robot = world.robot
-    poses = link_poses(robot, curve_of(robot, part).rows, links_of(robot)[world.corner.link])
+    poses = link_poses(robot, curve_of(robot, part).rows, frames_of(robot)[world.corner.link])
     far = np.linalg.norm(poses[:, :3, 3] - world.corner.pose.position, axis=1) > world.corner.radius
     return np.asarray(poses[int(far.argmax()) if far.any() else -1, :3, :3])
 

@@ -55,8 +55,9 @@ def _with_hand(world: World, robot: Robot, q: Array) -> World:
 
 
 def _taken(world: World, stage: Grip, name: str) -> World:
-    """Take hold of an object where it stands."""
-    obstacle, robot = world.standing(name), world.robot
+    """Take hold of an object where it is: where it stands, or in another hand."""
+    robot, first = world.robot, next((each for each in world.held if each.name == name), None)
+    there = pose_of(world.place(name)) if first else world.standing(name).pose
     links, frames = links_of(robot), robot.model.frames
     link = end_effector(robot, "grip") if stage.link is None else stage.link
     if link not in links:
@@ -68,15 +69,23 @@ def _taken(world: World, stage: Grip, name: str) -> World:
                 f"grip.link: '{link}' is to carry '{name}', but '{other}', which holds it (`touch`), moves "
                 "relative to that when the arm moves"
             )
-    _check_reach(world, name, touching or [link])
-    pose = pose_of(np.linalg.inv(link_pose(robot, world.q, link)) @ obstacle.pose.matrix)
-    held = Attached(name, link, shape_of(obstacle), pose, tuple(dict.fromkeys(touching)), stage.mass)
+    shape = first.shape if first else shape_of(world.standing(name))
+    _check_reach(world, Obstacle(name, shape, there), touching or [link])
+    pose = pose_of(np.linalg.inv(link_pose(robot, world.q, link)) @ there.matrix)
+    held = Attached(name, link, shape, pose, tuple(dict.fromkeys(touching)), stage.mass)
+    if first is None:
+        obstacles = tuple(each for each in world.obstacles if each.name != name)
+        return replace(world, obstacles=obstacles, held=(*world.held, held))
+    if frames[links[first.link]].parentJoint == frames[links[link]].parentJoint:
+        raise InputError(f"grip.object: '{name}' is held already, by '{first.link}', which moves with '{link}'")
+    both = replace(first, touch_links=tuple(dict.fromkeys((*first.touch_links, *held.touch_links))))
+    taken = held if stage.mass is not None else replace(held, mass=first.mass)
     return replace(
-        world, obstacles=tuple(each for each in world.obstacles if each is not obstacle), held=(*world.held, held)
+        world, held=tuple(both if each is first else each for each in world.held), taken=(*world.taken, taken)
     )
 
 
-def _check_reach(world: World, name: str, holding: list[str]) -> None:
+def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
     """Refuse to take hold of an object that one of the links which are to hold it is not close to."""
     bare = replace(world.scene.robot, locked={**world.scene.robot.locked, **dict(world.hand)})
     scene = derived(
@@ -89,19 +98,22 @@ def _check_reach(world: World, name: str, holding: list[str]) -> None:
         attached=(),
         limits=Limits(),
         timing=None,
-        obstacles=tuple(replace(each, clearance=None) for each in world.obstacles if each.name == name),
+        obstacles=(thing,),
     )
     near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
     if far := [link for link in holding if link not in near]:
         raise InputError(
-            f"grip.object: '{name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it when "
+            f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it when "
             "the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
         )
 
 
 def _let_go(world: World, name: str) -> World:
-    """Leave a held object where it is."""
+    """Leave a held object where it is: to the hand that has taken hold of it too, or where it then stands."""
     held = world.holding(name)
+    if (other := next((each for each in world.taken if each.name == name), None)) is not None:
+        there = tuple(other if each is held else each for each in world.held)
+        return replace(world, held=there, taken=tuple(each for each in world.taken if each is not other))
     before = next((each for each in world.scene.obstacles if each.name == name), None)
     pose = pose_of(world.place(name))
     left = Obstacle(name, held.shape, pose) if before is None else replace(before, pose=pose)

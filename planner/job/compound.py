@@ -20,7 +20,7 @@ from hdplan.planner.job.places import pose_of
 from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.link_frame import link_poses, links_of
+from hdplan.planner.robot.link_frame import frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
@@ -52,7 +52,7 @@ class Driven:
         curve = curve_of(self.robot, self.motion)
         object.__setattr__(self, "ends", (curve.rows[0], curve.rows[-1]))
         rows = curve.at_parameter(np.linspace(0.0, 1.0, LOOKS))
-        steps = lengths_of(link_poses(self.robot, rows, links_of(self.robot)[self.link]), self.leg.free)[0]
+        steps = lengths_of(link_poses(self.robot, rows, frames_of(self.robot)[self.link]), self.leg.free)[0]
         along = np.concatenate([[0.0], np.cumsum(steps)])
         along /= max(along[-1], STANDS)
         chosen = [0]

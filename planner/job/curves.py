@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.geometry.rotations import matrices_of, turn_of, vectors_of
 from hdplan.planner.job.blends import CHORD, Blend, Leg, UnblendedError
 from hdplan.planner.job.line import as_constraints
 from hdplan.planner.job.places import link_pose, pose_of, poses_of
@@ -23,7 +24,6 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.job import Move, Stage
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import MOST_POSES, MOST_TURN, Follow, PathConstraints
 from hdplan.scenes.poses import Pose, Vector3, from_rpy
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -246,7 +246,7 @@ def settled(corner: Corner, rotation: Array) -> Corner:
     goal = corner.pose.matrix.copy()
     between = goal[:3, :3].T @ rotation
     angle = float(np.arctan2(between[j, i] - between[i, j], between[i, i] + between[j, j]))
-    turn = scipy.spatial.transform.Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
+    turn = matrices_of(angle * np.eye(3)[[axis]])[0]
     goal[:3, :3] = goal[:3, :3] @ turn
     return replace(corner, pose=pose_of(goal), free="none")
 
@@ -282,7 +282,7 @@ def _end(stage: Line | Circle, world: World, begins: Array) -> Array:
         ends[:3, 3] += frame @ np.array(stage.by)
         if stage.turn is not None:
             ends[:3, :3] = frame @ _rotation(stage.turn) @ frame.T @ begins[:3, :3]
-    turn = scipy.spatial.transform.Rotation.from_matrix(ends[:3, :3] @ begins[:3, :3].T).magnitude()
+    turn = turn_of(ends[:3, :3] @ begins[:3, :3].T)
     if turn > MOST_TURN:
         raise InputError(
             f"{stage.kind}.{'turn' if stage.to is None else 'rpy'}: turns by {turn:.3g} rad from the beginning; at "
@@ -315,11 +315,10 @@ def _arc(stage: Circle, world: World, begins: Array, ends: Array, tolerance: flo
         )
     count = max(2, int(np.ceil(angle / chord)) + 1)
     shares = np.linspace(0.0, 1.0, count)
-    rotations = scipy.spatial.transform.Rotation
-    turn = rotations.from_matrix(ends[:3, :3] @ begins[:3, :3].T).as_rotvec()
+    turn = vectors_of((ends[:3, :3] @ begins[:3, :3].T)[None])
     poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, :3, :3] = rotations.from_rotvec(shares[:, None] * turn).as_matrix() @ begins[:3, :3]
-    poses[:, :3, 3] = center + rotations.from_rotvec(shares[:, None] * angle * axis).as_matrix() @ arm
+    poses[:, :3, :3] = matrices_of(shares[:, None] * turn) @ begins[:3, :3]
+    poses[:, :3, 3] = center + matrices_of(shares[:, None] * angle * axis) @ arm
     return poses, radius * (1.0 - np.cos(0.5 * angle / (count - 1)))
 
 
@@ -375,8 +374,7 @@ def _check_length(stage: Curve, poses: Array) -> None:
 def _check_beginning(stage: Along, begins: Array, first: Array) -> None:
     """Refuse poses of which the first is not where the link is."""
     off = float(np.linalg.norm(begins[:3, 3] - first[:3, 3]))
-    between = scipy.spatial.transform.Rotation.from_matrix(first[:3, :3].T @ begins[:3, :3])
-    turned = float(between.magnitude())
+    turned = turn_of(first[:3, :3].T @ begins[:3, :3])
     if stage.free_rotation != "none":
         axis = "xyz".index(stage.free_rotation)
         turned = float(np.arccos(np.clip(begins[:3, axis] @ first[:3, axis], -1.0, 1.0)))

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hdplan.planner.geometry.rotations import matrices_of, quaternions_of, vectors_of
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
@@ -96,10 +96,9 @@ def spread(follow: Follow, count: int) -> list[Pose]:
     )
     segment = np.minimum(along.astype(np.int64), len(poses) - 2)
     share = (along - segment)[:, None]
-    rotation = scipy.spatial.transform.Rotation
-    turned = rotation.from_rotvec(share * turns[segment]) * rotation.from_matrix(poses[segment, :3, :3])
+    turned = quaternions_of(matrices_of(share * turns[segment]) @ poses[segment, :3, :3])
     places = (1.0 - share) * poses[segment, :3, 3] + share * poses[segment + 1, :3, 3]
-    return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.as_quat().tolist(), strict=True)]
+    return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.tolist(), strict=True)]
 
 
 def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:
@@ -115,7 +114,7 @@ def turns_between(poses: Array, free: str) -> Array:
     shortest ones that take it along."""
     if free == "none":
         between = poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)
-        return np.asarray(scipy.spatial.transform.Rotation.from_matrix(between).as_rotvec())
+        return vectors_of(between)
     axes = poses[:, :3, "xyz".index(free)]
     about = np.cross(axes[:-1], axes[1:])
     sine = np.linalg.norm(about, axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from hdplan.planner.job.blends import UnblendedError
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.link_frame import link_poses, links_of
+from hdplan.planner.robot.link_frame import frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import HdplanError
 
@@ -63,7 +63,7 @@ def longest_overlap(
     rooms = []
     for motion, at_end, which in ((first, True, "itself"), (second, False, "that follows")):
         assert motion.times is not None
-        places = link_poses(robot, motion.positions, links_of(robot)[link])[:, :3, 3]
+        places = link_poses(robot, motion.positions, frames_of(robot)[link])[:, :3, 3]
         far = np.linalg.norm(places - places[-1 if at_end else 0], axis=1) > INNER * radius
         if not far.any():
             raise UnblendedError(f"{radius:g} m is larger than the stage {which}: {link} is within it all along")

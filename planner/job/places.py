@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.robot.link_frame import link_poses, links_of
+from hdplan.planner.geometry.rotations import quaternions_of
+from hdplan.planner.robot.link_frame import frames_of, link_poses, links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.poses import Pose
 
 
 def link_pose(robot: Robot, q: Array, link: str) -> Array:
-    """Return the pose (4, 4) of a link in the world at joint values q (n,), by Pinocchio. Raises InputError."""
-    links = links_of(robot)
+    """Return the pose (4, 4) of a link, or an object that is held, in the world at joint values q (n,), by Pinocchio.
+    Raises InputError."""
+    links = frames_of(robot)
     if link not in links:
         raise InputError(f"unknown link '{link}'{nearest(link, links)}")
     (pose,) = link_poses(robot, q[None], links[link])
@@ -44,6 +45,5 @@ def pose_of(matrix: Array) -> Pose:
 
 def poses_of(matrices: Array) -> tuple[Pose, ...]:
     """Return homogeneous matrices (k, 4, 4) as poses."""
-    turns = scipy.spatial.transform.Rotation.from_matrix(matrices[:, :3, :3]).as_quat()
-    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    turns = quaternions_of(matrices[:, :3, :3])
     return tuple(Pose(place, turn) for place, turn in zip(matrices[:, :3, 3].tolist(), turns.tolist(), strict=True))

@@ -41,6 +41,12 @@ def stage_scene(world: World, number: int) -> Scene:
     stage = world.scene.job.stages[number]
     with naming(stage_source(world.scene, number)):
         match stage:
+            case Move() | Curve() if world.taken:
+                (held,) = (each for each in world.held if each.name == world.taken[0].name)
+                raise InputError(
+                    f"'{held.name}' is held by '{held.link}' and '{world.taken[0].link}': one has to let go "
+                    "(`release`) before an arm moves"
+                )
             case Move():
                 return _of_arm(world, number, stage, goal=stage.goal, path=stage.path)
             case Curve():
@@ -161,8 +167,10 @@ def _check_object(world: World, stage: Grip | Release) -> None:
     """Refuse to take hold of what is not there, and to let go of what is not held."""
     if stage.object is not None and isinstance(stage, Release):
         world.holding(stage.object)
-    elif stage.object is not None:
+    elif stage.object is not None and stage.object not in {each.name for each in world.held}:
         world.standing(stage.object)
+    elif stage.object in {each.name for each in world.taken}:
+        raise InputError(f"grip.object: '{stage.object}' is held by two hands already")
 
 
 def moves_fingers(stage: Stage) -> bool:

@@ -44,6 +44,7 @@ class World:
     hand: tuple[tuple[str, float], ...]  # joints that are held, as far as the job says where
     obstacles: tuple[Obstacle, ...]
     held: tuple[Attached, ...]
+    taken: tuple[Attached, ...] = ()  # what is held, as another hand that holds it too will do alone
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
     rates: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # the arm's, where it does not rest
     corner: Corner | None = None  # of the stage before, where that is blended into the next one
@@ -87,7 +88,7 @@ class World:
         """Return an obstacle that can be touched, or taken hold of."""
         standing = {each.name: each for each in self.obstacles}
         if name in {each.name for each in self.held}:
-            raise InputError(f"'{name}' is held already")
+            raise InputError(f"'{name}' is held")
         if name not in standing:
             raise InputError(f"there is no object '{name}'{nearest(name, standing)}")
         shape_of(standing[name])
@@ -113,10 +114,11 @@ class World:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with the hand as it is, holding nothing."""
+        """The robot with the hand as it is, and what it holds."""
         robot = replace(self.scene.robot, locked={**self.scene.robot.locked, **dict(self.hand)})
         limits = Limits(position=self.scene.limits.position)
-        bare = {"job": None, "attached": (), "obstacles": (), "payload": None, "timing": None, "limits": limits}
+        held = tuple(replace(each, touch_links=()) for each in self.held)
+        bare = {"job": None, "attached": held, "obstacles": (), "payload": None, "timing": None, "limits": limits}
         still = replace(self.start, velocity=None, acceleration=None)
         return load_scene_robot(derived(self.scene, robot=robot, start=still, goal=still, **bare))
 

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.geometry.rotations import vectors_of
 from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.targets import AllOf, PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
@@ -55,9 +55,7 @@ class LinkPose(NamedTuple):
             turn = _turn_between(along, wanted[:3, axis])
             turning = turning - (turning @ along[..., None]) * along[:, None]
         else:
-            turn = scipy.spatial.transform.Rotation.from_matrix(
-                wanted[:3, :3] @ rotation.transpose(0, 2, 1)
-            ).as_rotvec()
+            turn = vectors_of(wanted[:3, :3] @ rotation.transpose(0, 2, 1))
         moved = self.arm.supports[joint][:, None]
         jacobian = (np.concatenate([linear, turning], axis=2) * moved).transpose(0, 2, 1)
         return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), self.robot.fold(jacobian)

@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.distance.symbolic.closed import ClosedForm
+from hdplan.planner.geometry.rotations import vectors_of
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, band_below
 from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
@@ -29,7 +30,6 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
@@ -183,7 +183,7 @@ class RelativeMeasure:
     def value(self, kinematics: KinematicsBatch) -> Array:
         """p − c, and LEVER φ."""
         (place, turned), (asked, wanted) = self._placed(kinematics)
-        return np.stack([place - asked, LEVER * _rotation_vector(turned @ wanted.transpose(0, 2, 1))], axis=1)
+        return np.stack([place - asked, LEVER * vectors_of(turned @ wanted.transpose(0, 2, 1))], axis=1)
 
     def slope(self, kinematics: KinematicsBatch) -> Array:
         """The velocity of the one place past the other, and how φ changes as the links turn."""
@@ -194,7 +194,7 @@ class RelativeMeasure:
             angular.append(kinematics.angular * moves[:, None])
         turn = turned @ wanted.transpose(0, 2, 1)
         faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
-        turning = LEVER * _rate(_rotation_vector(turn)) @ faster.transpose(0, 2, 1)
+        turning = LEVER * _rate(vectors_of(turn)) @ faster.transpose(0, 2, 1)
         return np.stack([(linear[0] - linear[1]).transpose(0, 2, 1), turning], axis=1)
 
     def second_order(self, kinematics: KinematicsBatch) -> Array:
@@ -207,7 +207,7 @@ class RelativeMeasure:
         velocity = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -cross_matrices(place)], axis=2)
         hessian = hessian + velocity.swapaxes(1, 2) @ _across(unit, length) @ velocity
         torque, bent = np.zeros_like(wrench), np.zeros_like(hessian)
-        unit, angle = _unit(_rotation_vector(turned @ wanted.swapaxes(1, 2)))
+        unit, angle = _unit(vectors_of(turned @ wanted.swapaxes(1, 2)))
         torque[:, 3:], bent[:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
         found = [by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), (torque, bent))]
         return np.stack(found, axis=1)
@@ -242,12 +242,6 @@ class RelativeMeasure:
             place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
             found.append((place, rotation @ placement[:3, :3]))
         return found
-
-
-def _rotation_vector(turns: Array) -> Array:
-    """The rotation vectors (B, 3) of rotations (B, 3, 3)."""
-    result: Array = scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
-    return result
 
 
 def _unit(vectors: Array) -> tuple[Array, Array]:

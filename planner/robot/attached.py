@@ -1,7 +1,8 @@
 """Held objects: a robot with the objects that the scene attaches to it, each one more body carried by its link.
 
 Robot, `Attached`s -> a `Robot` whose collision geometry, links and self pairs include the objects; outer bodies, pieces
-of the certificate and pairs follow from those, as they do for links.
+of the certificate and pairs follow from those, as they do for links. Its model has a frame for each, so that goals and
+constraints may be about an object as they are about a link.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import replace
 import pinocchio as pin
 
 from hdplan.planner.geometry.shape_table import operations
+from hdplan.planner.robot.link_frame import HELD
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE
 from hdplan.scenes.attached import Attached
@@ -40,12 +42,13 @@ def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
             if link not in known:
                 raise InputError(f"{where}.touch_links: unknown link '{link}'{nearest(link, known)}")
 
-    collision = robot.collision.copy()
+    model, collision = robot.model.copy(), robot.collision.copy()
     link_joint, link_geometry = dict(robot.link_joint), dict(robot.link_geometry)
     for held in attached:
         index = robot.model.getFrameId(held.link, pin.FrameType.BODY)
         frame = robot.model.frames[index]
         placement = frame.placement * pin.SE3(held.pose.matrix)
+        model.addFrame(pin.Frame(held.name, frame.parentJoint, index, placement, HELD), False)
         shape = operations(held.shape).coal(held.shape, f"attached.{held.name}")
         item = pin.GeometryObject(held.name, frame.parentJoint, index, placement, shape)
         link_geometry[held.name] = (int(collision.addGeometryObject(item)),)
@@ -57,6 +60,7 @@ def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
     unchecked |= {(a, b): MOVE_AS_ONE for a, b in pairs if link_joint[a] == link_joint[b]}
     return replace(
         robot,
+        model=model,
         collision=collision,
         links=tuple(link_geometry),
         link_joint=link_joint,

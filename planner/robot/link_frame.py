@@ -1,4 +1,5 @@
-"""A robot's links as frames of its Pinocchio model: found by name, for goals and for path constraints."""
+"""A robot's links, and the objects that it holds, as frames of its Pinocchio model: found by name, for goals and for
+path constraints."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from hdplan.scenes.path_constraints import Relative
 from hdplan.scenes.scene import Scene
 
 AXES = ("x", "y", "z")
+HELD = pin.FrameType.OP_FRAME  # the frames of held objects, which are no links
 
 
 def link_frame(robot: Robot, link: str | None, field: str) -> int:
@@ -102,9 +104,9 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
 
 
 def _frame(robot: Robot, link: str, field: str) -> int:
-    if not robot.model.existFrame(link, pin.FrameType.BODY):
-        raise InputError(f"{field}: unknown link '{link}'{nearest(link, links_of(robot))}")
-    return int(robot.model.getFrameId(link, pin.FrameType.BODY))
+    if link not in (known := frames_of(robot)):
+        raise InputError(f"{field}: unknown link '{link}'{nearest(link, known)}")
+    return known[link]
 
 
 def link_poses(robot: Robot, q: Array, frame: int) -> Array:
@@ -120,3 +122,10 @@ def links_of(robot: Robot) -> dict[str, int]:
     """Return the frames of all links in the model, by name, the root first."""
     frames = robot.model.frames
     return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
+
+
+def frames_of(robot: Robot) -> dict[str, int]:
+    """Return the frames of all links and of the objects that a robot holds in the model, by name."""
+    frames, held = robot.model.frames, {each.name for each in robot.attached}
+    objects = {str(each.name): i for i, each in enumerate(frames) if each.type == HELD and each.name in held}
+    return {**links_of(robot), **objects}

@@ -124,15 +124,8 @@ class Roadmap:
         Only a path that would be taken is scored closely, and it is taken if it is still the cheapest then (the lazy
         evaluation of Bohlin & Kavraki, 2000): few samples may miss a thin bar.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import dijkstra
-
         while True:
-            graph = coo_array((self.costs, self.edges.T), shape=(len(self.nodes),) * 2).tocsr()
-            _, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
-            way = [1]
-            while way[-1] != 0:
-                way.append(int(before[way[-1]]))
+            way = cheapest_way(self.edges, self.costs, len(self.nodes))
             steps = np.sort(np.stack([way[:-1], way[1:]], axis=1), axis=1)
             taken = (self.edges[:, None] == steps[None]).all(axis=2).any(axis=1)
             if self.close[taken].all():
@@ -152,3 +145,27 @@ class Roadmap:
         depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, count)
         costs: Array = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
         return costs
+
+
+def cheapest_way(edges: Rows, costs: Array, count: int) -> list[int]:
+    """Return the nodes on the cheapest way from node 1 back to node 0, of so many that edges (E, 2) connect, by the
+    relaxation of all edges at once (Bellman and Ford); ways have few edges, so that it takes few rounds."""
+    heads, tails = np.concatenate([edges, edges[:, ::-1]]).T
+    order = np.argsort(heads, kind="stable")
+    heads, tails, costs = heads[order], tails[order], np.tile(costs, 2)[order]
+    begins = np.flatnonzero(np.diff(heads, prepend=-1))  # of the edges that lead to the same node
+    reached, several = heads[begins], np.diff(begins, append=len(heads))
+    least, before = np.full(count, np.inf), np.zeros(count, np.int64)
+    least[0] = 0.0
+    while True:
+        total = least[tails] + costs
+        found = np.minimum.reduceat(total, begins)
+        if not (better := found < least[reached]).any():
+            break
+        taken = np.flatnonzero((total == np.repeat(found, several)) & np.repeat(better, several))
+        before[heads[taken]] = tails[taken]
+        least[reached[better]] = found[better]
+    way = [1]
+    while way[-1] != 0:
+        way.append(int(before[way[-1]]))
+    return way

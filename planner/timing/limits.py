@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
 from hdplan.scenes.array_types import Array
 
@@ -22,7 +22,7 @@ MARGIN = 1e-6  # [–] of a limit that is left unused
 class PathSamples(NamedTuple):
     """Samples of a path q(u) under a time law u(t), at k times."""
 
-    path: BSpline
+    path: PathSpline
     u: Array  # (k,)
     slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
     rates: tuple[Array, Array, Array]  # first to third derivative of u by time (k, 1)
@@ -31,7 +31,7 @@ class PathSamples(NamedTuple):
 class TimingLimit(Protocol):
     """One limit of a scene."""
 
-    def rows(self, spline: BSpline) -> PathRows | None:
+    def rows(self, spline: PathSpline) -> PathRows | None:
         """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
         ...
 
@@ -52,7 +52,7 @@ class RateLimit:
         """Take the order of the derivative and its greatest absolute values."""
         self.order, self.limit = order, limit
 
-    def rows(self, spline: BSpline) -> PathRows | None:
+    def rows(self, spline: PathSpline) -> PathRows | None:
         """Rows of the limit, for velocities and accelerations."""
         if self.order > 2:
             return None

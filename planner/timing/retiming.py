@@ -24,13 +24,13 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple, cast, overload
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
+from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.planner.timing.time_optimal import time_optimal
 from hdplan.scenes.array_types import Array
@@ -121,7 +121,7 @@ class Retimer:
         """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
         return next(self.ways(path))
 
-    def along(self, path: Trajectory, spline: BSpline) -> Timed:
+    def along(self, path: Trajectory, spline: PathSpline) -> Timed:
         """Return the quickest motion from rest to rest along a spline over [0, 1] that is drawn through a path."""
         law, duration = self._quickest(path, spline)
         return self._timed(path, spline, law, duration)
@@ -175,12 +175,12 @@ class Retimer:
         return None if law is None else self._timed(path, spline, law, duration)
 
     @overload
-    def _quickest(self, path: Trajectory, spline: BSpline) -> tuple[TimeLaw, float]: ...
+    def _quickest(self, path: Trajectory, spline: PathSpline) -> tuple[TimeLaw, float]: ...
 
     @overload
-    def _quickest(self, path: Trajectory, spline: BSpline, than: float) -> tuple[TimeLaw | None, float]: ...
+    def _quickest(self, path: Trajectory, spline: PathSpline, than: float) -> tuple[TimeLaw | None, float]: ...
 
-    def _quickest(self, path: Trajectory, spline: BSpline, than: float = math.inf) -> tuple[TimeLaw | None, float]:
+    def _quickest(self, path: Trajectory, spline: PathSpline, than: float = math.inf) -> tuple[TimeLaw | None, float]:
         """Return the law of the quickest motion along a path, from rest to rest, and its duration; no law if it takes
         `than` [s] or longer."""
         if _stands(path):
@@ -196,14 +196,14 @@ class Retimer:
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 
-    def _timed(self, path: Trajectory, spline: BSpline, law: TimeLaw, duration: float) -> Timed:
+    def _timed(self, path: Trajectory, spline: PathSpline, law: TimeLaw, duration: float) -> Timed:
         """Return the motion with a law stretched to a duration."""
         self._check_rows(duration)
         times, parameter, rows = _rows(spline, law, duration, self.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
     def _fastest(
-        self, spline: BSpline, laws: list[tuple[float, Averaged]], most: float
+        self, spline: PathSpline, laws: list[tuple[float, Averaged]], most: float
     ) -> tuple[Averaged | None, float]:
         """Return the law that is shortest on the executed curve, and its duration there; no law if at samples all take
         `most` or longer.
@@ -224,7 +224,7 @@ class Retimer:
         shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
         return fastest, next(shorter, best)
 
-    def _laws(self, spline: BSpline, most: float) -> list[tuple[float, Averaged]]:
+    def _laws(self, spline: PathSpline, most: float) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
         shortest first. Empty where the fastest law of all takes `most` or longer."""
         law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.rate
@@ -240,12 +240,12 @@ class Retimer:
             chosen = set(range(max(best - FIRST_TRIED + 1, 0), min(best + FIRST_TRIED, len(laws))))
         return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
 
-    def _time_optimal(self, spline: BSpline) -> Stepwise:
+    def _time_optimal(self, spline: PathSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
         asked = [limit.rows(spline) for limit in self.limits]
         return time_optimal([rows for rows in asked if rows is not None])
 
-    def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
+    def _durations_at_samples(self, spline: PathSpline, laws: list[Averaged]) -> list[float]:
         """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""
         share = np.linspace(0.0, 1.0, SAMPLES)
         u, *rates = np.concatenate([law(law.duration * share) for law in laws], axis=1)
@@ -256,7 +256,7 @@ class Retimer:
         longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
         return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
-    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
+    def _allowed(self, spline: PathSpline, law: TimeLaw, duration: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
         than needed; from one at which they hold at samples."""
         best = np.inf
@@ -275,7 +275,7 @@ class Retimer:
             raise HdplanError("no time law was found within the limits on the executed curve")
         return best
 
-    def _executed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
+    def _executed(self, spline: PathSpline, law: TimeLaw, duration: float) -> float:
         """Return by how much a law stretched to a duration must be stretched further for its limits to hold."""
         times, _, rows = _rows(spline, law, duration, self.rate)
         return self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
@@ -306,7 +306,7 @@ def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
     return trajectory.positions, trajectory.velocities, trajectory.accelerations
 
 
-def smooth(waypoints: Array) -> BSpline:
+def smooth(waypoints: Array) -> PathSpline:
     """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module's
     docstring."""
     count, degree = len(waypoints), min(3, len(waypoints) - 1)
@@ -315,11 +315,11 @@ def smooth(waypoints: Array) -> BSpline:
     greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
     even = np.linspace(0.0, 1.0, count)
     control = np.stack([np.interp(greville, even, column) for column in waypoints.T], axis=1)
-    return BSpline(knots, control, degree)
+    return PathSpline(knots, control, degree)
 
 
 def _rows(
-    spline: BSpline, law: TimeLaw, duration: float, rate: float
+    spline: PathSpline, law: TimeLaw, duration: float, rate: float
 ) -> tuple[Array, Array, tuple[Array, Array, Array]]:
     """Return times, parameters (rows,) and positions, velocities, accelerations (rows, n) of a law stretched to a
     duration."""

@@ -8,13 +8,13 @@ Both are sampled here, not bounded; the certificate bounds them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
+from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_optimal import PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
@@ -41,7 +41,7 @@ class ToolLimit:
         given = {1: follow.speed, 2: follow.acceleration}
         self.most = {order: (1.0 - MARGINS[order]) * value for order, value in given.items() if value is not None}
 
-    def rows(self, spline: BSpline) -> PathRows:
+    def rows(self, spline: PathSpline) -> PathRows:
         """Rows of the limit on a path at the points of `grid`."""
         slope, bend = self._slopes(spline, grid())
         size = np.linalg.norm(slope, axis=1)
@@ -73,7 +73,7 @@ class ToolLimit:
         found = [(np.linalg.norm(values[order], axis=1) / most) ** (1 / order) for order, most in self.most.items()]
         return np.asarray(np.max(found, axis=0))
 
-    def _slopes(self, spline: BSpline, u: Array) -> tuple[Array, Array]:
+    def _slopes(self, spline: PathSpline, u: Array) -> tuple[Array, Array]:
         """Return p' and p'' (k, 3) on a path."""
         return self._by_joints(*(spline(u, order) for order in range(3)))
 

@@ -10,12 +10,12 @@ import functools
 import math
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathSamples
+from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_optimal import GRID, PathRows, grid
 from hdplan.scenes.array_types import Array
 
@@ -31,10 +31,10 @@ class TorqueLimit:
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
         self._along = functools.lru_cache(maxsize=1)(self._at_grid)
 
-    def _at_grid(self, spline: BSpline) -> PathTorques:
+    def _at_grid(self, spline: PathSpline) -> PathTorques:
         return self.dynamics.coefficients(*(spline(grid(), order) for order in range(3)))
 
-    def rows(self, spline: BSpline) -> PathRows | None:
+    def rows(self, spline: PathSpline) -> PathRows | None:
         """Rows on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
         and the certificate says where."""
         along = self._along(spline)

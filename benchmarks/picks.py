@@ -1,0 +1,347 @@
+"""Random jobs: an arm takes one of six objects from a table or a board of a shelf and sets it down on another.
+
+Job k depends on k alone. Six objects (a can, a bottle, a carton, a brick, a ball and a bracket, which is a mesh that is
+not convex) stand on a table and on two boards of a shelf, at random places and turns. An arm (a Panda with fingers, a
+UR5 and an xArm 7 with suction) takes one by any of several grasps, from above or from the side, lifts it straight,
+carries it, a bottle upright, sets it down somewhere else in any of several turns, lets go, and backs out.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from picks_recheck import RefutedError, recheck
+from scipy.spatial.transform import Rotation
+
+import hdplan
+
+BEFORE, RAISED, BACK = 0.10, 0.06, 0.10  # [m] before a grasp, above where an object stands, and behind it
+LOOSE = 1e-3  # [m] above its board, in which an object is let go
+GAP = 3e-3  # [m] between a suction cup and what it takes
+ROOM = 0.05  # [m] at least between two objects
+THICK = 0.02  # [m] of boards
+PLACES = 400  # that are tried for an object
+BRACKET = "bracket.obj"
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm and its hand."""
+
+    robot: dict[str, Any]
+    start: dict[str, Any]
+    link: str  # its tool
+    tool: Rotation  # in that, of a frame whose z points at what is taken; fingers close along its y
+    touching: tuple[str, ...]  # links
+    fingers: tuple[str, ...]  # joints; none: suction
+    acceleration: float
+    reach: float  # [m] from its base to where the shelf stands
+
+    @property
+    def opened(self) -> dict[str, float]:
+        """Its fingers, open."""
+        return dict.fromkeys(self.fingers, 0.04)
+
+
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+ARMS = {
+    "panda": Arm(
+        {"name": "panda", "locked": dict.fromkeys(FINGERS, 0.04)},
+        {"state": "default"},
+        "panda_hand_tcp",
+        Rotation.identity(),
+        ("panda_leftfinger", "panda_rightfinger"),
+        FINGERS,
+        7.5,
+        0.55,
+    ),
+    "ur5": Arm(
+        {"name": "ur5", "ignore_pairs": [["wrist_3_link", "ee_link"]]},
+        {"joints": [0.3, -1.5, 1.9, -1.97, -1.57, 0.0]},
+        "ee_link",
+        Rotation.from_euler("y", 90, degrees=True),
+        ("wrist_3_link",),
+        (),
+        8.0,
+        0.62,
+    ),
+    "xarm7": Arm(
+        {"name": "xarm7"},
+        {"joints": [0.0, -0.4, 0.0, 0.9, 0.0, 1.3, 0.0]},
+        "link7",
+        Rotation.identity(),
+        ("link7",),
+        (),
+        8.0,
+        0.52,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of object; its frame is in its middle, z upwards, and fingers take it along its y axis."""
+
+    shape: dict[str, Any]
+    height: float  # [m]
+    width: float  # [m] along y
+    round_: bool  # about its z axis
+    away: float  # [m] of its outline from its middle
+    beside: float = 0.0  # [m] from its middle to the side at which a cup takes it, along x; 0: not there
+    top: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where a cup takes it from above
+    held: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where fingers take it
+
+
+def _box(x: float, y: float, z: float) -> Kind:
+    return Kind({"type": "box", "size": [x, y, z]}, z, y, False, 0.5 * math.hypot(x, y), 0.5 * x, (0, 0, 0.5 * z))
+
+
+def _can(radius: float, length: float) -> Kind:
+    shape = {"type": "cylinder", "radius": radius, "length": length}
+    return Kind(shape, length, 2 * radius, True, radius, radius, (0, 0, 0.5 * length))
+
+
+KINDS = {
+    "can": _can(0.03, 0.12),
+    "bottle": _can(0.028, 0.18),
+    "carton": _box(0.09, 0.05, 0.14),
+    "brick": _box(0.13, 0.06, 0.06),
+    "ball": Kind({"type": "sphere", "radius": 0.032}, 0.064, 0.064, True, 0.032, 0.032, (0, 0, 0.032)),
+    "bracket": Kind({"type": "mesh", "file": BRACKET}, 0.1, 0.05, False, 0.05, 0.0, (-0.03, 0, 0.05), (-0.03, 0, 0.01)),
+}
+
+
+def write_bracket(folder: Path) -> None:
+    """Write the mesh of an angle bracket: an L of 80 by 50 by 100 mm, 20 mm thick."""
+    outline = np.array([[-0.04, -0.05], [0.04, -0.05], [0.04, -0.03], [-0.02, -0.03], [-0.02, 0.05], [-0.04, 0.05]])
+    sides = [f"v {x} {y} {z}" for y in (-0.025, 0.025) for x, z in outline]
+    fan = [(1, 2, 3), (1, 3, 4), (1, 4, 5), (1, 5, 6)]
+    faces = [*fan, *((c + 6, b + 6, a + 6) for a, b, c in fan)]
+    for a, b in zip(range(1, 7), (2, 3, 4, 5, 6, 1), strict=True):
+        faces += [(b, a, a + 6), (b, a + 6, b + 6)]
+    (folder / BRACKET).write_text("\n".join([*sides, *("f {} {} {}".format(*face) for face in faces)]) + "\n")
+
+
+@dataclass(frozen=True)
+class Board:
+    """Something to stand on: the middle of its upper side, how it is turned, and how large it is."""
+
+    name: str
+    at: np.ndarray
+    yaw: float
+    size: tuple[float, float]
+    covered: bool  # by another board: it is reached from the front, along its own x axis
+
+    def place(self, x: float, y: float) -> np.ndarray:
+        """Return the place in the world of one on it."""
+        return self.at + Rotation.from_euler("z", self.yaw).apply([x, y, 0.0])
+
+
+def _furniture(rng: np.random.Generator, arm: Arm) -> tuple[list[dict[str, Any]], list[Board]]:
+    """Return obstacles and the boards on which things stand."""
+    top = rng.uniform(0.02, 0.2)
+    table = Board("table", np.array([0.55, 0.0, top]), 0.0, (0.5, 0.7), False)
+    side = rng.choice([-1.0, 1.0])
+    around = side * math.radians(rng.uniform(90, 110))
+    far = arm.reach + rng.uniform(-0.03, 0.05)
+    turn = Rotation.from_euler("z", around)
+    low = rng.uniform(0.05, 0.25)
+    high = low + rng.uniform(0.36, 0.46)
+    boards = [
+        Board(name, turn.apply([far, 0.0, 0.0]) + [0.0, 0.0, z], around, (0.28, 0.64), name == "lower")
+        for name, z in (("lower", low), ("upper", high))
+    ]
+
+    def part(name: str, size: list[float], place: list[float]) -> dict[str, Any]:
+        pose = {"position": turn.apply(place).tolist(), "rpy": [0.0, 0.0, around]}
+        return {"name": name, "shape": {"type": "box", "size": size}, "pose": pose}
+
+    middle, tall = 0.5 * (low + high), high - low + 2 * THICK
+    parts = [
+        _obstacle("floor", [2.0, 2.0, 0.04], [0.0, 0.0, -0.03]),
+        _obstacle("table", [0.5, 0.7, THICK], [0.55, 0.0, top - 0.5 * THICK]),
+        *(part(each.name, [0.28, 0.64, THICK], [far, 0.0, each.at[2] - 0.5 * THICK]) for each in boards),
+        part("back", [0.02, 0.68, tall], [far + 0.15, 0.0, middle - 0.5 * THICK]),
+        *(
+            part(name, [0.28, 0.02, tall], [far, y, middle - 0.5 * THICK])
+            for name, y in (("left", 0.33), ("right", -0.33))
+        ),
+    ]
+    return parts, [table, *boards]
+
+
+def _obstacle(name: str, size: list[float], place: list[float]) -> dict[str, Any]:
+    return {"name": name, "shape": {"type": "box", "size": size}, "pose": {"position": place}}
+
+
+def _spot(
+    rng: np.random.Generator, boards: list[Board], away: float, taken: list[tuple[np.ndarray, float]]
+) -> tuple[Board, np.ndarray] | None:
+    """Return a random place on a random board, away from what is there."""
+    for _ in range(PLACES):
+        board = boards[int(rng.integers(len(boards)))]
+        free = 0.5 * np.array(board.size) - away - 0.03
+        place = board.place(*rng.uniform(-free, free))
+        apart = [np.linalg.norm(place[:2] - other[:2]) - away - far for other, far in taken if _same(place, other)]
+        if min(apart, default=1.0) > ROOM:
+            return board, place
+    return None
+
+
+def _same(place: np.ndarray, other: np.ndarray) -> bool:
+    return bool(abs(place[2] - other[2]) < 0.3)
+
+
+def _grasps(arm: Arm, kind: Kind, covered: tuple[bool, bool]) -> Iterator[tuple[np.ndarray, Rotation]]:
+    """Yield the tool's places and turns in an object's frame: from above, and from the side, which a board above
+    leaves alone."""
+    across = np.arange(0, 360, 30) if kind.round_ else np.array([0, 180])
+    if arm.fingers:
+        deep = max(kind.held[2], 0.5 * kind.height - 0.03)
+        for yaw in across if not any(covered) else ():
+            yield np.array([*kind.held[:2], deep]), Rotation.from_euler("z", yaw, degrees=True) * _down()
+        for yaw in across:
+            for pitch in (0, 25):
+                yield np.array(kind.held), _sideways(yaw, pitch)
+        return
+    for yaw in np.arange(0, 360, 60) if not any(covered) else ():
+        yield np.array(kind.top) + [0.0, 0.0, GAP], Rotation.from_euler("z", yaw, degrees=True) * _down()
+    for yaw in across if kind.beside else ():
+        turn = _sideways(yaw, 0)
+        for roll in (0, 90, 180, 270):
+            yield -(kind.beside + GAP) * turn.as_matrix()[:, 2], turn * Rotation.from_euler("z", roll, degrees=True)
+
+
+def _down() -> Rotation:
+    return Rotation.from_euler("x", 180, degrees=True)
+
+
+def _sideways(yaw: float, pitch: float) -> Rotation:
+    """Return the turn of a tool that points along x, turned about z, and a little downwards; its y stays level."""
+    return Rotation.from_euler("ZY", [yaw, 90 + pitch], degrees=True)
+
+
+def job(number: int) -> dict[str, Any]:
+    """Return the scene of a job."""
+    rng = np.random.default_rng([36, number])
+    name = list(ARMS)[number % len(ARMS)]
+    arm = ARMS[name]
+    obstacles, boards = _furniture(rng, arm)
+    taken: list[tuple[np.ndarray, float]] = []
+    stand: dict[str, tuple[Board, np.ndarray, float]] = {}
+    for each, kind in KINDS.items():
+        found = _spot(rng, boards, kind.away, taken)
+        assert found is not None
+        board, place = found
+        yaw = board.yaw + (rng.uniform(-0.4, 0.4) if board.covered else rng.uniform(-math.pi, math.pi))
+        taken.append((place, kind.away))
+        stand[each] = board, place + [0.0, 0.0, LOOSE + 0.5 * kind.height], yaw
+        pose = {"position": stand[each][1].tolist(), "rpy": [0.0, 0.0, yaw]}
+        obstacles.append({"name": each, "shape": kind.shape, "pose": pose})
+    what = list(KINDS)[rng.integers(len(KINDS))]
+    kind, (source, at, yaw) = KINDS[what], stand[what]
+    found = _spot(rng, boards, kind.away, taken)
+    assert found is not None
+    target, place = found
+    place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
+    turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]
+    here = Rotation.from_euler("z", yaw)
+    poses = []
+    for offset, turn in _grasps(arm, kind, (source.covered, target.covered)):
+        whole = here * turn
+        before = at + here.apply(offset) - BEFORE * whole.as_matrix()[:, 2]
+        poses.append({"link": arm.link, **_pose(before, whole * arm.tool.inv())})
+    free = {"free_rotation": "z"} if kind.round_ else {}
+    goals = [
+        {"link": what, **_pose(place + [0.0, 0.0, RAISED], Rotation.from_euler("z", turn)), **free}
+        for turn in (turns[:1] if kind.round_ else turns)
+    ]
+    toward = arm.tool.as_matrix()[:, 2]
+    closed = dict.fromkeys(arm.fingers, 0.5 * kind.width)
+    touching = [[what, list(arm.touching)]]
+    upright = {"path": {"upright": {"link": what, "axis": "z", "tolerance": 0.35}}} if what == "bottle" else {}
+    away = {"touch": touching} if not arm.fingers else {}
+
+    def line(length: float, **said: Any) -> dict[str, Any]:
+        return {"line": {"by": (length * toward).tolist(), "frame": "tool", "link": arm.link}, **said}
+
+    def rise(length: float, board: Board) -> dict[str, Any]:
+        return {"line": {"by": [0.0, 0.0, length], "link": what}, "touch": [[what, board.name]]}
+
+    stages = [
+        {"name": "before it", "move": {"poses": poses}},
+        {"name": "to it", **line(BEFORE, **away)},
+        {"name": "take it", "grip": _hand(arm, what, closed, link=arm.link), "touch": touching},
+        {"name": "lift", **rise(RAISED, source)},
+        {"name": "carry", "move": {"poses": goals}, **upright},
+        {"name": "lower", **rise(-RAISED, target)},
+        {"name": "let go", "release": _hand(arm, what, arm.opened)},
+        {"name": "back out", **line(-BACK, **away)},
+    ]
+    return {
+        "hdplan": 1,
+        "robot": arm.robot,
+        "obstacles": obstacles,
+        "start": arm.start,
+        "limits": {"velocity": "urdf", "acceleration": arm.acceleration, "jerk": 500},
+        "job": stages,
+    }
+
+
+def _hand(arm: Arm, what: str, fingers: dict[str, float], **said: Any) -> dict[str, Any]:
+    return {"object": what, **said, **({"joints": fingers} if arm.fingers else {})}
+
+
+def _pose(place: np.ndarray, turn: Rotation) -> dict[str, Any]:
+    return {"position": place.tolist(), "quaternion_xyzw": turn.as_quat().tolist()}
+
+
+def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
+    """Plan jobs and look at them again; what was found is in a folder, from where it goes on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bracket(folder)
+    found = []
+    for number in range(first, first + count):
+        file = folder / f"{number}.result.json"
+        if not file.exists():
+            file.write_text(json.dumps(_planned(folder, number, time_limit)))
+        found.append(json.loads(file.read_text()))
+        each = found[-1]
+        print(f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}", flush=True)
+    seconds = [each["seconds"] for each in found]
+    whole, wrong = (sum(each["is"] == word for each in found) for word in ("certified", "refuted"))
+    spread = " / ".join(f"{np.percentile(seconds, share):.2f}" for share in (50, 95, 100))
+    print(f"{whole} of {len(found)} certified whole, {wrong} refuted; processor time {spread} s (median, 95 %, worst)")
+
+
+def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:
+    """Plan a job, and look at it again."""
+    said = job(number)
+    file, motion = folder / f"{number}.yaml", folder / f"{number}.json"
+    said = json.loads(json.dumps(said, default=float))  # numbers of NumPy are numbers
+    file.write_text(yaml.safe_dump(said, sort_keys=False))
+    scene = hdplan.load_scene(file)
+    began = time.process_time()
+    kind, words = "no", ""
+    try:
+        result = hdplan.plan_job(scene, time_limit=time_limit)
+        words = result.text
+    except hdplan.HdplanError as error:
+        result, words = None, str(error).removeprefix(f"{scene.source}: ")
+    seconds = time.process_time() - began
+    if result is not None and result.certified:
+        result.save(motion)
+        kind = "certified"
+        try:
+            recheck(said, folder, motion)
+        except RefutedError as error:
+            kind, words = "refuted", f"REFUTED: {error}"
+    return {"number": number, "robot": said["robot"]["name"], "is": kind, "seconds": seconds, "words": words}
