@@ -31,6 +31,9 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.shapes import Shape
 
 LANES = 8  # numbers in the widest vector of a processor
+CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be looked at
+ROUNDING = 1e-12  # [–]
+MANY = 256  # vertices of a hull from which on clusters pay
 
 
 class ExactPairs(PairDistance):
@@ -53,21 +56,23 @@ class ExactPairs(PairDistance):
     def record(self) -> Record:
         """The C struct `solids`."""
         rows: list[Array] = []
-        widths, discs, radii, balls, places = [], [], [], [], []
+        widths, clusters, discs, radii, balls, places = [], [], [], [], [], []
         second = ((solid.solid, solid.placement) for solid in self.solids)
         for shape, place in [*((part.body, np.eye(4)) for part in self.parts), *second]:
             swept = _swept(shape)
-            spare = -len(swept.vertices) % LANES
-            rows.append(np.vstack([swept.vertices, np.tile(swept.vertices[:1], (spare, 1))]).T.ravel())
-            widths.append(len(swept.vertices) + spare)
+            many = len(swept.vertices) > MANY
+            vertices = _filled(_clustered(swept.vertices), LANES * CLUSTER) if many else _filled(swept.vertices, LANES)
+            rows.append(np.append(vertices.T, _balls(vertices) if many else []))
+            widths.append(len(vertices))
+            clusters.append(len(vertices) // CLUSTER if many else 0)
             discs.append(swept.disc)
             radii.append(swept.radii)
             balls.append(swept.ball)
             places.append(np.append(place[:3, :3].ravel(), place[:3, 3]))
         first = np.cumsum([0, *(len(row) for row in rows)])[:-1]
         return Record(
-            *("solids", len(self.parts), first, np.array(widths), np.concatenate(rows), np.array(discs)),
-            *(np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
+            *("solids", len(self.parts), first, np.array(widths), np.array(clusters), np.concatenate(rows)),
+            *(np.array(discs), np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
         )
 
     @cached_property
@@ -90,6 +95,29 @@ class ExactPairs(PairDistance):
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
         loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
         return distance, wrench, distance
+
+
+def _filled(vertices: Array, count: int) -> Array:
+    """Vertices (K, 3) with the first repeated until they are a multiple of `count`."""
+    return np.vstack([vertices, np.tile(vertices[:1], (-len(vertices) % count, 1))])
+
+
+def _clustered(vertices: Array) -> Array:
+    """The same vertices (K, 3), each CLUSTER of them near each other: halved along their longest side, again and
+    again."""
+    if len(vertices) <= CLUSTER:
+        return vertices
+    along = vertices[:, np.ptp(vertices, axis=0).argmax()].argsort(kind="stable")
+    half = CLUSTER * (-(-len(vertices) // CLUSTER) // 2)
+    return np.vstack([_clustered(vertices[along[:half]]), _clustered(vertices[along[half:]])])
+
+
+def _balls(vertices: Array) -> Array:
+    """Balls around the clusters: rows of x, y, z and radii (4, K / CLUSTER), a little larger than rounding needs."""
+    clusters = vertices.reshape(-1, CLUSTER, 3)
+    middles = 0.5 * (clusters.min(axis=1) + clusters.max(axis=1))
+    radii = np.linalg.norm(clusters - middles[:, None], axis=2).max(axis=1)
+    return np.vstack([middles.T, radii + ROUNDING * (radii + np.abs(middles).max())])
 
 
 def _whole(body: ConvexBody) -> ConvexBody:

@@ -7,7 +7,7 @@
 
 static solid solid_of(const solids* of, long long k) {
   const double* radii = of->radii + 3 * k;
-  return (solid){of->width[k], of->rows + of->first[k], radii[0] > 0.0 ? radii : NULL, of->discs[k], of->balls[k]};
+  return (solid){of->width[k], of->clusters[k], of->rows + of->first[k], radii[0] > 0.0 ? radii : NULL, of->discs[k], of->balls[k]};
 }
 
 /* A frame in another: found = A B, rotations row by row, then origins. */
@@ -85,10 +85,15 @@ WRAPPER(make_solids) {
   of.boxes = all - of.bodies;
   if (of.boxes < 0) wrong(&taken, "first", "one for each of the bodies, then of the boxes");
   of.width = indices(&taken, "width", 8, MANY, SHAPE(all));
+  of.clusters = indices(&taken, "clusters", 0, MANY, SHAPE(all));
   of.rows = numbers(&taken, "rows", SHAPE(ANY));
   const long long held = taken.shape[0];
-  for (long long k = 0; !taken.failed && k < all; ++k)
-    if (of.width[k] % 8 != 0 || of.first[k] + 3 * of.width[k] > held) wrong(&taken, "width", "rows within `rows`");
+  for (long long k = 0; !taken.failed && k < all; ++k) {
+    if (of.width[k] % 8 != 0 || of.first[k] + 3 * of.width[k] + 4 * of.clusters[k] > held)
+      wrong(&taken, "width", "rows within `rows`");
+    else if (of.clusters[k] % 8 != 0 || (of.clusters[k] && of.clusters[k] * 32 != of.width[k]))
+      wrong(&taken, "clusters", "as many as there are vertices for, or 0");
+  }
   of.discs = numbers(&taken, "discs", SHAPE(all));
   of.radii = numbers(&taken, "radii", SHAPE(all, 3));
   of.balls = numbers(&taken, "balls", SHAPE(all));

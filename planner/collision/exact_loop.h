@@ -7,10 +7,10 @@
 #include "gjk.h"
 
 /* The solids of the bodies and boxes that `tables` has pairs of: vertices from first[k] on, three rows of width[k]
-   numbers, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
+   numbers, and four rows of clusters[k] for the balls around their clusters, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
 typedef struct {
   long long bodies, boxes;
-  const long long *first, *width;
+  const long long *first, *width, *clusters;
   const double *rows, *discs, *radii, *balls, *places, *margins;
 } solids;
 

@@ -3,7 +3,7 @@
 #include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 
-enum { LANES = 8, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
+enum { LANES = 8, CLUSTER = 32, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
 
 #define CLOSE 1e-10     /* relative difference of a squared distance and its lower bound that is good enough */
 #define TOUCHING 1e-7   /* [m] bodies so close count as overlapping, as the normal is lost in rounding */
@@ -16,28 +16,67 @@ static void copy(const double* from, double* to) {
 
 /* --- supports --------------------------------------------------------------------------------------------------- */
 
-/* The vertex that is farthest along v, eight looked at at once; of equal ones the first of its lane. */
-CLONES
-static void farthest(const solid* body, const double* v, double* found) {
+/* The vertex that is farthest along v of each lane, eight lanes looked at at once: those of rows `from` to `to`, and those
+   that are there already; of equal ones the first. */
+INLINE void look(const solid* body, const double* v, long long from, long long to, double* best, long long* at) {
   const double *restrict x = body->rows, *restrict y = x + body->width, *restrict z = y + body->width;
-  double best[LANES];
-  long long at[LANES], which = 0;
-  for (int i = 0; i < LANES; ++i) {
-    best[i] = v[0] * x[i] + v[1] * y[i] + v[2] * z[i];
-    at[i] = 0;
-  }
-  for (long long k = LANES; k < body->width; k += LANES)
+  for (long long k = from; k < to; k += LANES)
     for (int i = 0; i < LANES; ++i) {
       const double along = v[0] * x[k + i] + v[1] * y[k + i] + v[2] * z[k + i];
       at[i] = along > best[i] ? k : at[i];
       best[i] = along > best[i] ? along : best[i];
     }
+}
+
+/* How far the balls around eight clusters reach along v, whose length is given. */
+INLINE void reaches(const double* balls, long long width, const double* v, double length, double* found) {
+  for (int i = 0; i < LANES; ++i)
+    found[i] = v[0] * balls[i] + v[1] * balls[width + i] + v[2] * balls[2 * width + i] + length * balls[3 * width + i];
+}
+
+/* The same of all vertices: first those of the cluster that reaches farthest, then of those that reach beyond what is
+   found. */
+INLINE void look_by_clusters(const solid* body, const double* v, double* best, long long* at) {
+  const double* balls = body->rows + 3 * body->width;
+  const double length = norm(v);
+  double reach[LANES], most = -INFINITY;
+  long long first = 0;
+  for (long long k = 0; k < body->clusters; k += LANES) {
+    reaches(balls + k, body->clusters, v, length, reach);
+    for (int i = 0; i < LANES; ++i) {
+      first = reach[i] > most ? k + i : first;
+      most = reach[i] > most ? reach[i] : most;
+    }
+  }
+  look(body, v, CLUSTER * first, CLUSTER * (first + 1), best, at);
+  most = best[0];
+  for (int i = 1; i < LANES; ++i) most = best[i] > most ? best[i] : most;
+  for (long long k = 0; k < body->clusters; k += LANES) {
+    reaches(balls + k, body->clusters, v, length, reach);
+    for (int i = 0; i < LANES; ++i) {
+      if (!(reach[i] > most) || k + i == first) continue;
+      look(body, v, CLUSTER * (k + i), CLUSTER * (k + i + 1), best, at);
+      for (int j = 0; j < LANES; ++j) most = best[j] > most ? best[j] : most;
+    }
+  }
+}
+
+/* The vertex that is farthest along v. */
+CLONES
+static void farthest(const solid* body, const double* v, double* found) {
+  double best[LANES];
+  long long at[LANES], which = 0;
+  for (int i = 0; i < LANES; ++i) {
+    best[i] = -INFINITY;
+    at[i] = 0;
+  }
+  if (body->clusters)
+    look_by_clusters(body, v, best, at);
+  else
+    look(body, v, 0, body->width, best, at);
   for (int i = 1; i < LANES; ++i)
     if (best[i] > best[which]) which = i;
-  const long long row = at[which] + which;
-  found[0] = x[row];
-  found[1] = y[row];
-  found[2] = z[row];
+  for (int i = 0; i < 3; ++i) found[i] = body->rows[i * body->width + at[which] + which];
 }
 
 /* The point of a body, without its ball, that is farthest along v, all in its own frame. */

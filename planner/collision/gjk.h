@@ -5,9 +5,11 @@
 #define HDPLAN_GJK_H
 
 /* The hull of vertices, swept by a disc normal to z, by an ellipsoid and by a ball, in its own frame. The rows of all x,
-   of all y and of all z are `width` numbers long, a multiple of eight; what is left of them repeats a vertex. */
+   of all y and of all z are `width` numbers long, a multiple of eight; what is left of them repeats a vertex. Where there
+   are `clusters`, a multiple of eight or none, each 32 vertices after the other are one, and four rows follow: the x, y, z and
+   radii of balls around them. */
 typedef struct {
-  long long width;
+  long long width, clusters;
   const double *rows, *radii; /* of the ellipsoid, or null */
   double disc, ball;
 } solid;
