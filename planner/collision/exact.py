@@ -13,9 +13,11 @@ same by coal, one pair after another; it serves where hdplan was installed witho
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,24 +57,17 @@ class ExactPairs(PairDistance):
     @cached_property
     def record(self) -> Record:
         """The C struct `solids`."""
-        rows: list[Array] = []
-        widths, clusters, discs, radii, balls, places = [], [], [], [], [], []
         second = ((solid.solid, solid.placement) for solid in self.solids)
-        for shape, place in [*((part.body, np.eye(4)) for part in self.parts), *second]:
-            swept = _swept(shape)
-            many = len(swept.vertices) > MANY
-            vertices = _filled(_clustered(swept.vertices), LANES * CLUSTER) if many else _filled(swept.vertices, LANES)
-            rows.append(np.append(vertices.T, _balls(vertices) if many else []))
-            widths.append(len(vertices))
-            clusters.append(len(vertices) // CLUSTER if many else 0)
-            discs.append(swept.disc)
-            radii.append(swept.radii)
-            balls.append(swept.ball)
-            places.append(np.append(place[:3, :3].ravel(), place[:3, 3]))
-        first = np.cumsum([0, *(len(row) for row in rows)])[:-1]
+        shapes, places = zip(*((part.body, np.eye(4)) for part in self.parts), *second, strict=True)
+        swept = [_swept(shape) for shape in shapes]
+        held = [_held(each.vertices.tobytes()) for each in swept]
+        first = np.cumsum([0, *(len(each.rows) for each in held)])[:-1]
         return Record(
-            *("solids", len(self.parts), first, np.array(widths), np.array(clusters), np.concatenate(rows)),
-            *(np.array(discs), np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
+            *("solids", len(self.parts), first),
+            *(np.array([each.width for each in held]), np.array([each.clusters for each in held])),
+            *(np.concatenate([each.rows for each in held]), np.array([each.disc for each in swept])),
+            *(np.array([each.radii for each in swept]), np.array([each.ball for each in swept])),
+            *(np.array([np.append(place[:3, :3].ravel(), place[:3, 3]) for place in places]), self.pairs.margins),
         )
 
     @cached_property
@@ -95,6 +90,24 @@ class ExactPairs(PairDistance):
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
         loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
         return distance, wrench, distance
+
+
+class _Held(NamedTuple):
+    """How the loops hold vertices."""
+
+    rows: Array  # all x, all y and all z, then balls around the clusters
+    width: int  # how many vertices, some of them repeated
+    clusters: int
+
+
+@functools.lru_cache(maxsize=1024)
+def _held(vertices: bytes) -> _Held:
+    points = np.frombuffer(vertices).reshape(-1, 3)
+    if len(points) <= MANY:
+        filled = _filled(points, LANES)
+        return _Held(filled.T.ravel(), len(filled), 0)
+    filled = _filled(_clustered(points), LANES * CLUSTER)
+    return _Held(np.append(filled.T, _balls(filled)), len(filled), len(filled) // CLUSTER)
 
 
 def _filled(vertices: Array, count: int) -> Array:
