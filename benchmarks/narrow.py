@@ -4,8 +4,8 @@
         [--ompl RRTConnect BITstar ...] [--csv F]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
-mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it, and are planned with
-ten seeds each. Prints a row per set: how many have ends that are free, how many of these are certified and in which
+mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it: three are planned with
+ten seeds each, and of each kind of random ones there are 100, of which --every and --from choose. Prints a row per set: how many have ends that are free, how many of these are certified and in which
 time, and, with --proofs, of how many a proof was written and accepted whole; to the error stream, a line per problem.
 With --ompl, planners of OMPL, which has to be installed, get the same time for any way by hdplan's own checker
 (`peer_exact.py`), and what they alone solve is counted.
@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from narrow_places import places
+from narrow_places import RANDOM, places, random_place
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -38,6 +38,7 @@ BAXTER = [f"{side}_{joint}" for side in ("left", "right") for joint in ("s0", "s
 SETS = ("cage", "bookshelf", "table")
 PLACES = places()
 SEEDS = 10  # of each place of our own
+SCENES = 100  # of each random kind
 SCENE = "scene.yaml"
 
 
@@ -59,6 +60,9 @@ def scenes(folder: Path, kind: str, every: int, first: int) -> Iterator[tuple[st
     own, with the seed as its number, SEEDS times."""
     if kind in PLACES:
         yield from ((str(seed), PLACES[kind]) for seed in range(SEEDS))
+        return
+    if kind in RANDOM:
+        yield from ((str(number), random_place(kind, number)) for number in range(first, SCENES, every))
         return
     for file in sorted((folder / kind).glob("scene*.yaml"))[first::every]:
         number = file.stem.removeprefix("scene")
@@ -189,7 +193,7 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--set", nargs="+", choices=(*SETS, *PLACES), default=SETS)
+    parser.add_argument("--set", nargs="+", choices=(*SETS, *PLACES, *RANDOM), default=SETS)
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--from", type=int, default=0, dest="first", help="the first problem of a set")
     parser.add_argument("--ompl", nargs="+", default=[], metavar="PLANNER", help="planners of OMPL beside hdplan")

@@ -7,6 +7,7 @@ own, bounded in time and memory.
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import subprocess
@@ -32,9 +33,8 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
 
     None where it cannot be split, or not within `seconds`; that MOST_SECONDS were not enough is kept as well.
     """
-    parts = mesh.components()
-    if all(part.convex and part.volume > 0 for part in parts):
-        return tuple(part.vertices for part in parts)
+    if (parts := _convex_parts(mesh.vertices.tobytes(), mesh.triangles.tobytes())) is not None:
+        return parts
     key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
     known = load("convex_pieces", key)
     if known is None:
@@ -42,6 +42,14 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Ar
         if known or seconds >= MOST_SECONDS > 0.0:
             store("convex_pieces", key, known)
     return tuple(np.array(vertices) for vertices in known) or None
+
+
+@functools.lru_cache(maxsize=32)
+def _convex_parts(vertices: bytes, triangles: bytes) -> tuple[Array, ...] | None:
+    """The vertices of each connected part of a mesh, given as bytes; None where one is not convex."""
+    mesh = TriangleMesh(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
+    parts = mesh.components()
+    return tuple(part.vertices for part in parts) if all(part.convex and part.volume > 0 for part in parts) else None
 
 
 def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Array]:

@@ -13,9 +13,11 @@ same by coal, one pair after another; it serves where hdplan was installed witho
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +33,9 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.shapes import Shape
 
 LANES = 8  # numbers in the widest vector of a processor
+CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be looked at
+ROUNDING = 1e-12  # [–]
+MANY = 256  # vertices of a hull from which on clusters pay
 
 
 class ExactPairs(PairDistance):
@@ -52,22 +57,17 @@ class ExactPairs(PairDistance):
     @cached_property
     def record(self) -> Record:
         """The C struct `solids`."""
-        rows: list[Array] = []
-        widths, discs, radii, balls, places = [], [], [], [], []
         second = ((solid.solid, solid.placement) for solid in self.solids)
-        for shape, place in [*((part.body, np.eye(4)) for part in self.parts), *second]:
-            swept = _swept(shape)
-            spare = -len(swept.vertices) % LANES
-            rows.append(np.vstack([swept.vertices, np.tile(swept.vertices[:1], (spare, 1))]).T.ravel())
-            widths.append(len(swept.vertices) + spare)
-            discs.append(swept.disc)
-            radii.append(swept.radii)
-            balls.append(swept.ball)
-            places.append(np.append(place[:3, :3].ravel(), place[:3, 3]))
-        first = np.cumsum([0, *(len(row) for row in rows)])[:-1]
+        shapes, places = zip(*((part.body, np.eye(4)) for part in self.parts), *second, strict=True)
+        swept = [_swept(shape) for shape in shapes]
+        held = [_held(each.vertices.tobytes()) for each in swept]
+        first = np.cumsum([0, *(len(each.rows) for each in held)])[:-1]
         return Record(
-            *("solids", len(self.parts), first, np.array(widths), np.concatenate(rows), np.array(discs)),
-            *(np.array(radii), np.array(balls), np.array(places), self.pairs.margins),
+            *("solids", len(self.parts), first),
+            *(np.array([each.width for each in held]), np.array([each.clusters for each in held])),
+            *(np.concatenate([each.rows for each in held]), np.array([each.disc for each in swept])),
+            *(np.array([each.radii for each in swept]), np.array([each.ball for each in swept])),
+            *(np.array([np.append(place[:3, :3].ravel(), place[:3, 3]) for place in places]), self.pairs.margins),
         )
 
     @cached_property
@@ -90,6 +90,47 @@ class ExactPairs(PairDistance):
         rows = (np.ascontiguousarray(each, np.int64) for each in (sample, pair))
         loops.exact_rows(self.record.struct, self.pairs.tables.struct, kinematics.placements, *rows, distance, wrench)
         return distance, wrench, distance
+
+
+class _Held(NamedTuple):
+    """How the loops hold vertices."""
+
+    rows: Array  # all x, all y and all z, then balls around the clusters
+    width: int  # how many vertices, some of them repeated
+    clusters: int
+
+
+@functools.lru_cache(maxsize=1024)
+def _held(vertices: bytes) -> _Held:
+    points = np.frombuffer(vertices).reshape(-1, 3)
+    if len(points) <= MANY:
+        filled = _filled(points, LANES)
+        return _Held(filled.T.ravel(), len(filled), 0)
+    filled = _filled(_clustered(points), LANES * CLUSTER)
+    return _Held(np.append(filled.T, _balls(filled)), len(filled), len(filled) // CLUSTER)
+
+
+def _filled(vertices: Array, count: int) -> Array:
+    """Vertices (K, 3) with the first repeated until they are a multiple of `count`."""
+    return np.vstack([vertices, np.tile(vertices[:1], (-len(vertices) % count, 1))])
+
+
+def _clustered(vertices: Array) -> Array:
+    """The same vertices (K, 3), each CLUSTER of them near each other: halved along their longest side, again and
+    again."""
+    if len(vertices) <= CLUSTER:
+        return vertices
+    along = vertices[:, np.ptp(vertices, axis=0).argmax()].argsort(kind="stable")
+    half = CLUSTER * (-(-len(vertices) // CLUSTER) // 2)
+    return np.vstack([_clustered(vertices[along[:half]]), _clustered(vertices[along[half:]])])
+
+
+def _balls(vertices: Array) -> Array:
+    """Balls around the clusters: rows of x, y, z and radii (4, K / CLUSTER), a little larger than rounding needs."""
+    clusters = vertices.reshape(-1, CLUSTER, 3)
+    middles = 0.5 * (clusters.min(axis=1) + clusters.max(axis=1))
+    radii = np.linalg.norm(clusters - middles[:, None], axis=2).max(axis=1)
+    return np.vstack([middles.T, radii + ROUNDING * (radii + np.abs(middles).max())])
 
 
 def _whole(body: ConvexBody) -> ConvexBody:

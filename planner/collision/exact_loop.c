@@ -7,7 +7,7 @@
 
 static solid solid_of(const solids* of, long long k) {
   const double* radii = of->radii + 3 * k;
-  return (solid){of->width[k], of->rows + of->first[k], radii[0] > 0.0 ? radii : NULL, of->discs[k], of->balls[k]};
+  return (solid){of->width[k], of->clusters[k], of->rows + of->first[k], radii[0] > 0.0 ? radii : NULL, of->discs[k], of->balls[k]};
 }
 
 /* A frame in another: found = A B, rotations row by row, then origins. */
@@ -16,26 +16,30 @@ static void composed(const double* a, const double* b, double* found) {
   placed(a, b + 9, found + 9);
 }
 
-/* The signed gap of a pair, or a lower bound of it that is more than `far`; with where the second solid is, and in its
-   frame the normal and the nearest point of the first. */
-static double gap_at(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal,
-                     double* at_b, double* point) {
+/* The two solids of a pair, and where they are: the second in the world, and the first seen from it. */
+typedef struct {
+  solid first, second;
+  double at_b[12], seen[12];
+} placed_solids;
+
+static void place_solids(const solids* of, const tables* pairs, long long pair, const double* frames, placed_solids* found) {
   const long long body = pairs->body[pair], other = of->bodies + pairs->box[pair];
-  const solid first = solid_of(of, body), second = solid_of(of, other);
-  double at_a[12], seen[12], apart[3];
+  double at_a[12], apart[3], *b = found->at_b, *seen = found->seen;
+  found->first = solid_of(of, body);
+  found->second = solid_of(of, other);
   composed(frames + 12 * pairs->joint_a[pair], of->places + 12 * body, at_a);
-  composed(frames + 12 * pairs->joint_b[pair], of->places + 12 * other, at_b);
+  composed(frames + 12 * pairs->joint_b[pair], of->places + 12 * other, b);
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) seen[3 * i + j] = at_b[i] * at_a[j] + at_b[3 + i] * at_a[3 + j] + at_b[6 + i] * at_a[6 + j];
-  difference(at_a + 9, at_b + 9, apart);
-  turned_back(at_b, apart, seen + 9);
-  const two_solids both = {&first, &second, seen};
-  return signed_distance(&both, far, normal, point);
+    for (int j = 0; j < 3; ++j) seen[3 * i + j] = b[i] * at_a[j] + b[3 + i] * at_a[3 + j] + b[6 + i] * at_a[6 + j];
+  difference(at_a + 9, b + 9, apart);
+  turned_back(b, apart, seen + 9);
 }
 
-double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal) {
-  double at_b[12], point[3];
-  return gap_at(of, pairs, pair, frames, far, normal, at_b, point);
+double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double near, double far,
+           double* normal) {
+  placed_solids at;
+  place_solids(of, pairs, pair, frames, &at);
+  return gap_of(&(two_solids){&at.first, &at.second, at.seen}, near, far, normal);
 }
 
 /* How far a solid on a joint reaches along a vector of the world. */
@@ -57,10 +61,12 @@ double gap_along(const solids* of, const tables* pairs, long long pair, const do
 
 double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench) {
   const double margin = of->margins[pairs->box[pair]];
-  double at_b[12], point[3], world[3];
-  const double distance = gap_at(of, pairs, pair, frames, margin, normal, at_b, point);
-  turned(at_b, normal, wrench);
-  placed(at_b, point, world);
+  double point[3], world[3];
+  placed_solids at;
+  place_solids(of, pairs, pair, frames, &at);
+  const double distance = signed_distance(&(two_solids){&at.first, &at.second, at.seen}, margin, normal, point);
+  turned(at.at_b, normal, wrench);
+  placed(at.at_b, point, world);
   cross(world, wrench, wrench + 3);
   return distance - margin;
 }
@@ -85,10 +91,15 @@ WRAPPER(make_solids) {
   of.boxes = all - of.bodies;
   if (of.boxes < 0) wrong(&taken, "first", "one for each of the bodies, then of the boxes");
   of.width = indices(&taken, "width", 8, MANY, SHAPE(all));
+  of.clusters = indices(&taken, "clusters", 0, MANY, SHAPE(all));
   of.rows = numbers(&taken, "rows", SHAPE(ANY));
   const long long held = taken.shape[0];
-  for (long long k = 0; !taken.failed && k < all; ++k)
-    if (of.width[k] % 8 != 0 || of.first[k] + 3 * of.width[k] > held) wrong(&taken, "width", "rows within `rows`");
+  for (long long k = 0; !taken.failed && k < all; ++k) {
+    if (of.width[k] % 8 != 0 || of.first[k] + 3 * of.width[k] + 4 * of.clusters[k] > held)
+      wrong(&taken, "width", "rows within `rows`");
+    else if (of.clusters[k] % 8 != 0 || (of.clusters[k] && of.clusters[k] * 32 != of.width[k]))
+      wrong(&taken, "clusters", "as many as there are vertices for, or 0");
+  }
   of.discs = numbers(&taken, "discs", SHAPE(all));
   of.radii = numbers(&taken, "radii", SHAPE(all, 3));
   of.balls = numbers(&taken, "balls", SHAPE(all));

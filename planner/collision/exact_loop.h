@@ -7,10 +7,10 @@
 #include "gjk.h"
 
 /* The solids of the bodies and boxes that `tables` has pairs of: vertices from first[k] on, three rows of width[k]
-   numbers, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
+   numbers, and four rows of clusters[k] for the balls around their clusters, swept by a disc, an ellipsoid (none: not positive) and a ball, placed on the joint of the body or box. */
 typedef struct {
   long long bodies, boxes;
-  const long long *first, *width;
+  const long long *first, *width, *clusters;
   const double *rows, *discs, *radii, *balls, *places, *margins;
 } solids;
 
@@ -19,8 +19,10 @@ typedef struct {
    first, and then the normal in the second solid's frame. */
 double exact(const solids* of, const tables* pairs, long long pair, const double* frames, double* normal, double* wrench);
 
-/* The signed distance alone, margins not taken off, or a lower bound of it that is more than `far`. */
-double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double far, double* normal);
+/* The distance alone, margins not taken off, if it is more than 0, or a lower bound of it that is more than `far`, or an
+   upper bound that is at most `near`; some number below 0 where the two overlap. */
+double gap(const solids* of, const tables* pairs, long long pair, const double* frames, double near, double far,
+           double* normal);
 
 /* The least a·p of the points p of a pair's first solid less the largest b·p of its second's, in the world. */
 double gap_along(const solids* of, const tables* pairs, long long pair, const double* frames, const double* a,

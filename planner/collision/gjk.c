@@ -3,7 +3,7 @@
 #include "../../distance/compiled/clones.h"
 #include "../../distance/compiled/vectors.h"
 
-enum { LANES = 8, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
+enum { LANES = 8, CLUSTER = 32, ROUNDS = 64, CORNERS = ROUNDS + 4, FACES = 2 * CORNERS, EDGES = 3 * FACES };
 
 #define CLOSE 1e-10     /* relative difference of a squared distance and its lower bound that is good enough */
 #define TOUCHING 1e-7   /* [m] bodies so close count as overlapping, as the normal is lost in rounding */
@@ -16,28 +16,67 @@ static void copy(const double* from, double* to) {
 
 /* --- supports --------------------------------------------------------------------------------------------------- */
 
-/* The vertex that is farthest along v, eight looked at at once; of equal ones the first of its lane. */
-CLONES
-static void farthest(const solid* body, const double* v, double* found) {
+/* The vertex that is farthest along v of each lane, eight lanes looked at at once: those of rows `from` to `to`, and those
+   that are there already; of equal ones the first. */
+INLINE void look(const solid* body, const double* v, long long from, long long to, double* best, long long* at) {
   const double *restrict x = body->rows, *restrict y = x + body->width, *restrict z = y + body->width;
-  double best[LANES];
-  long long at[LANES], which = 0;
-  for (int i = 0; i < LANES; ++i) {
-    best[i] = v[0] * x[i] + v[1] * y[i] + v[2] * z[i];
-    at[i] = 0;
-  }
-  for (long long k = LANES; k < body->width; k += LANES)
+  for (long long k = from; k < to; k += LANES)
     for (int i = 0; i < LANES; ++i) {
       const double along = v[0] * x[k + i] + v[1] * y[k + i] + v[2] * z[k + i];
       at[i] = along > best[i] ? k : at[i];
       best[i] = along > best[i] ? along : best[i];
     }
+}
+
+/* How far the balls around eight clusters reach along v, whose length is given. */
+INLINE void reaches(const double* balls, long long width, const double* v, double length, double* found) {
+  for (int i = 0; i < LANES; ++i)
+    found[i] = v[0] * balls[i] + v[1] * balls[width + i] + v[2] * balls[2 * width + i] + length * balls[3 * width + i];
+}
+
+/* The same of all vertices: first those of the cluster that reaches farthest, then of those that reach beyond what is
+   found. */
+INLINE void look_by_clusters(const solid* body, const double* v, double* best, long long* at) {
+  const double* balls = body->rows + 3 * body->width;
+  const double length = norm(v);
+  double reach[LANES], most = -INFINITY;
+  long long first = 0;
+  for (long long k = 0; k < body->clusters; k += LANES) {
+    reaches(balls + k, body->clusters, v, length, reach);
+    for (int i = 0; i < LANES; ++i) {
+      first = reach[i] > most ? k + i : first;
+      most = reach[i] > most ? reach[i] : most;
+    }
+  }
+  look(body, v, CLUSTER * first, CLUSTER * (first + 1), best, at);
+  most = best[0];
+  for (int i = 1; i < LANES; ++i) most = best[i] > most ? best[i] : most;
+  for (long long k = 0; k < body->clusters; k += LANES) {
+    reaches(balls + k, body->clusters, v, length, reach);
+    for (int i = 0; i < LANES; ++i) {
+      if (!(reach[i] > most) || k + i == first) continue;
+      look(body, v, CLUSTER * (k + i), CLUSTER * (k + i + 1), best, at);
+      for (int j = 0; j < LANES; ++j) most = best[j] > most ? best[j] : most;
+    }
+  }
+}
+
+/* The vertex that is farthest along v. */
+CLONES
+static void farthest(const solid* body, const double* v, double* found) {
+  double best[LANES];
+  long long at[LANES], which = 0;
+  for (int i = 0; i < LANES; ++i) {
+    best[i] = -INFINITY;
+    at[i] = 0;
+  }
+  if (body->clusters)
+    look_by_clusters(body, v, best, at);
+  else
+    look(body, v, 0, body->width, best, at);
   for (int i = 1; i < LANES; ++i)
     if (best[i] > best[which]) which = i;
-  const long long row = at[which] + which;
-  found[0] = x[row];
-  found[1] = y[row];
-  found[2] = z[row];
+  for (int i = 0; i < 3; ++i) found[i] = body->rows[i * body->width + at[which] + which];
 }
 
 /* The point of a body, without its ball, that is farthest along v, all in its own frame. */
@@ -78,66 +117,84 @@ typedef struct {
   double share[4]; /* of the corners in the nearest point */
 } simplex;
 
-/* The weights of p_1 … p_m−1, in the last column of g, for which v = p_0 + Σ w_i e_i, e_i = p_i − p_0, is orthogonal to
-   all e_i: Gauss-Jordan on the Gram matrix, which needs no pivots. Returns 0 where the e_i are not independent. */
-static int weigh(int m, double e[3][3], const double* first, double g[3][4]) {
-  for (int i = 0; i + 1 < m; ++i) {
-    for (int j = 0; j + 1 < m; ++j) g[i][j] = dot(e[i], e[j]);
-    g[i][m - 1] = -dot(e[i], first);
+/* Products of the edges e_i = p_i − p of a simplex from one of its corners p. */
+typedef struct {
+  double edge[3][3], product[3][3], away[3]; /* e_i, e_i·e_j, −e_i·p */
+} gram;
+
+static void make_gram(gram* of, int count, const corner* const* at, const double* p) {
+  for (int i = 0; i < count; ++i) {
+    difference(at[i]->p, p, of->edge[i]);
+    of->away[i] = -dot(of->edge[i], p);
+    for (int j = 0; j <= i; ++j) of->product[i][j] = of->product[j][i] = dot(of->edge[i], of->edge[j]);
   }
-  for (int i = 0; i + 1 < m; ++i) {
-    if (!(g[i][i] > 1e-14 * dot(e[i], e[i]))) return 0;
-    for (int row = 0; row + 1 < m; ++row) {
-      const double factor = g[row][i] / g[i][i];
-      for (int column = i; row != i && column < m; ++column) g[row][column] -= factor * g[i][column];
-    }
-  }
-  for (int i = 0; i + 1 < m; ++i) g[i][m - 1] /= g[i][i];
-  return 1;
 }
 
-/* The point v of least norm of the plane through m corners, and their shares in it; whether it is inside of them. */
-static int foot(int m, const corner* const* at, double* share, double* v) {
-  double e[3][3], g[3][4];
-  int inside = 1;
-  for (int i = 0; i + 1 < m; ++i) difference(at[i + 1]->p, at[0]->p, e[i]);
-  if (!weigh(m, e, at[0]->p, g)) return 0;
-  copy(at[0]->p, v);
-  share[0] = 1.0;
-  for (int i = 0; i + 1 < m; ++i) {
-    share[i + 1] = g[i][m - 1];
-    share[0] -= share[i + 1];
-    inside = inside && share[i + 1] > 0.0;
-    for (int j = 0; j < 3; ++j) v[j] += share[i + 1] * e[i][j];
+/* The weights w of `count` of the edges for which p + Σ w_i e_i is orthogonal to all of them, by Cramer's rule. Returns 0
+   where they are not independent. */
+static int weigh(const gram* of, int count, const int* of_edges, double* w) {
+  const int i = of_edges[0], j = of_edges[count > 1], k = of_edges[count > 2 ? 2 : 0];
+  const double(*g)[3] = of->product, *a = of->away;
+  const double plane = g[i][i] * g[j][j] - g[i][j] * g[i][j];
+  if (count == 1) {
+    if (!(g[i][i] > 0.0)) return 0;
+    w[0] = a[i] / g[i][i];
+    return 1;
   }
-  return inside && share[0] > 0.0;
+  if (!(plane > 1e-14 * g[i][i] * g[j][j])) return 0;
+  if (count == 2) {
+    w[0] = (g[j][j] * a[i] - g[i][j] * a[j]) / plane;
+    w[1] = (g[i][i] * a[j] - g[i][j] * a[i]) / plane;
+    return 1;
+  }
+  const double second = g[i][i] * g[k][k] - g[i][k] * g[i][k], first = g[j][j] * g[k][k] - g[j][k] * g[j][k];
+  const double ij = g[i][k] * g[j][k] - g[i][j] * g[k][k], ik = g[i][j] * g[j][k] - g[i][k] * g[j][j];
+  const double jk = g[i][j] * g[i][k] - g[i][i] * g[j][k], volume = g[i][i] * first + g[i][j] * ij + g[i][k] * ik;
+  if (!(volume > 1e-14 * plane * g[k][k])) return 0;
+  w[0] = (first * a[i] + ij * a[j] + ik * a[k]) / volume;
+  w[1] = (ij * a[i] + second * a[j] + jk * a[k]) / volume;
+  w[2] = (ik * a[i] + jk * a[j] + plane * a[k]) / volume;
+  return 1;
 }
 
 /* Reduce a simplex to the face, among those with its last corner, that is nearest to the origin; v is the nearest
    point. */
 static void reduce(simplex* of, double* v) {
   const int last = of->count - 1;
-  double least = INFINITY, kept[4];
-  int best = 0, count = 0;
-  for (int mask = 0; mask < 1 << last; ++mask) {
-    const corner* face[4] = {of->at + last};
-    double share[4], found[3];
-    int m = 1;
+  const corner* at[3] = {of->at, of->at + 1, of->at + 2};
+  const double* p = of->at[last].p;
+  double least = dot(p, p), share[3], kept = 1.0;
+  int best = 0;
+  gram from;
+  of->count = 0;
+  if (!(least >= 0.0)) return; /* of what is not a number */
+  make_gram(&from, last, at, p);
+  copy(p, v);
+  for (int mask = 1; mask < 1 << last; ++mask) {
+    int of_edges[3], count = 0, inside = 1;
+    double w[3], rest = 1.0, found[3];
     for (int i = 0; i < last; ++i)
-      if (mask >> i & 1) face[m++] = of->at + i;
-    if (!foot(m, face, share, found) || !(dot(found, found) < least)) continue;
+      if (mask >> i & 1) of_edges[count++] = i;
+    if (!weigh(&from, count, of_edges, w)) continue;
+    copy(p, found);
+    for (int i = 0; i < count; ++i) {
+      inside = inside && w[i] > 0.0;
+      rest -= w[i];
+      for (int j = 0; j < 3; ++j) found[j] += w[i] * from.edge[of_edges[i]][j];
+    }
+    if (!inside || !(rest > 0.0) || !(dot(found, found) < least)) continue;
     least = dot(found, found);
     best = mask;
-    count = m;
-    for (int i = 0; i < m; ++i) kept[i] = share[i];
+    kept = rest;
+    for (int i = 0; i < count; ++i) share[i] = w[i];
     copy(found, v);
   }
-  of->count = 0;
-  for (int i = 0; i < last; ++i)
-    if (best >> i & 1) of->at[of->count++] = of->at[i];
-  for (int i = 0; i < of->count; ++i) of->share[i] = kept[i + 1];
-  if (count == 0) return; /* of what is not a number */
-  of->share[of->count] = kept[0];
+  for (int i = 0; i < last; ++i) {
+    if (!(best >> i & 1)) continue;
+    of->share[of->count] = share[of->count];
+    of->at[of->count++] = of->at[i];
+  }
+  of->share[of->count] = kept;
   of->at[of->count++] = of->at[last];
 }
 
@@ -147,9 +204,9 @@ static int is_among(const simplex* of, const double* p) {
   return 0;
 }
 
-/* The distance of the bodies without their balls, its normal and the nearest point of a, as `signed_distance`; or −1,
-   with a simplex in which the origin lies, or nearly. */
-static double apart(const two_solids* of, double far, simplex* at, double* normal, double* point) {
+/* The distance of the bodies without their balls, its normal and the nearest point of a, as `signed_distance`, or an upper
+   bound of it that is at most `near`; or −1, with a simplex in which the origin lies, or nearly. */
+static double apart(const two_solids* of, double near, double far, simplex* at, double* normal, double* point) {
   double v[3], gap = -INFINITY, length = 0.0;
   const double away[3] = {-normal[0], -normal[1], -normal[2]};
   at->count = 1;
@@ -162,6 +219,7 @@ static double apart(const two_solids* of, double far, simplex* at, double* norma
     const double square = dot(v, v), back[3] = {-v[0], -v[1], -v[2]};
     length = sqrt(square);
     if (length < TOUCHING) return -1.0;
+    if (length <= near) return length;
     const corner next = corner_along(of, back);
     gap = dot(v, next.p) / length;
     for (int i = 0; i < 3; ++i) normal[i] = v[i] / length;
@@ -310,10 +368,12 @@ static void deepest(const polytope* grown, double* point) {
   for (int row = 0; row < grown->faces; ++row) {
     const face* of = grown->face + row;
     const corner* at[3] = {grown->at + of->at[0], grown->at + of->at[1], grown->at + of->at[2]};
-    double share[3] = {0.0}, v[3];
+    double w[2] = {0.0};
+    gram from;
     if (of->height > grown->depth + EXACT) continue;
-    (void)foot(3, at, share, v);
-    const double least = least_of(share[0], least_of(share[1], share[2]));
+    make_gram(&from, 2, at + 1, at[0]->p);
+    (void)weigh(&from, 2, (const int[]){0, 1}, w);
+    const double share[3] = {1.0 - w[0] - w[1], w[0], w[1]}, least = least_of(share[0], least_of(w[0], w[1]));
     if (!(least > most)) continue;
     most = least;
     for (int j = 0; j < 3; ++j) point[j] = share[0] * at[0]->a[j] + share[1] * at[1]->a[j] + share[2] * at[2]->a[j];
@@ -351,10 +411,17 @@ static double overlap(const two_solids* of, const simplex* from, double* normal,
 double signed_distance(const two_solids* of, double far, double* normal, double* point) {
   const double balls = of->a->ball + of->b->ball;
   simplex at;
-  double distance = apart(of, far + balls, &at, normal, point);
+  double distance = apart(of, -INFINITY, far + balls, &at, normal, point);
   if (distance < 0.0) distance = -overlap(of, &at, normal, point);
   for (int i = 0; i < 3; ++i) point[i] -= of->a->ball * normal[i];
   return distance - balls;
+}
+
+double gap_of(const two_solids* of, double near, double far, double* normal) {
+  const double balls = of->a->ball + of->b->ball;
+  double point[3];
+  simplex at;
+  return apart(of, near + balls, far + balls, &at, normal, point) - balls;
 }
 
 double reach_along(const solid* body, const double* v) {

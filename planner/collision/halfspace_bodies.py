@@ -133,14 +133,22 @@ def _enclosed(shape: Shape, planes: str) -> tuple[Array, Array, Array]:
 
 def from_points(name: str, points: Array, placement: Array, planes: str = "box") -> HalfspaceBody:
     """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
-    frame = _box_frame(points)
-    local = (points - frame[:3, 3]) @ frame[:3, :3]
+    return _placed(name, 0, placement, *_around_points(np.asarray(points, np.float64).tobytes(), planes))
+
+
+@functools.lru_cache(maxsize=256)
+def _around_points(points: bytes, planes: str) -> tuple[ConvexBody, Array, Array, Array, Array]:
+    """The hull of points, all x, y and z as bytes, and the planes around it as `_placed` takes them: meshes are the same in
+    each problem that is laid out for the last touches, and often at many places of a scene."""
+    cloud = np.frombuffer(points).reshape(-1, 3)
+    frame = _box_frame(cloud)
+    local = (cloud - frame[:3, 3]) @ frame[:3, :3]
     faces = _face_normals(local)
     directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else few_directions(planes)
     spare = MANY - FEW - len(faces) if len(faces) else 0
     directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
     half = np.abs(local).max(axis=0)
-    return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
+    return ConvexBody.from_points(cloud), *map(read_only, (directions, supports, half, frame))
 
 
 def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box") -> HalfspaceBody:

@@ -23,13 +23,22 @@ CORNERS = 3  # of a way back, at most
 
 
 def escapes(problem: Problem) -> tuple[Array, Array]:
-    """The ways back (C, n) from the start, and from the goal, without the ends themselves; empty where there is room
-    already, and where a path constraint says how to move."""
-    none = np.empty((0, len(problem.start)))
+    """The corners (C, n) of the ways back from the start, and from the goal, without the ends themselves; none where
+    there is room already, and where a path constraint says how to move."""
+    first, last = (_corners(way) for way in ways_back(problem))
+    return first, last
+
+
+def ways_back(problem: Problem) -> tuple[Array, Array]:
+    """The same ways step by step (S, n), from the ends on, which are part of them."""
     if problem.terms.path:
-        return none, none
+        return problem.start[None], problem.goal[None]
     terms = _with_room(problem)
     return _back(problem, terms, problem.start), _back(problem, terms, problem.goal)
+
+
+def _corners(way: Array) -> Array:
+    return way[np.linspace(1, len(way) - 1, min(CORNERS, len(way) - 1)).astype(np.int64)]
 
 
 def _with_room(problem: Problem) -> tuple[Clearance, ...]:
@@ -66,5 +75,4 @@ def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
         if np.abs(after - way[-1]).max() < LEAST:
             break
         way.append(after)
-    corners = np.linspace(1, len(way) - 1, min(CORNERS, len(way) - 1)).astype(np.int64)
-    return np.array(way)[corners]
+    return np.array(way)

@@ -117,8 +117,8 @@ static long long left_open(line* along, double half, int wide, long long count) 
     const double least = at_least(kept, pair, along->placements);
     double *normal = along->normals + 3 * which, found = least;
     if (least > floor + moved) continue;
-    if (!(found > enough)) found = gap(kept->around, kept->pairs, pair, along->placements, enough, normal);
-    if (!(found > enough)) found = gap(kept->solids, kept->pairs, pair, along->placements, enough, normal);
+    if (!(found > enough)) found = gap(kept->around, kept->pairs, pair, along->placements, enough, enough, normal);
+    if (!(found > enough)) found = gap(kept->solids, kept->pairs, pair, along->placements, floor, enough, normal);
     if (!wide && (found > enough || (found > floor && gap_through(along, kept, pair, which, half) > floor))) continue;
     const int near = !(found > floor);
     if (near) open = 0;

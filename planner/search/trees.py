@@ -22,6 +22,7 @@ from hdplan.planner.collision.collision_model import SELF_ACTIVATION
 from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.escape import ways_back
 from hdplan.planner.search.roadmap import around_line
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.shapes import Shape
@@ -103,9 +104,10 @@ def tree_ways(
     space = free_space(problem, required)
     if space is None:
         return
+    roots = [free_part(space, way) for way in ways_back(problem)]
     for again in itertools.count():
         rng = np.random.default_rng((seed, again))
-        trees = Trees(problem, space, rng)
+        trees = Trees(problem, space, rng, roots)
         while (way := trees.grow(TURN, over)) is None:
             yield None
         yield through(problem, shortened(space, way, rng))
@@ -114,11 +116,11 @@ def tree_ways(
 class Trees:
     """A tree from the start and one from the goal."""
 
-    def __init__(self, problem: Problem, space: Record, rng: np.random.Generator) -> None:
-        """Begin with the ends alone."""
+    def __init__(self, problem: Problem, space: Record, rng: np.random.Generator, roots: Sequence[Array] = ()) -> None:
+        """Begin with the ends alone, or with ways (S, n) from them, whose lines are free."""
         self.problem, self.space, self.rng = problem, space, rng
-        self.nodes = [end[None].copy() for end in (problem.start, problem.goal)]
-        self.parents = [np.full(1, -1) for _ in self.nodes]
+        self.nodes = [*(roots or (problem.start[None], problem.goal[None]))]
+        self.parents = [np.arange(-1, len(way) - 1) for way in self.nodes]
 
     def grow(self, targets: int, over: Callable[[], bool] = lambda: False) -> Array | None:
         """Grow towards so many targets, until it is over; return the way (C, n) between the ends, both included, if
@@ -149,6 +151,14 @@ class Trees:
         while (parent := int(self.parents[side][rows[-1]])) >= 0:
             rows.append(parent)
         return self.nodes[side][rows]
+
+
+def free_part(space: Record, way: Array) -> Array:
+    """The part of a way (C, n) from its first end until the first line that is not proven to be free."""
+    loops = library()
+    assert loops is not None
+    lines = itertools.takewhile(lambda line: loops.is_free(space.struct, *line), itertools.pairwise(way))
+    return np.array([way[0], *(last for _, last in lines)])
 
 
 def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
