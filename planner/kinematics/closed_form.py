@@ -53,8 +53,8 @@ class Joints(NamedTuple):
     points: Array  # (k, 3) on them [m]
     tip: Array  # (4, 4) of the link
 
-    def moved(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return directions, points and the link's origin where the joints are at q (k,)."""
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Return directions and points of the axes where the joints are at q (k,)."""
         place, directions, points = np.eye(4), self.directions.copy(), self.points.copy()
         for joint, (turns, value) in enumerate(zip(self.turns, q, strict=True)):
             directions[joint] = place[:3, :3] @ directions[joint]
@@ -66,15 +66,30 @@ class Joints(NamedTuple):
             else:
                 motion[:3, 3] = value * self.directions[joint]
             place = place @ motion
-        return directions, points, (place @ self.tip)[:3, 3]
+        return directions, points
+
+
+class Way(NamedTuple):
+    """How a chain is solved."""
+
+    kind: Kind
+    held: tuple[int, ...]  # joints of the chain
+    first: int  # of the six others, from which on they are solved
+    backwards: bool
+
+    def chain(self, joints: Joints, lower: Array, upper: Array) -> Record:
+        """Return the chain for the loop, with limits (k,)."""
+        solved = np.setdiff1d(np.arange(len(joints.turns)), self.held)
+        tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
+        places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
+        return Record("chain", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
 
 
 class ClosedForm(NamedTuple):
     """How the configurations of a chain are found."""
 
-    kind: Kind
+    way: Way
     planned: NDArray[np.int64]  # of each of the chain's joints, as in `Joints`
-    held: NDArray[np.int64]  # which of the chain's joints are held
     lower: Array  # (k,) of the chain's joints
     upper: Array  # (k,)
     chain: Record
@@ -96,17 +111,18 @@ class ClosedForm(NamedTuple):
 
     def _values(self, start: Array) -> Array:
         """Values (B, m) of held joints: those of the start first, then a lattice that is even in m dimensions."""
-        low, high = self.lower[self.held], self.upper[self.held]
+        held = list(self.way.held)
+        low, high = self.lower[held], self.upper[held]
         wide = ~(high - low < 2 * np.pi)
-        seed = start[self.held]
+        seed = start[held]
         low = np.where(wide, seed - np.pi, low)
         span = np.where(wide, 2 * np.pi, high - low)
-        count = PER_HELD * len(self.held) or 1
+        count = PER_HELD * len(held) or 1
         ratio = 2.0
         for _ in range(32):  # of the lattice: xᵐ⁺¹ = x + 1 (the golden ratio for m = 1)
-            ratio = (1.0 + ratio) ** (1.0 / (len(self.held) + 1.0))
+            ratio = (1.0 + ratio) ** (1.0 / (len(held) + 1.0))
         first = (np.clip(seed, low, low + span) - low) / np.maximum(span, 1e-300)
-        steps = np.arange(count)[:, None] * ratio ** -np.arange(1.0, len(self.held) + 1.0)
+        steps = np.arange(count)[:, None] * ratio ** -np.arange(1.0, len(held) + 1.0)
         values: Array = low + span * ((first + steps) % 1.0)
         values[0] = seed
         return values
@@ -126,17 +142,13 @@ def _closed_form(robot: Robot, frame: int, free_rotation: str) -> ClosedForm | N
     joints = joints_to(robot, frame, free_rotation)
     if joints is None or not SOLVED <= len(joints.turns) <= SOLVED + MOST_HELD:
         return None
-    chosen = _choice(joints)
-    if chosen is None:
+    way = choice(joints)
+    if way is None:
         return None
-    kind, backwards, held = chosen
-    solved = np.setdiff1d(np.arange(len(joints.turns)), held)
     own = joints.planned >= 0
-    lower, upper = (np.where(own, ends[joints.planned], far) for ends, far in ((robot.lower, -np.inf), (robot.upper, np.inf)))
-    tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
-    places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
-    chain = Record("chain", len(joints.turns), int(kind), int(backwards), *places)
-    return ClosedForm(kind, joints.planned, held, lower, upper, chain)
+    lower = np.where(own, robot.lower[joints.planned], -np.inf)
+    upper = np.where(own, robot.upper[joints.planned], np.inf)
+    return ClosedForm(way, joints.planned, lower, upper, way.chain(joints, lower, upper))
 
 
 def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints | None:
@@ -163,36 +175,40 @@ def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints |
     return Joints(np.array(planned), np.array(turns, np.int64), np.array(directions), np.array(points), tip)
 
 
-def _choice(joints: Joints) -> tuple[Kind, bool, NDArray[np.int64]] | None:
-    """Return the kind of what is solved, whether it is from its last joint on, and which joints are held: the quickest
-    kind, and of these the one whose Jacobian is furthest from singular. None if there is none."""
+def choice(joints: Joints) -> Way | None:
+    """Return how a chain is solved: without a search if it can be, and of such ways the one that is furthest from
+    singular. None if there is none."""
     k = len(joints.turns)
-    rng = np.random.default_rng(0)
-    places = [joints.moved(q) for q in rng.uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)]
-    best: tuple[tuple[int, float], Kind, bool, NDArray[np.int64]] | None = None
-    for left_out in itertools.combinations(range(k), k - SOLVED):
-        solved = np.setdiff1d(np.arange(k), left_out)
+    drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
+    places = [joints.moved(q) for q in drawn]
+    best: tuple[tuple[bool, float], Way] | None = None
+    for held in itertools.combinations(range(k), k - SOLVED):
+        solved = np.setdiff1d(np.arange(k), held)
         if not joints.turns[solved].all():
             continue
-        sizes = [_determinant(directions[solved], points[solved], origin) for directions, points, origin in places]
-        regular = float(np.median(sizes))
-        if regular < REGULAR:
+        if np.median([_determinant(directions[solved], points[solved]) for directions, points in places]) < REGULAR:
             continue
-        values = rng.uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
-        values[:, solved] = 0.0
-        rest = [joints.moved(q)[:2] for q in values]
-        for backwards in (False, True):
-            order = solved[::-1] if backwards else solved
-            kinds = {_kind(directions[order], points[order]) for directions, points in rest}
+        for first, backwards in itertools.product(range(SOLVED), (False, True)):
+            order = np.roll(solved, -first)[:: -1 if backwards else 1]
+            axes = [(directions[order], points[order]) for directions, points in places]
+            kinds = {_kind(*each) for each in axes}
             kind = kinds.pop() if len(kinds) == 1 else None
-            if kind is not None and (best is None or (int(kind == Kind.MEETING), -regular) < best[0]):
-                best = (int(kind == Kind.MEETING), -regular), kind, backwards, np.array(left_out, np.int64)
-    return best[1:] if best else None
+            if kind is None:
+                continue
+            regular = float(np.median([_first_determinant(*each) for each in axes]))
+            if best is None or (kind == Kind.MEETING, -regular) < best[0]:
+                best = (kind == Kind.MEETING, -regular), Way(kind, held, first, backwards)
+    return best[1] if best else None
 
 
-def _determinant(directions: Array, points: Array, origin: Array) -> float:
-    """The size [m³] of the determinant of six turning joints' Jacobian."""
-    return float(abs(np.linalg.det(np.hstack([np.cross(directions, origin - points), directions]))))
+def _determinant(directions: Array, points: Array) -> float:
+    """The size [m³] of the determinant of six turning joints' Jacobian; no point of the link matters."""
+    return float(abs(np.linalg.det(np.hstack([np.cross(points, directions), directions]))))
+
+
+def _first_determinant(directions: Array, points: Array) -> float:
+    """The size [m³] of the determinant of how the first three joints move the point where the last two meet."""
+    return float(abs(np.linalg.det(np.cross(directions[:3], _meeting(directions[4:], points[4:]) - points[:3]))))
 
 
 def _kind(directions: Array, points: Array) -> Kind | None:

@@ -1,20 +1,21 @@
 /* Every configuration of six turning joints that places a link, in closed form: the canonical subproblems of Paden and
    Kahan as Elias and Wen put them together ("IK-Geo: Unified robot inverse kinematics using subproblem decomposition",
    2025), for any arm whose last two axes meet. With E_i = exp([S_i] θ_i) the motion about axis i (direction h_i, point
-   p_i, all joints at 0), M the link's placement there and T the wanted one, E_1 … E_6 = T M⁻¹ = G is solved; an arm
-   whose first two axes meet is solved backwards, E_6⁻¹ … E_1⁻¹ = G⁻¹. Lengths in [m], angles in [rad]. */
+   p_i, all joints at 0), M the link's placement there and T the wanted one, E_1 … E_6 = T M⁻¹ = G is solved, from any
+   joint on, as a closed loop has no first one: E_{r+1} … E_6 (G⁻¹ E_1 … E_r G) = G; or backwards, by
+   E_6⁻¹ … E_1⁻¹ = G⁻¹. Any two neighbours that meet are thus the last ones. Lengths in [m], angles in [rad]. */
 
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/cholesky.h"
 #include "../../distance/compiled/vectors.h"
 
-enum { SIX = 6, MOST = 16, TRIED = 96, FEW = 4 }; /* axes; configurations; tries; places of the first three joints */
+enum { SIX = 6, MOST = 16, TRIED = 192, FEW = 4 }; /* axes; configurations; tries; places of the first three joints */
 enum { WRIST, PARALLEL, MEETING, KINDS };         /* axes 4, 5, 6 meet; 2, 3, 4 are parallel; 5 and 6 meet, no more */
 
 static const double CLOSE = 1e-4;     /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
 static const double NOTHING = 1e-7;   /* of a sine, or a part of a vector, that leaves an angle open */
 static const double BEYOND = 1e-3;    /* by which a cosine may be larger than 1, at the border of what is reached */
-static const double TOUCHING = 1e-8;  /* share of a polynomial's coefficients below which an extremum is a root */
+static const double TOUCHING = 1e-4;  /* share of a polynomial's coefficients below which an extremum is two roots */
 static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
@@ -26,9 +27,9 @@ typedef struct {
 } axis;
 
 /* A chain of n joints, each about (turns) or along a direction through a point, the link's placement `tip` where all
-   are 0, which six of them are solved, which others are held, and how. */
+   are 0, which six of them are solved, from which of these on, in which direction, and how. */
 typedef struct {
-  long long n, kind, backwards;
+  long long n, kind, first, backwards;
   const long long *turns, *solved;
   const double *directions, *points, *tip, *lower, *upper;
 } chain;
@@ -107,7 +108,8 @@ static int on_circle(double a, double b, double c, double other, double* angles)
   }
   const double cosine = c / size;
   if (!(fabs(cosine) <= 1.0 + BEYOND)) return 0;
-  const double half = fabs(cosine) >= 1.0 ? (cosine > 0.0 ? 0.0 : PI) : acos(cosine);
+  const double beyond = fabs(cosine) - 1.0; /* then one on either side of where it is nearest, for the last steps */
+  const double half = acos(beyond > 0.0 ? copysign(1.0 - beyond, cosine) : cosine);
   angles[0] = middle + half;
   angles[1] = middle - half;
   return 2;
@@ -164,7 +166,8 @@ static double root_between(int degree, const double* p, const double* slope, dou
 }
 
 /* The roots in [−1, 1], and a little beyond, of Σ p[i] xⁱ, of degree 4 or less: between its extrema, the roots of its
-   derivative, it has one or none. An extremum that is almost a root counts as one. */
+   derivative, it has one or none. An extremum that is almost a root counts as two, as far on either side as they would
+   be if it had crossed 0 by as much. */
 static int roots_of(int degree, const double* p, double* roots) {
   const double reach = 1.02;
   double slope[4] = {0.0}, ends[6], size = 0.0;
@@ -179,8 +182,13 @@ static int roots_of(int degree, const double* p, double* roots) {
     const double low = value_of(degree, p, ends[i]), high = value_of(degree, p, ends[i + 1]);
     if ((low < 0.0) != (high < 0.0)) {
       if (count < degree) roots[count++] = root_between(degree, p, slope, ends[i], ends[i + 1], high > low);
-    } else if (i + 1 < between && fabs(high) <= TOUCHING * size && count < degree)
-      roots[count++] = ends[i + 1];
+    } else if (i + 1 < between && fabs(high) <= TOUCHING * size) {
+      double curve = 0.0;
+      for (int k = degree; k >= 2; --k) curve = curve * ends[i + 1] + k * (k - 1) * p[k];
+      const double aside = fmin(sqrt(2.0 * fabs(high) / fmax(fabs(curve), 1e-300)), 0.1);
+      for (int side = -1; side <= 1; side += 2)
+        if (count < degree) roots[count++] = ends[i + 1] + side * aside;
+    }
   }
   return count;
 }
@@ -343,12 +351,13 @@ static int by_wrist(const axis* axes, const double* goal, const double* other, d
   return kept;
 }
 
-/* What turns about h = h₂ = h₃ = h₄ keep: h·R₁ᵀ(t − p₁) = h·(w − p₁), h·R₁ᵀ R_G h₆ = h·R₅ h₆, R₅ᵀ h = R₆ R_Gᵀ R₁ h;
+/* What turns about h = h₂ = ± h₃ = ± h₄ keep: h·R₁ᵀ(t − p₁) = h·(w − p₁), h·R₁ᵀ R_G h₆ = h·R₅ h₆, R₅ᵀ h = R₆ R_Gᵀ R₁ h;
    then two joints of a plane. */
 static int by_parallel(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
   const double *h = axes[1].h, *h5 = axes[4].h, *h6 = axes[5].h;
   double w[3], t[3], arm[3], out[3], rest[3], first[2];
   int kept = 0;
+  const double third_sign = dot(h, axes[2].h) < 0.0 ? -1.0 : 1.0, fourth_sign = dot(h, axes[3].h) < 0.0 ? -1.0 : 1.0;
   meeting(axes, w);
   placed(goal, w, t);
   difference(t, axes[0].p, arm);
@@ -387,15 +396,15 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
       difference(axes[2].p, axes[1].p, x);
       difference(axes[3].p, axes[2].p, y);
       const double wanted = 0.5 * (dot(upper, upper) - dot(x, x) - dot(y, y));
-      const int thirds = to_part(h, y, x, wanted, other[2], third);
+      const int thirds = to_part(h, y, x, wanted, third_sign * other[2], third);
       for (int c = 0; c < thirds && kept < TRIED; ++c) {
         double* q = found[kept++];
         turn_by(h, third[c], y, moved);
         for (int i = 0; i < 3; ++i) apart[i] = x[i] + moved[i];
         q[0] = -first[a];
         q[1] = angle_between(h, apart, upper, other[1]);
-        q[2] = third[c];
-        q[3] = phi - q[1] - q[2];
+        q[2] = third_sign * third[c];
+        q[3] = fourth_sign * (phi - q[1] - third[c]);
         q[4] = fifth[b];
         q[5] = sixth;
       }
@@ -404,41 +413,62 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
   return kept;
 }
 
-/* Angles with θ₄ given: E₁ E₂ E₃ (E₄ w) = t, and by how much h₅·R₅ h₆ = h₅·R₄ᵀ (R₁ R₂ R₃)ᵀ R_G h₆ is missed. */
+/* With θ₄ given: E₁ E₂ E₃ (E₄ w) = t, and by how much h₅·R₅ h₆ = h₅·R₄ᵀ (R₁ R₂ R₃)ᵀ R_G h₆ is missed. */
 typedef struct {
-  double q[SIX], missed;
+  double q[4], missed;
 } try;
 
-static int with_fourth(const axis* axes, const double* goal, double fourth, const double* other, try* tries) {
-  double w[3], t[3], moved[3], out[3], first[2 * FEW][3];
-  meeting(axes, w);
-  placed(goal, w, t);
-  move_point(&axes[3], fourth, w, moved);
-  turned(goal, axes[5].h, out);
-  const int count = place_point(axes, moved, t, other, first);
-  for (int k = 0; k < count; ++k) {
-    double* q = tries[k].q;
+typedef struct {
+  double fourth;
+  int count;
+  try tries[2 * FEW];
+} place;
+
+/* A search along θ₄, and what it has found. */
+typedef struct {
+  const axis* axes;
+  const double *goal, *other;
+  double w[3], t[3], out[3]; /* where axes 5 and 6 meet, where they are to meet, R_G h₆ */
+  double (*found)[SIX];
+  int kept;
+} search;
+
+static void look_at(const search* along, double fourth, place* found) {
+  const axis* axes = along->axes;
+  double moved[3], first[2 * FEW][3];
+  move_point(&axes[3], fourth, along->w, moved);
+  found->fourth = fourth;
+  found->count = place_point(axes, moved, along->t, along->other, first);
+  for (int k = 0; k < found->count; ++k) {
+    try* one = &found->tries[k];
     double toward[3];
-    for (int i = 0; i < 3; ++i) q[i] = first[k][i];
-    q[3] = fourth;
-    turned_back_by(axes, q, 4, out, toward);
-    tries[k].missed = dot(axes[4].h, toward) - dot(axes[4].h, axes[5].h);
-    q[4] = angle_between(axes[4].h, axes[5].h, toward, other[4]);
-    q[5] = last_angle(axes, goal, q, other[5]);
+    for (int i = 0; i < 3; ++i) one->q[i] = first[k][i];
+    one->q[3] = fourth;
+    turned_back_by(axes, one->q, 4, along->out, toward);
+    one->missed = dot(axes[4].h, toward) - dot(axes[4].h, axes[5].h);
   }
-  return count;
+}
+
+static void keep(search* along, const try* one) {
+  if (along->kept == TRIED) return;
+  const axis* axes = along->axes;
+  double toward[3], *q = along->found[along->kept++];
+  for (int i = 0; i < 4; ++i) q[i] = one->q[i];
+  turned_back_by(axes, q, 4, along->out, toward);
+  q[4] = angle_between(axes[4].h, axes[5].h, toward, along->other[4]);
+  q[5] = last_angle(axes, along->goal, q, along->other[5]);
 }
 
 /* How far apart two angles are, whole turns aside. */
 static double apart(double a, double b) { return fabs(remainder(a - b, 2.0 * PI)); }
 
-/* The one of some tries that goes on from another, by its first three angles; −1 where none does. */
-static int next_of(const try* from, const try* tries, int count) {
+/* The try that goes on from another, the nearest by its first three angles; −1 where none is near. */
+static int next_of(const try* from, const place* to) {
   int nearest = -1;
-  double least = 1.0;
-  for (int k = 0; k < count; ++k) {
+  double least = 0.7;
+  for (int k = 0; k < to->count; ++k) {
     double most = 0.0;
-    for (int i = 0; i < 3; ++i) most = fmax(most, apart(from->q[i], tries[k].q[i]));
+    for (int i = 0; i < 3; ++i) most = fmax(most, apart(from->q[i], to->tries[k].q[i]));
     if (most < least) {
       least = most;
       nearest = k;
@@ -447,34 +477,65 @@ static int next_of(const try* from, const try* tries, int count) {
   return nearest;
 }
 
-/* A search along θ₄: where the miss changes its sign from one place to the next, is least, or a way begins or ends. */
-static int by_search(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
-  enum { PLACES = 72 };
-  const double small = 0.15;
-  try around[3][2 * FEW];
-  int counts[3], kept = 0;
-  for (int place = -2; place < PLACES; ++place) {
-    const int at = (place + 3) % 3, before = (at + 2) % 3, after = (at + 1) % 3;
-    counts[after] = with_fourth(axes, goal, 2.0 * PI * (place + 1) / PLACES, other, around[after]);
-    if (place < 0) continue;
-    for (int k = 0; k < counts[at]; ++k) {
-      const try* now = &around[at][k];
-      const int ahead = next_of(now, around[after], counts[after]), back = next_of(now, around[before], counts[before]);
-      const double least = fabs(now->missed);
-      int promising;
-      if (ahead < 0 || back < 0)
-        promising = least < 2.0 * small;
-      else {
-        const double next = around[after][ahead].missed, last = around[before][back].missed;
-        promising = (now->missed < 0.0) != (next < 0.0) ||
-                    (least < small && least <= fabs(next) && least <= fabs(last) && (now->missed < 0.0) == (last < 0.0));
+/* Keep what lies between two places: where the miss changes its sign on a way from one to the other, the try where a
+   straight line is 0; where a way begins or ends, which is looked for in both halves, what is little missed there. */
+static void look_between(search* along, const place* low, const place* high, int depth) {
+  const double at_end = 0.15;
+  const place* ends[2] = {low, high};
+  place middle;
+  int folds = 0;
+  for (int side = 0; side < 2; ++side)
+    for (int k = 0; k < ends[side]->count; ++k) {
+      const try* now = &ends[side]->tries[k];
+      const int next = next_of(now, ends[!side]);
+      const int goes_on = next >= 0 && next_of(&ends[!side]->tries[next], ends[side]) == k;
+      if (!goes_on) {
+        folds = 1;
+        if (depth == 0 && fabs(now->missed) < at_end) keep(along, now);
+        continue;
       }
-      if (promising && kept < TRIED)
-        for (int i = 0; i < SIX; ++i) found[kept][i] = now->q[i];
-      kept += promising && kept < TRIED;
+      const double missed = ends[!side]->tries[next].missed;
+      if (side || (now->missed < 0.0) == (missed < 0.0)) continue;
+      look_at(along, low->fourth + (high->fourth - low->fourth) * now->missed / (now->missed - missed), &middle);
+      const int between = next_of(now, &middle);
+      keep(along, between < 0 ? now : &middle.tries[between]);
     }
+  if (!folds || depth == 0) return;
+  look_at(along, 0.5 * (low->fourth + high->fourth), &middle);
+  look_between(along, low, &middle, depth - 1);
+  look_between(along, &middle, high, depth - 1);
+}
+
+/* Keep what is least missed at one place, of its two neighbours, without a change of sign: two ways may be close by. */
+static void look_about(search* along, const place* before, const place* now, const place* after) {
+  const double small = 0.1;
+  for (int k = 0; k < now->count; ++k) {
+    const try* one = &now->tries[k];
+    const int last = next_of(one, before), next = next_of(one, after);
+    if (last < 0 || next < 0 || fabs(one->missed) > small) continue;
+    const double missed = one->missed, sign = missed < 0.0 ? -1.0 : 1.0;
+    if (sign * before->tries[last].missed < fabs(missed) || sign * after->tries[next].missed < fabs(missed)) continue;
+    keep(along, &before->tries[last]);
+    keep(along, one);
+    keep(along, &after->tries[next]);
   }
-  return kept;
+}
+
+static int by_search(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
+  enum { PLACES = 128, DEPTH = 4 };
+  search along = {.axes = axes, .goal = goal, .other = other, .found = found};
+  place around[PLACES];
+  meeting(axes, along.w);
+  placed(goal, along.w, along.t);
+  turned(goal, axes[5].h, along.out);
+  for (int i = 0; i < PLACES; ++i) look_at(&along, 2.0 * PI * i / PLACES, &around[i]);
+  for (int i = 0; i < PLACES; ++i) {
+    place next = around[(i + 1) % PLACES];
+    look_about(&along, &around[(i + PLACES - 1) % PLACES], &around[i], &next);
+    next.fourth = 2.0 * PI * (i + 1) / PLACES;
+    look_between(&along, &around[i], &next, DEPTH);
+  }
+  return along.kept;
 }
 
 /* --- the whole arm ---------------------------------------------------------------------------------------------- */
@@ -494,10 +555,10 @@ static void look(const axis* axes, const double* tip, const double* wanted, cons
   const double size = norm(sine), angle = atan2(size, 0.5 * (between[0] + between[4] + between[8] - 1.0));
   for (int i = 0; i < 3; ++i) error[3 + i] = size > 1e-12 ? sine[i] / size * angle : (angle > 1.0 ? NAN : sine[i]);
   for (int j = 0; j < SIX; ++j) {
-    double place[3];
+    double point[3];
     turned(at[j], axes[j].h, w);
-    placed(at[j], axes[j].p, place);
-    difference(link + 9, place, lever);
+    placed(at[j], axes[j].p, point);
+    difference(link + 9, point, lever);
     cross(w, lever, velocity);
     for (int i = 0; i < 3; ++i) {
       jacobian[SIX * i + j] = velocity[i];
@@ -569,12 +630,18 @@ static int branches(const chain* arm, const double* wanted, const double* values
   compose(at, arm->tip, tip);
   invert(tip, back);
   compose(wanted, back, goal);
-  double turned_seed[SIX];
-  for (int j = 0; j < SIX; ++j) {
-    seen[j] = axes[arm->backwards ? SIX - 1 - j : j];
-    turned_seed[j] = arm->backwards ? -other[SIX - 1 - j] : other[j];
-  }
   invert(goal, inverse);
+  double turned_seed[SIX];
+  int order[SIX];
+  for (int j = 0; j < SIX; ++j) {
+    const int at_place = (int)arm->first + (arm->backwards ? SIX - 1 - j : j), joint = order[j] = at_place % SIX;
+    seen[j] = axes[joint];
+    if (at_place >= SIX) { /* E_{r+1} … E_6 (G⁻¹ E_1 … E_r G) = G */
+      turned(inverse, axes[joint].h, seen[j].h);
+      placed(inverse, axes[joint].p, seen[j].p);
+    }
+    turned_seed[j] = arm->backwards ? -other[joint] : other[joint];
+  }
   const double* asked = arm->backwards ? inverse : goal;
   int count;
   if (arm->kind == WRIST)
@@ -585,7 +652,7 @@ static int branches(const chain* arm, const double* wanted, const double* values
     count = by_search(seen, asked, turned_seed, angles);
   for (int k = 0; k < count && kept < MOST; ++k) {
     double q[SIX], *row = found + arm->n * kept;
-    for (int j = 0; j < SIX; ++j) q[j] = arm->backwards ? -angles[k][SIX - 1 - j] : angles[k][j];
+    for (int j = 0; j < SIX; ++j) q[order[j]] = arm->backwards ? -angles[k][j] : angles[k][j];
     if (!refine(axes, tip, wanted, arm->kind == MEETING ? 20 : 8, q)) continue;
     int inside = 1;
     for (long long j = 0, s = 0, held = 0; j < arm->n; ++j) {
@@ -612,6 +679,7 @@ WRAPPER(make_chain) {
   arguments taken = begin("chain", given, count);
   chain arm = {.n = whole(&taken, "n", SIX, 64)};
   arm.kind = whole(&taken, "kind", 0, KINDS - 1);
+  arm.first = whole(&taken, "first", 0, SIX - 1);
   arm.backwards = whole(&taken, "backwards", 0, 1);
   arm.turns = indices(&taken, "turns", 0, 2, SHAPE(arm.n));
   arm.solved = indices(&taken, "solved", 0, arm.n, SHAPE(SIX));
