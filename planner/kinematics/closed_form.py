@@ -30,7 +30,7 @@ from hdplan.scenes.targets import PoseTarget
 
 SOLVED = 6  # joints
 MOST_HELD = 3  # of the others
-CLOSE = 1e-4  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
+CLOSE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
 REGULAR = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
 PLACES = 5  # random places of an arm where its geometry is looked at
 PER_HELD = 24  # values of held joints that are tried

@@ -9,13 +9,13 @@
 #include "../../distance/compiled/cholesky.h"
 #include "../../distance/compiled/vectors.h"
 
-enum { SIX = 6, MOST = 16, TRIED = 192, FEW = 4 }; /* axes; configurations; tries; places of the first three joints */
+/* axes, configurations, tries; angles of a conic on half a circle, and what they make */
+enum { SIX = 6, MOST = 16, TRIED = 192, PER_HALF = 10, FEW = 2 * PER_HALF };
 enum { WRIST, PARALLEL, MEETING, KINDS };         /* axes 4, 5, 6 meet; 2, 3, 4 are parallel; 5 and 6 meet, no more */
 
-static const double CLOSE = 1e-4;     /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
+static const double CLOSE = 1e-3;     /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
 static const double NOTHING = 1e-7;   /* of a sine, or a part of a vector, that leaves an angle open */
-static const double BEYOND = 1e-3;    /* by which a cosine may be larger than 1, at the border of what is reached */
-static const double TOUCHING = 1e-4;  /* share of a polynomial's coefficients below which an extremum is two roots */
+static const double SLACK = 1e-2;     /* share by which what is solved may miss, at the border of what is reached */
 static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
@@ -99,16 +99,17 @@ static double angle_between(const double* h, const double* from, const double* t
   return hypot(sine, cosine) <= NOTHING ? other : atan2(sine, cosine);
 }
 
-/* The angles with a cos + b sin = c, in number 0 to 2; `other` where any is one. */
-static int on_circle(double a, double b, double c, double other, double* angles) {
+/* The angles with a cos + b sin = c, in number 0 to 2; `other` where any is one. Where c is too large by less than
+   `slack` of √(a² + b²), two on either side of where it is nearest, for last steps to make true. */
+static int on_circle(double a, double b, double c, double slack, double other, double* angles) {
   const double size = hypot(a, b), middle = atan2(b, a);
   if (size <= NOTHING) {
     angles[0] = other;
     return fabs(c) <= CLOSE;
   }
   const double cosine = c / size;
-  if (!(fabs(cosine) <= 1.0 + BEYOND)) return 0;
-  const double beyond = fabs(cosine) - 1.0; /* then one on either side of where it is nearest, for the last steps */
+  const double beyond = fabs(cosine) - 1.0;
+  if (!(beyond <= slack)) return 0;
   const double half = acos(beyond > 0.0 ? copysign(1.0 - beyond, cosine) : cosine);
   angles[0] = middle + half;
   angles[1] = middle - half;
@@ -116,12 +117,12 @@ static int on_circle(double a, double b, double c, double other, double* angles)
 }
 
 /* The angles by which `vector` turns about h so that its part along `along` is `value`. */
-static int to_part(const double* h, const double* vector, const double* along, double value, double other,
+static int to_part(const double* h, const double* vector, const double* along, double value, double slack, double other,
                    double* angles) {
   double across[3];
   cross(h, vector, across);
   const double fixed = dot(h, vector) * dot(h, along);
-  return on_circle(dot(along, vector) - fixed, dot(along, across), value - fixed, other, angles);
+  return on_circle(dot(along, vector) - fixed, dot(along, across), value - fixed, slack, other, angles);
 }
 
 /* The points of two axes that are nearest to each other; of parallel ones any such two. */
@@ -165,44 +166,51 @@ static double root_between(int degree, const double* p, const double* slope, dou
   return x;
 }
 
-/* The roots in [−1, 1], and a little beyond, of Σ p[i] xⁱ, of degree 4 or less: between its extrema, the roots of its
-   derivative, it has one or none. An extremum that is almost a root counts as two, as far on either side as they would
-   be if it had crossed 0 by as much. */
-static int roots_of(int degree, const double* p, double* roots) {
+/* The roots in [−1, 1], and a little beyond, of Σ p[i] xⁱ, of degree 4 or less, in rising order: between its extrema, the
+   roots of its derivative, there is one or none. */
+static int roots_of(int degree, const double* p, double* roots, double* ends) {
   const double reach = 1.02;
-  double slope[4] = {0.0}, ends[6], size = 0.0;
+  double slope[4] = {0.0}, more[6];
   int count = 0, between = 1;
   if (degree == 0) return 0;
   for (int i = 1; i <= degree; ++i) slope[i - 1] = i * p[i];
-  for (int i = 0; i <= degree; ++i) size = fabs(p[i]) > size ? fabs(p[i]) : size;
   ends[0] = -reach;
-  between += roots_of(degree - 1, slope, ends + 1);
+  between += roots_of(degree - 1, slope, ends + 1, more);
   ends[between] = reach;
   for (int i = 0; i < between; ++i) {
     const double low = value_of(degree, p, ends[i]), high = value_of(degree, p, ends[i + 1]);
-    if ((low < 0.0) != (high < 0.0)) {
-      if (count < degree) roots[count++] = root_between(degree, p, slope, ends[i], ends[i + 1], high > low);
-    } else if (i + 1 < between && fabs(high) <= TOUCHING * size) {
-      double curve = 0.0;
-      for (int k = degree; k >= 2; --k) curve = curve * ends[i + 1] + k * (k - 1) * p[k];
-      const double aside = fmin(sqrt(2.0 * fabs(high) / fmax(fabs(curve), 1e-300)), 0.1);
-      for (int side = -1; side <= 1; side += 2)
-        if (count < degree) roots[count++] = ends[i + 1] + side * aside;
-    }
+    if ((low < 0.0) != (high < 0.0))
+      roots[count++] = root_between(degree, p, slope, ends[i], ends[i + 1], high > low);
+  }
+  return count;
+}
+
+/* The same of degree 4. An extremum that misses 0 by less than `slack` of the coefficients counts as two roots, as far on
+   either side as they would be if it had crossed 0 by as much. */
+static int almost_roots_of(const double* p, double slack, double* roots) {
+  double ends[6], size = 0.0;
+  int count = roots_of(4, p, roots, ends);
+  for (int i = 0; i <= 4; ++i) size = fmax(size, fabs(p[i]));
+  for (int i = 1; slack > 0.0 && i < 5 && ends[i] < 1.02; ++i) {
+    const double x = ends[i], missed = fabs(value_of(4, p, x)), curve = fabs(2.0 * p[2] + x * (6.0 * p[3] + 12.0 * x * p[4]));
+    if (!(missed <= slack * size)) continue;
+    const double aside = fmin(sqrt(2.0 * missed / fmax(curve, 1e-300)), 0.1);
+    roots[count++] = x - aside;
+    roots[count++] = x + aside;
   }
   return count;
 }
 
 /* The angles with q0 + q1 c + q2 s + q3 c² + q4 c s + q5 s² = 0, by the tangent of half the angle on one half of the
    circle, and its inverse on the other. */
-static int on_conic(const double* q, double* angles) {
+static int on_conic(const double* q, double slack, double* angles) {
   const double p[5] = {q[0] + q[1] + q[3], 2.0 * (q[2] + q[4]), 2.0 * (q[0] - q[3]) + 4.0 * q[5],
                        2.0 * (q[2] - q[4]), q[0] - q[1] + q[3]};
   const double reversed[5] = {p[4], p[3], p[2], p[1], p[0]};
-  double roots[4];
+  double roots[PER_HALF];
   int count = 0;
   for (int half = 0; half < 2; ++half) {
-    const int found = roots_of(4, half ? reversed : p, roots);
+    const int found = almost_roots_of(half ? reversed : p, slack, roots);
     for (int i = 0; i < found; ++i) angles[count++] = half ? PI - 2.0 * atan(roots[i]) : 2.0 * atan(roots[i]);
   }
   return count;
@@ -215,9 +223,10 @@ static int on_conic(const double* q, double* angles) {
        d·R₂u = (|τ|² − |d|² − |u|²) / 2,     h₁·R₂u = h₁·τ,
    the parts of R₂u along d and along h₁'s part across h₂, at right angles to each other and to h₂. Without θ₂ that is
    a conic in (cos θ₃, sin θ₃); a line where axes 1 and 2 meet (d = 0) or are parallel. */
-static int place_point(const axis* axes, const double* w, const double* t, const double* other, double (*found)[3]) {
+static int place_point(const axis* axes, const double* w, const double* t, double slack, const double* other,
+                       double (*found)[3]) {
   const double *h1 = axes[0].h, *h2 = axes[1].h, *h3 = axes[2].h;
-  double o1[3], o2[3], d[3], tau[3], arm[3], part[3][3], angles[8];
+  double o1[3], o2[3], d[3], tau[3], arm[3], part[3][3], angles[2 * PER_HALF];
   feet(&axes[0], &axes[1], o1, o2);
   difference(o2, o1, d);
   difference(t, o1, tau);
@@ -252,7 +261,7 @@ static int place_point(const axis* axes, const double* w, const double* t, const
   int count;
   if (meet || parallel) {
     const double* row = meet ? b1 : b2;
-    count = on_circle(row[1], row[2], -row[0], other[2], angles);
+    count = on_circle(row[1], row[2], -row[0], slack, other[2], angles);
   } else { /* (b₁ / |d|)² + (b₂ / lean)² = |u|² − (h₂·u)² */
     double conic[6];
     const double x = 1.0 / (offset * offset), y = 1.0 / (lean * lean), *rows[3] = {b1, b2, height},
@@ -267,7 +276,7 @@ static int place_point(const axis* axes, const double* w, const double* t, const
       conic[4] += weight * 2.0 * b[1] * b[2];
       conic[5] += weight * b[2] * b[2];
     }
-    count = on_conic(conic, angles);
+    count = on_conic(conic, slack, angles);
   }
   int kept = 0;
   for (int k = 0; k < count; ++k) {
@@ -278,14 +287,14 @@ static int place_point(const axis* axes, const double* w, const double* t, const
     const double last = parallel ? 0.0 : (b2[0] + b2[1] * c + b2[2] * s) / lean;
     int ways = 1;
     if (meet)
-      ways = to_part(h2, u, e2, last, other[1], second);
+      ways = to_part(h2, u, e2, last, slack, other[1], second);
     else if (parallel)
-      ways = to_part(h2, u, e1, first, other[1], second);
+      ways = to_part(h2, u, e1, first, slack, other[1], second);
     else {
       for (int i = 0; i < 3; ++i) moved[i] = first * e1[i] + last * e2[i];
       second[0] = angle_between(h2, u, moved, other[1]);
     }
-    for (int way = 0; way < ways && kept < 2 * FEW; ++way) {
+    for (int way = 0; way < ways && kept < FEW; ++way) {
       turn_by(h2, second[way], u, y);
       for (int i = 0; i < 3; ++i) y[i] += d[i];
       found[kept][0] = angle_between(h1, y, tau, other[0]);
@@ -327,18 +336,18 @@ static double last_angle(const axis* axes, const double* goal, const double* ang
 
 /* E₄, E₅, E₆ about one point turn only: h₄·R h₆ = h₄·R₅ h₆ with R = (R₁ R₂ R₃)ᵀ R_G. */
 static int by_wrist(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
-  double w[3], t[3], first[2 * FEW][3];
+  double w[3], t[3], first[FEW][3];
   int kept = 0;
   meeting(axes, w);
   placed(goal, w, t);
-  const int count = place_point(axes, w, t, other, first);
+  const int count = place_point(axes, w, t, SLACK, other, first);
   const double *h4 = axes[3].h, *h5 = axes[4].h, *h6 = axes[5].h;
   double out[3];
   turned(goal, h6, out);
   for (int k = 0; k < count; ++k) {
     double toward[3], fifth[2];
     turned_back_by(axes, first[k], 3, out, toward);
-    const int ways = to_part(h5, h6, h4, dot(h4, toward), other[4], fifth);
+    const int ways = to_part(h5, h6, h4, dot(h4, toward), SLACK, other[4], fifth);
     for (int way = 0; way < ways && kept < TRIED; ++way) {
       double at[3], *q = found[kept++];
       for (int i = 0; i < 3; ++i) q[i] = first[k][i];
@@ -363,13 +372,13 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
   difference(t, axes[0].p, arm);
   difference(w, axes[0].p, rest);
   turned(goal, h6, out);
-  const int firsts = to_part(axes[0].h, arm, h, dot(h, rest), -other[0], first); /* of R₁ᵀ */
+  const int firsts = to_part(axes[0].h, arm, h, dot(h, rest), SLACK, -other[0], first); /* of R₁ᵀ */
   for (int a = 0; a < firsts; ++a) {
     double toward[3], fifth[2], point[3];
     turn_by(axes[0].h, first[a], out, toward);
     turn_by(axes[0].h, first[a], arm, point); /* E₁⁻¹ t, by p₁ */
     for (int i = 0; i < 3; ++i) point[i] += axes[0].p[i];
-    const int fifths = to_part(h5, h6, h, dot(h, toward), other[4], fifth);
+    const int fifths = to_part(h5, h6, h, dot(h, toward), SLACK, other[4], fifth);
     for (int b = 0; b < fifths; ++b) {
       double before[3], carried[3], after[3], at[3], from[3], to[3], lower[3], upper[3], third[2], moved[3], apart[3];
       turn_by(h5, -fifth[b], h, before); /* R₆ R_Gᵀ R₁ h = R₅ᵀ h */
@@ -396,7 +405,7 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
       difference(axes[2].p, axes[1].p, x);
       difference(axes[3].p, axes[2].p, y);
       const double wanted = 0.5 * (dot(upper, upper) - dot(x, x) - dot(y, y));
-      const int thirds = to_part(h, y, x, wanted, third_sign * other[2], third);
+      const int thirds = to_part(h, y, x, wanted, SLACK, third_sign * other[2], third);
       for (int c = 0; c < thirds && kept < TRIED; ++c) {
         double* q = found[kept++];
         turn_by(h, third[c], y, moved);
@@ -421,7 +430,7 @@ typedef struct {
 typedef struct {
   double fourth;
   int count;
-  try tries[2 * FEW];
+  try tries[FEW];
 } place;
 
 /* A search along θ₄, and what it has found. */
@@ -435,10 +444,10 @@ typedef struct {
 
 static void look_at(const search* along, double fourth, place* found) {
   const axis* axes = along->axes;
-  double moved[3], first[2 * FEW][3];
+  double moved[3], first[FEW][3];
   move_point(&axes[3], fourth, along->w, moved);
   found->fourth = fourth;
-  found->count = place_point(axes, moved, along->t, along->other, first);
+  found->count = place_point(axes, moved, along->t, 0.0, along->other, first);
   for (int k = 0; k < found->count; ++k) {
     try* one = &found->tries[k];
     double toward[3];
@@ -522,7 +531,7 @@ static void look_about(search* along, const place* before, const place* now, con
 }
 
 static int by_search(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
-  enum { PLACES = 128, DEPTH = 4 };
+  enum { PLACES = 64, DEPTH = 4 };
   search along = {.axes = axes, .goal = goal, .other = other, .found = found};
   place around[PLACES];
   meeting(axes, along.w);
