@@ -76,6 +76,7 @@ class Way(NamedTuple):
     held: tuple[int, ...]  # joints of the chain
     first: int  # of the six others, from which on they are solved
     backwards: bool
+    searched: int  # the joint along which a search is, if it is one
 
     def chain(self, joints: Joints, lower: Array, upper: Array) -> Record:
         """Return the chain for the loop, with limits (k,)."""
@@ -88,11 +89,11 @@ class Way(NamedTuple):
 class ClosedForm(NamedTuple):
     """How the configurations of a chain are found."""
 
-    way: Way
+    ways: tuple[Way, ...]
     planned: NDArray[np.int64]  # of each of the chain's joints, as in `Joints`
     lower: Array  # (k,) of the chain's joints
     upper: Array  # (k,)
-    chain: Record
+    chains: tuple[Record, ...]
 
     def branches(self, robot: Robot, target: PoseTarget, seed: Array) -> Array:
         """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else
@@ -111,7 +112,7 @@ class ClosedForm(NamedTuple):
 
     def _values(self, start: Array) -> Array:
         """Values (B, m) of held joints: those of the start first, then a lattice that is even in m dimensions."""
-        held = list(self.way.held)
+        held = list(self.ways[0].held)
         low, high = self.lower[held], self.upper[held]
         wide = ~(high - low < 2 * np.pi)
         seed = start[held]
@@ -142,13 +143,14 @@ def _closed_form(robot: Robot, frame: int, free_rotation: str) -> ClosedForm | N
     joints = joints_to(robot, frame, free_rotation)
     if joints is None or not SOLVED <= len(joints.turns) <= SOLVED + MOST_HELD:
         return None
-    way = choice(joints)
-    if way is None:
+    ways = choice(joints)
+    if not ways:
         return None
     own = joints.planned >= 0
     lower = np.where(own, robot.lower[joints.planned], -np.inf)
     upper = np.where(own, robot.upper[joints.planned], np.inf)
-    return ClosedForm(way, joints.planned, lower, upper, way.chain(joints, lower, upper))
+    chains = tuple(way.chain(joints, lower, upper) for way in ways)
+    return ClosedForm(ways, joints.planned, lower, upper, chains)
 
 
 def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints | None:
@@ -175,13 +177,14 @@ def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints |
     return Joints(np.array(planned), np.array(turns, np.int64), np.array(directions), np.array(points), tip)
 
 
-def choice(joints: Joints) -> Way | None:
+def choice(joints: Joints) -> tuple[Way, ...]:
     """Return how a chain is solved: without a search if it can be, and of such ways the one that is furthest from
-    singular. None if there is none."""
+    singular. Searches that hold nothing are two, along different joints, as one may miss what the other finds. None
+    where the geometry allows none."""
     k = len(joints.turns)
     drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
     places = [joints.moved(q) for q in drawn]
-    best: tuple[tuple[bool, float], Way] | None = None
+    found: list[tuple[bool, float, Way]] = []
     for held in itertools.combinations(range(k), k - SOLVED):
         solved = np.setdiff1d(np.arange(k), held)
         if not joints.turns[solved].all():
@@ -196,9 +199,14 @@ def choice(joints: Joints) -> Way | None:
             if kind is None:
                 continue
             regular = float(np.median([_first_determinant(*each) for each in axes]))
-            if best is None or (kind == Kind.MEETING, -regular) < best[0]:
-                best = (kind == Kind.MEETING, -regular), Way(kind, held, first, backwards)
-    return best[1] if best else None
+            found.append((kind == Kind.MEETING, -regular, Way(kind, held, first, backwards, int(order[3]))))
+    found.sort()
+    if not found:
+        return ()
+    best = found[0][2]
+    if best.kind != Kind.MEETING or best.held:
+        return (best,)
+    return best, *[way for _, _, way in found if way.searched != best.searched][:1]
 
 
 def _determinant(directions: Array, points: Array) -> float:
