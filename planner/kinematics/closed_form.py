@@ -32,8 +32,9 @@ SOLVED = 6  # joints
 MOST_HELD = 3  # of the others
 CLOSE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
 REGULAR = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
+SAME = 1e-6  # [rad] between configurations that are one
 PLACES = 5  # random places of an arm where its geometry is looked at
-PER_HELD = 24  # values of held joints that are tried
+PER_HELD = 16  # values of held joints that are tried
 
 
 class Kind(enum.IntEnum):
@@ -83,7 +84,7 @@ class Way(NamedTuple):
         solved = np.setdiff1d(np.arange(len(joints.turns)), self.held)
         tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
         places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
-        return Record("chain", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
+        return Record("six_joints", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
 
 
 class ClosedForm(NamedTuple):
@@ -95,6 +96,11 @@ class ClosedForm(NamedTuple):
     upper: Array  # (k,)
     chains: tuple[Record, ...]
 
+    @property
+    def redundant(self) -> bool:
+        """True if joints are held: the arm has families of configurations."""
+        return bool(self.ways[0].held)
+
     def branches(self, robot: Robot, target: PoseTarget, seed: Array) -> Array:
         """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else
         all with the held joints as in the seed (n,), and with other values that lie evenly within the limits. Joints
@@ -105,7 +111,12 @@ class ClosedForm(NamedTuple):
         start = np.where(own, seed[self.planned], 0.0)
         pose = target.pose.matrix
         wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
-        rows = closed_form_loop.branches(functions, self.chain, wanted, self._values(start), start)
+        values = self._values(start)
+        each = [closed_form_loop.branches(functions, chain, wanted, values, start) for chain in self.chains]
+        rows = each[0]
+        for more in each[1:]:
+            apart = np.abs(rows[:, None] - more[None]).max(axis=2, initial=0.0)
+            rows = np.concatenate([rows, more[(apart > SAME).all(axis=0)]])
         found = np.tile(np.clip(seed, robot.lower, robot.upper), (len(rows), 1))
         found[:, self.planned[own]] = rows[:, own]
         return found

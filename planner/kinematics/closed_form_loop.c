@@ -18,6 +18,8 @@ static const double NOTHING = 1e-7;   /* of a sine, or a part of a vector, that 
 static const double SLACK = 1e-2;     /* share by which what is solved may miss, at the border of what is reached */
 static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
+static const double FAR = 0.3;         /* [rad] beyond a limit of what the last steps need not bring back */
+static const double HOPELESS = 1e-3;   /* [m] and [rad] still missed after half of the steps */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
 static const double DAMPING = 1e-12;  /* λ² of the last steps */
 static const double PI = 3.14159265358979323846;
@@ -585,6 +587,7 @@ static int refine(const axis* axes, const double* tip, const double* wanted, int
     look(axes, tip, wanted, q, error, jacobian);
     const double missed = missed_by(error);
     if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= EXACT;
+    if (2 * step >= steps && missed > HOPELESS) return 0;
     for (int c = 0; c < SIX; ++c)
       for (int r = c; r < SIX; ++r) {
         double sum = r == c ? DAMPING : 0.0;
@@ -662,8 +665,13 @@ static int branches(const chain* arm, const double* wanted, const double* values
   for (int k = 0; k < count && kept < MOST; ++k) {
     double q[SIX], *row = found + arm->n * kept;
     for (int j = 0; j < SIX; ++j) q[order[j]] = arm->backwards ? -angles[k][j] : angles[k][j];
-    if (!refine(axes, tip, wanted, arm->kind == MEETING ? 20 : 8, q)) continue;
     int inside = 1;
+    for (int j = 0; j < SIX; ++j) { /* far beyond a limit no step leads back */
+      const long long joint = arm->solved[j];
+      const double value = within(q[j], 1, seed[joint], arm->lower[joint] - FAR, arm->upper[joint] + FAR);
+      inside = inside && value == value;
+    }
+    if (!inside || !refine(axes, tip, wanted, arm->kind == MEETING ? 20 : 8, q)) continue;
     for (long long j = 0, s = 0, held = 0; j < arm->n; ++j) {
       const int is_solved = s < SIX && arm->solved[s] == j;
       row[j] = within(is_solved ? q[s] : values[held], arm->turns[j] != 0, seed[j], arm->lower[j], arm->upper[j]);
@@ -685,7 +693,7 @@ static int branches(const chain* arm, const double* wanted, const double* values
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
 WRAPPER(make_chain) {
-  arguments taken = begin("chain", given, count);
+  arguments taken = begin("six_joints", given, count);
   chain arm = {.n = whole(&taken, "n", SIX, 64)};
   arm.kind = whole(&taken, "kind", 0, KINDS - 1);
   arm.first = whole(&taken, "first", 0, SIX - 1);
@@ -699,13 +707,13 @@ WRAPPER(make_chain) {
   arm.upper = numbers(&taken, "upper", SHAPE(arm.n));
   for (int s = 1; !taken.failed && s < SIX; ++s)
     if (arm.solved[s] <= arm.solved[s - 1]) wrong(&taken, "solved", "in rising order");
-  return made(&taken, "chain", &arm, sizeof arm);
+  return made(&taken, "six_joints", &arm, sizeof arm);
 }
 
 /* All configurations of a pose (12) with each row of held values (rows, n − 6): found (16 rows, n), counts (rows). */
 WRAPPER(call_branches) {
   arguments taken = begin("branches", given, count);
-  const chain* arm = record(&taken, "chain", "chain");
+  const chain* arm = record(&taken, "chain", "six_joints");
   const long long n = arm ? arm->n : SIX;
   const double* wanted = numbers(&taken, "wanted", SHAPE(12));
   const double* held = numbers(&taken, "held", SHAPE(ANY, n - SIX));
@@ -726,7 +734,7 @@ WRAPPER(call_branches) {
 }
 
 PyMethodDef closed_form_functions[] = {
-    FUNCTION("chain", make_chain, "An arm that is solved in closed form."),
+    FUNCTION("six_joints", make_chain, "An arm that is solved in closed form."),
     FUNCTION("branches", call_branches, "Every configuration that places its link."),
     END_OF_FUNCTIONS,
 };
