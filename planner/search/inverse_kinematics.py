@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, misses_of
+from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import LONGEST_STEP, Aim, damped_step, self_motion
 from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.robot import Robot
@@ -40,6 +41,7 @@ ARRIVED = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has converged, accepted
 DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
+NEAREST = 8  # of a redundant arm's configurations in closed form that are drawn towards the start
 APART = 0.6  # [rad] or [m] in some joint between two configurations that count as different
 
 
@@ -89,13 +91,40 @@ def inverse_kinematics(
     every = checked(boolean, all_branches, "all_branches")
     arm = load_scene_robot(robot) if isinstance(robot, Scene) else robot
     start = _default_seed(robot) if seed is None else joint_numbers("seed", seed, arm.joint_names)
-    met = _proven(arm, target, start[None])
-    for look in (_near, reaching):
-        if every or not len(met):
-            found, _ = look(arm, target, start, np.random.default_rng(0))
-            met = _distinct(np.concatenate([met, _proven(arm, target, found)]), start, _circling(arm))
+    form, met = closed_form(arm, target), _proven(arm, target, start[None])
+    if not every and not len(met) and not (form and not form.redundant):
+        met = _proven(arm, target, _from_start(arm, target, start))
+    if every or not len(met):
+        exact = form.branches(arm, target, start) if form else met[:0]
+        if form and len(exact):
+            listed = _with_families(arm, target, met, exact, start) if form.redundant else _in_order(met, exact, start)
+            met = _proven(arm, target, listed if every else listed[:1])
+        else:
+            met = _searched(arm, target, met, start, every)
     check_as_loaded(arm, shapes=False)
     return met if every else met[:1]
+
+
+def _in_order(met: Array, exact: Array, start: Array) -> Array:
+    """Return branches nearest to `start` first; where it is `met` it stands for its own."""
+    exact = exact[np.argsort(np.linalg.norm(exact - start, axis=1), kind="stable")]
+    own = len(met) and np.abs(exact[0] - start).max() <= APART
+    return np.concatenate([met, exact[1:] if own else exact])
+
+
+def _with_families(robot: Robot, target: PoseTarget, met: Array, exact: Array, start: Array) -> Array:
+    """Return a few members of each branch of a redundant arm, the nearest ones drawn on towards `start`."""
+    near = _drawn_near(Aim.at(robot, target), _in_order(met[:0], exact, start)[:NEAREST], start)
+    return _distinct(np.concatenate([met, near, exact]), start, _circling(robot))
+
+
+def _searched(robot: Robot, target: PoseTarget, met: Array, start: Array, every: bool) -> Array:
+    """Return what is `met`, and what a search from many starts leads to, each proven."""
+    for look in (_near, reaching):
+        if every or not len(met):
+            found, _ = look(robot, target, start, np.random.default_rng(0))
+            met = _distinct(np.concatenate([met, _proven(robot, target, found)]), start, _circling(robot))
+    return met
 
 
 def _default_seed(robot: Robot | Scene) -> Array:
@@ -114,16 +143,17 @@ def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
     return q[within][[miss.within(target) for miss in misses_of(robot, target, q[within])]]
 
 
+def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
+    """Return what `start` alone leads to, where that hardly differs from it: most often the nearest of all."""
+    found, _ = _reached(Aim.at(robot, target), np.empty((0, robot.n)), start)
+    return found[:1] if len(found) and np.abs(found[0] - start).max() <= APART else found[:0]
+
+
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
-    """Return what `reaching` returns, from `start` alone where that leads to what hardly differs from it, or else from
-    few starts around it, among which the nearest of all most often is."""
-    aim = Aim.at(robot, target)
-    found, least = _reached(aim, np.empty((0, robot.n)), start)
-    if len(found) and np.abs(found[0] - start).max() <= APART:
-        return found, least
+    """Return what `reaching` returns, from few starts around `start`, among which the nearest of all most often is."""
     wide = np.minimum(AROUND, 0.5 * (robot.upper - robot.lower))
     middle = np.clip(start, robot.lower, robot.upper)
-    return _reached(aim, middle + wide * rng.normal(size=(FEW - 1, robot.n)), start)
+    return _reached(Aim.at(robot, target), middle + wide * rng.normal(size=(FEW - 1, robot.n)), start)
 
 
 def reaching(

@@ -29,6 +29,7 @@ from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.gravity_torque import static_torque
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.inverse_kinematics import inverse_kinematics
 from hdplan.planner.search.trees import tree_ways
 from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.limits import Limits
@@ -104,6 +105,7 @@ def run_scenes() -> None:
     PathSpeed(np.ones(n)).value(problem.polyline())
     slope = np.ones((GRID + 1, n))
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
+    inverse_kinematics(problem.robot, [0.4, 0.1, 0.5])
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
 
 

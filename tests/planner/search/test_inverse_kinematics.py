@@ -100,7 +100,8 @@ def test_what_is_found_is_true_and_nearest_first(name: str, least: int) -> None:
         far = np.linalg.norm(found - seed, axis=1)
         assert np.all(np.diff(far) >= 0.0)
         assert far[0] <= np.linalg.norm(one - seed, axis=1)[0]
-        assert all(np.abs(turned(a - b)).max() > APART for a, b in itertools.combinations(found, 2))
+        apart = APART if robot.n > 6 else 1e-6  # members of families; single branches may be close
+        assert all(np.abs(turned(a - b)).max() > apart for a, b in itertools.combinations(found, 2))
         counts.append(len(found))
     assert np.median(counts) >= least
 

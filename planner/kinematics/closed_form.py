@@ -1,0 +1,260 @@
+"""Which arms have their configurations in closed form, and what must be held for it.
+
+Six turning joints are solved where, from one end or the other, the last two axes meet: all three of a wrist in a
+point, or three others parallel, without a search; or else by a search along one angle (`closed_form_loop`). Of a chain
+with more joints the others are held; which, the arm's geometry decides, by numbers alone: axes and points of its joints
+where all are at 0. Free rotation about an axis is one more joint of the chain, beyond the link.
+
+Elias & Wen, "IK-Geo: Unified robot inverse kinematics using subproblem decomposition", 2025; Ostermeier, Külz &
+Althoff, "Automatic geometric decomposition for analytical inverse kinematics", 2025.
+"""
+
+from __future__ import annotations
+
+import enum
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.kinematics import closed_form_loop
+from hdplan.planner.robot.link_frame import AXES, link_frame
+from hdplan.planner.robot.pin_model import motion_axes
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.once import made_once
+from hdplan.scenes.targets import PoseTarget
+
+SOLVED = 6  # joints
+MOST_HELD = 3  # of the others
+CLOSE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
+REGULAR = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
+SAME = 1e-6  # [rad] between configurations that are one
+PLACES = 5  # random places of an arm where its geometry is looked at
+PER_HELD = 16  # values of held joints that are tried
+
+
+class Kind(enum.IntEnum):
+    """What a chain of six joints is solved by."""
+
+    WRIST = 0  # its last three axes meet in a point
+    PARALLEL = 1  # its last two axes meet, and those of joints 2 to 4 are parallel
+    MEETING = 2  # its last two axes meet
+
+
+class Joints(NamedTuple):
+    """A chain of k joints, all at 0, and the link at its end."""
+
+    planned: NDArray[np.int64]  # (k,) which planned joint each is; -1 for the free rotation
+    turns: NDArray[np.int64]  # (k,) 1 for those that turn
+    directions: Array  # (k, 3) of their axes
+    points: Array  # (k, 3) on them [m]
+    tip: Array  # (4, 4) of the link
+
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Return directions and points of the axes where the joints are at q (k,)."""
+        place, directions, points = np.eye(4), self.directions.copy(), self.points.copy()
+        for joint, (turns, value) in enumerate(zip(self.turns, q, strict=True)):
+            directions[joint] = place[:3, :3] @ directions[joint]
+            points[joint] = place[:3, :3] @ points[joint] + place[:3, 3]
+            motion = np.eye(4)
+            if turns:
+                motion[:3, :3] = pin.exp3(value * self.directions[joint])
+                motion[:3, 3] = self.points[joint] - motion[:3, :3] @ self.points[joint]
+            else:
+                motion[:3, 3] = value * self.directions[joint]
+            place = place @ motion
+        return directions, points
+
+
+class Way(NamedTuple):
+    """How a chain is solved."""
+
+    kind: Kind
+    held: tuple[int, ...]  # joints of the chain
+    first: int  # of the six others, from which on they are solved
+    backwards: bool
+    searched: int  # the joint along which a search is, if it is one
+
+    def chain(self, joints: Joints, lower: Array, upper: Array) -> Record:
+        """Return the chain for the loop, with limits (k,)."""
+        solved = np.setdiff1d(np.arange(len(joints.turns)), self.held)
+        tip = np.concatenate([joints.tip[:3, :3].ravel(), joints.tip[:3, 3]])
+        places = (joints.turns, solved, joints.directions, joints.points, tip, lower, upper)
+        return Record("six_joints", len(joints.turns), int(self.kind), self.first, int(self.backwards), *places)
+
+
+class ClosedForm(NamedTuple):
+    """How the configurations of a chain are found."""
+
+    ways: tuple[Way, ...]
+    planned: NDArray[np.int64]  # of each of the chain's joints, as in `Joints`
+    lower: Array  # (k,) of the chain's joints
+    upper: Array  # (k,)
+    chains: tuple[Record, ...]
+
+    @property
+    def redundant(self) -> bool:
+        """True if joints are held: the arm has families of configurations."""
+        return bool(self.ways[0].held)
+
+    def branches(self, robot: Robot, target: PoseTarget, seed: Array) -> Array:
+        """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else
+        all with the held joints as in the seed (n,), and with other values that lie evenly within the limits. Joints
+        that do not move the link are as in the seed, within the limits."""
+        functions = library()
+        assert functions is not None
+        own = self.planned >= 0
+        start = np.where(own, seed[self.planned], 0.0)
+        pose = target.pose.matrix
+        wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
+        values = self._values(start)
+        each = [closed_form_loop.branches(functions, chain, wanted, values, start) for chain in self.chains]
+        rows = each[0]
+        for more in each[1:]:
+            apart = np.abs(rows[:, None] - more[None]).max(axis=2, initial=0.0)
+            rows = np.concatenate([rows, more[(apart > SAME).all(axis=0)]])
+        found = np.tile(np.clip(seed, robot.lower, robot.upper), (len(rows), 1))
+        found[:, self.planned[own]] = rows[:, own]
+        return found
+
+    def _values(self, start: Array) -> Array:
+        """Values (B, m) of held joints: those of the start first, then a lattice that is even in m dimensions."""
+        held = list(self.ways[0].held)
+        low, high = self.lower[held], self.upper[held]
+        wide = ~(high - low < 2 * np.pi)
+        seed = start[held]
+        low = np.where(wide, seed - np.pi, low)
+        span = np.where(wide, 2 * np.pi, high - low)
+        count = PER_HELD * len(held) or 1
+        ratio = 2.0
+        for _ in range(32):  # of the lattice: xᵐ⁺¹ = x + 1 (the golden ratio for m = 1)
+            ratio = (1.0 + ratio) ** (1.0 / (len(held) + 1.0))
+        first = (np.clip(seed, low, low + span) - low) / np.maximum(span, 1e-300)
+        steps = np.arange(count)[:, None] * ratio ** -np.arange(1.0, len(held) + 1.0)
+        values: Array = low + span * ((first + steps) % 1.0)
+        values[0] = seed
+        return values
+
+
+def closed_form(robot: Robot, target: PoseTarget) -> ClosedForm | None:
+    """Return how a link's configurations are found in closed form; None where they are not: of another geometry, where
+    joints that follow others move the link, any rotation is free, or hdplan was built without a C compiler. Raises
+    InputError as `link_frame`."""
+    if library() is None or target.free_rotation == "all":
+        return None
+    return _closed_form(robot, link_frame(robot, target.link, target.field), target.free_rotation)
+
+
+@made_once(64)
+def _closed_form(robot: Robot, frame: int, free_rotation: str) -> ClosedForm | None:
+    joints = joints_to(robot, frame, free_rotation)
+    if joints is None or not SOLVED <= len(joints.turns) <= SOLVED + MOST_HELD:
+        return None
+    ways = choice(joints)
+    if not ways:
+        return None
+    own = joints.planned >= 0
+    lower = np.where(own, robot.lower[joints.planned], -np.inf)
+    upper = np.where(own, robot.upper[joints.planned], np.inf)
+    chains = tuple(way.chain(joints, lower, upper) for way in ways)
+    return ClosedForm(ways, joints.planned, lower, upper, chains)
+
+
+def joints_to(robot: Robot, frame: int, free_rotation: str = "none") -> Joints | None:
+    """Return the chain of joints that moves a frame of the model; None where one of them follows another."""
+    model, data = robot.model, robot.model.createData()
+    along = [joint for joint in model.supports[model.frames[frame].parentJoint] if joint > 0]
+    columns = [int(model.joints[joint].idx_v) for joint in along]
+    place = {int(column): planned for planned, column in enumerate(robot.coordinates)}
+    if not set(columns) <= set(place):
+        return None
+    pin.framesForwardKinematics(model, data, robot.pin_q(np.zeros(robot.n)))
+    turns, directions, points = [], [], []
+    for joint in along:
+        slide, axis = motion_axes(model.joints[joint])
+        turns.append(bool(np.any(axis)))
+        directions.append(data.oMi[joint].rotation @ (axis if turns[-1] else slide))
+        points.append(data.oMi[joint].translation.copy())
+    planned, tip = [place[column] for column in columns], data.oMf[frame].homogeneous
+    if free_rotation in AXES:
+        planned.append(-1)
+        turns.append(True)
+        directions.append(tip[:3, AXES.index(free_rotation)])
+        points.append(tip[:3, 3])
+    return Joints(np.array(planned), np.array(turns, np.int64), np.array(directions), np.array(points), tip)
+
+
+def choice(joints: Joints) -> tuple[Way, ...]:
+    """Return how a chain is solved: without a search if it can be, and of such ways the one that is furthest from
+    singular. Searches that hold nothing are two, along different joints, as one may miss what the other finds. None
+    where the geometry allows none."""
+    k = len(joints.turns)
+    drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
+    places = [joints.moved(q) for q in drawn]
+    found: list[tuple[bool, float, Way]] = []
+    for held in itertools.combinations(range(k), k - SOLVED):
+        solved = np.setdiff1d(np.arange(k), held)
+        if not joints.turns[solved].all():
+            continue
+        if np.median([_determinant(directions[solved], points[solved]) for directions, points in places]) < REGULAR:
+            continue
+        for first, backwards in itertools.product(range(SOLVED), (False, True)):
+            order = np.roll(solved, -first)[:: -1 if backwards else 1]
+            axes = [(directions[order], points[order]) for directions, points in places]
+            kinds = {_kind(*each) for each in axes}
+            kind = kinds.pop() if len(kinds) == 1 else None
+            if kind is None:
+                continue
+            regular = float(np.median([_first_determinant(*each) for each in axes]))
+            found.append((kind == Kind.MEETING, -regular, Way(kind, held, first, backwards, int(order[3]))))
+    found.sort()
+    if not found:
+        return ()
+    best = found[0][2]
+    if best.kind != Kind.MEETING or best.held:
+        return (best,)
+    return best, *[way for _, _, way in found if way.searched != best.searched][:1]
+
+
+def _determinant(directions: Array, points: Array) -> float:
+    """The size [m³] of the determinant of six turning joints' Jacobian; no point of the link matters."""
+    return float(abs(np.linalg.det(np.hstack([np.cross(points, directions), directions]))))
+
+
+def _first_determinant(directions: Array, points: Array) -> float:
+    """The size [m³] of the determinant of how the first three joints move the point where the last two meet."""
+    return float(abs(np.linalg.det(np.cross(directions[:3], _meeting(directions[4:], points[4:]) - points[:3]))))
+
+
+def _kind(directions: Array, points: Array) -> Kind | None:
+    """What six axes in this order are solved by; None by nothing here."""
+    if _parallel(directions[4], directions[5]) or _gap(directions[4:], points[4:]) > CLOSE:
+        return None
+    centre = _meeting(directions[4:], points[4:])
+    if np.linalg.norm(np.cross(directions[3], centre - points[3])) <= CLOSE and not _parallel(*directions[3:5]):
+        return Kind.WRIST
+    if _parallel(*directions[1:3]) and _parallel(*directions[2:4]):
+        return Kind.PARALLEL
+    return Kind.MEETING
+
+
+def _parallel(one: Array, other: Array) -> bool:
+    return float(np.linalg.norm(np.cross(one, other))) <= CLOSE
+
+
+def _gap(directions: Array, points: Array) -> float:
+    """The distance [m] of two axes that are not parallel."""
+    across = np.cross(*directions)
+    return float(abs(across @ (points[1] - points[0])) / np.linalg.norm(across))
+
+
+def _meeting(directions: Array, points: Array) -> Array:
+    """The point of the first of two axes that is nearest to the other."""
+    slope = np.stack([directions[0], -directions[1]], axis=1)
+    along = np.linalg.lstsq(slope, points[1] - points[0], rcond=None)[0]
+    met: Array = points[0] + along[0] * directions[0]
+    return met
