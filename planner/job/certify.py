@@ -56,6 +56,7 @@ class StageCertificate:
     arm: Scene | None = None  # of the arm that stands still, where fingers move
     notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
     blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
+    passing: tuple[str, ...] = ()  # its ends, "start" or "goal", at which the robot goes on
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         if blend:
             setup = setup.changed(goal=_passed(curve))
         scene, certifier = setup.asked, Certifier(setup)
-        passing = [end for end, passed in (("start", world.rates), ("goal", blend)) if passed]
+        passing = tuple(end for end, passed in (("start", world.rates), ("goal", blend)) if passed)
         certificate = certifier.certify(part, passing=passing)
     fingers = moves_fingers(stage)
     arm = standing_scene(world, number) if fingers else None
@@ -200,6 +201,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         arm,
         _on_touch(world, number, curve),
         float(blend),
+        passing,
     )
     there = after(world, number, certifier.robot, curve.rows[-1])
     if blend:

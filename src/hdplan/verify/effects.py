@@ -145,11 +145,15 @@ def at_rates(world: World, names: list[str], end: str) -> bool:
     return True
 
 
-def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
-    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion of `count` intervals.
-    Where that is not sure parts are halved, until it is so at the middle of one."""
-    spans = np.arange(float(count))[:, None] + [0, 1]
-    while True:
+def between_rows(control: Ball) -> Any:
+    """The intervals (k, 2) of a motion."""
+    return np.arange(float(len(control.mid)))[:, None] + [0, 1]
+
+
+def everywhere(name: str, of: list[str], spans: Any, beyond: Callable[[Any], Any]) -> None:
+    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion. Where that is not sure
+    parts are halved, until it is so at the middle of one."""
+    while len(spans):
         spans = spans[np.concatenate([beyond(x).any(axis=1) for x in np.array_split(spans, 1 + len(spans) // 5000)])]
         middle = spans.mean(axis=1)[:, None]
         if not len(spans):
@@ -182,7 +186,7 @@ def check_limit(world: World, name: str) -> None:
         reach = up(np.abs(q.slope) + q.rad)
         return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
 
-    everywhere(f"limits.{name}", [f"joint '{x.name}'" for x in world.joints], len(control.mid), outside)
+    everywhere(f"limits.{name}", [f"joint '{x.name}'" for x in world.joints], between_rows(control), outside)
 
 
 def check_torques(world: World) -> None:
@@ -201,17 +205,36 @@ def check_torques(world: World) -> None:
     def beyond(spans: Any) -> Any:
         return ~(torques(world, loads, *(parts_of(each, spans) for each in rates)) <= most)
 
-    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
+    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], between_rows(world.curve), beyond)
 
 
 def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
     """Upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
-    joints, zero = world.joints[: world.own], Line(*np.zeros((3, len(q.mid), 3)))
-    base = zero, zero, zero + still(Ball([0, 0, 9.81]))  # what stands under gravity seems to rise
-    known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
-    frames, moved = [], []  # of each joint: rotation and origin in the frame of the joint before
+    joints = world.joints[: world.own]
+    frames, moved, known = forward(world, q, v, a, 9.81)  # what stands under gravity seems to rise
     force, torque = [], []
-    for j, joint in enumerate(joints):
+    for (mass, first, inertia), (w, dw, acc) in zip(([still(x) for x in each] for each in loads), known, strict=True):
+        force.append(times("...,...i->...i", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
+        spin, turning = (times(MAP, inertia, x) for x in (w, dw))
+        torque.append(wedge(first, acc) + turning + wedge(w, spin))
+    sizes = []
+    for j in reversed(range(len(joints))):
+        sizes.append(times("...i,i->...", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
+        if (parent := joints[j].parent) >= 0:
+            pull, twist = (times(MAP, frames[j], x) for x in (force[j], torque[j]))
+            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
+    return np.stack(sizes[::-1], axis=1)
+
+
+def forward(
+    world: World, q: Line, v: Line, a: Line, rises: float = 0.0
+) -> tuple[list[Line], list[Line], list[tuple[Line, Line, Line]]]:
+    """Of each joint the rotation and the origin in the frame of the joint before, and in its own frame how it turns,
+    how that changes, and how its origin accelerates, if the base `rises` so fast."""
+    zero = Line(*np.zeros((3, len(q.mid), 3)))
+    base = zero, zero, zero + still(Ball([0, 0, rises]))
+    frames, moved, known = [], [], list[tuple[Line, Line, Line]]()
+    for j, joint in enumerate(world.joints[: world.own]):
         frame, origin = turned_line(world, j, q[:, j]), still(world.origins[j])
         ways = (q, world.along[j]), (v, joint.axis), (a, joint.axis)
         shift, rate, change = (times("...,i->...i", x[:, j], still(way)) for x, way in ways)
@@ -227,17 +250,7 @@ def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) ->
         known.append((w, dw, acc))
         frames.append(frame)
         moved.append(origin)
-        mass, first, inertia = (still(x) for x in loads[j])
-        force.append(times("...,...i->...i", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
-        spin, turning = (times(MAP, inertia, x) for x in (w, dw))
-        torque.append(wedge(first, acc) + turning + wedge(w, spin))
-    sizes = []
-    for j in reversed(range(len(joints))):
-        sizes.append(times("...i,i->...", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
-        if (parent := joints[j].parent) >= 0:
-            pull, twist = (times(MAP, frames[j], x) for x in (force[j], torque[j]))
-            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
-    return np.stack(sizes[::-1], axis=1)
+    return frames, moved, known
 
 
 def turned_line(world: World, joint: int, angle: Line) -> Line:
@@ -323,12 +336,16 @@ def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said:
 
 def check_path(world: World, said: Any, begins: Callable[[], bool]) -> None:
     """Check the path constraints on the whole motion."""
-    for bond in bonds_of_path(world, said, begins):
+    from .follow import check_follow
+
+    for each in (x for x in said if x.get("kind") == "follow"):
+        check_follow(world, each)
+    for bond in bonds_of_path(world, [x for x in said if x.get("kind") != "follow"], begins):
 
         def off(spans: Any, bond: Bond = bond) -> Any:
             return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
 
-        everywhere(bond.what, ["the link"], len(world.control.mid), off)
+        everywhere(bond.what, ["the link"], between_rows(world.control), off)
 
 
 def reached(world: World, end: str) -> bool:
