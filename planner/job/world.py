@@ -22,6 +22,8 @@ from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
 
+Rates = tuple[tuple[float, ...], tuple[float, ...]]  # velocities and accelerations
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -45,7 +47,7 @@ class World:
     obstacles: tuple[Obstacle, ...]
     held: tuple[Attached, ...]
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
-    rates: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # the arm's, where it does not rest
+    rates: Rates | None = None  # the arm's, where it does not rest
     corner: Corner | None = None  # of the stage before, where that is blended into the next one
 
     @classmethod

@@ -104,9 +104,9 @@ def rates_of(world: World, name: str, order: int) -> list[Ball]:
     for k in range(order):
         last = rates[-1]
         if k > 0:
-            before, after = (rate_at(world, end, k) for end in ("start", "goal"))
-            steady = max((last[0, 0] - before).size.max(), (last[-1, -1] - after).size.max()) <= SAME
-            need(steady, f"limits.{name}: the motion begins or ends with a jump")
+            ends = (("start", 0), ("goal", -1))
+            jumps = [(rate_there(world, last, place, k) - rate_at(world, end, k)).size.max() for end, place in ends]
+            need(max(jumps) <= SAME, f"limits.{name}: the motion begins or ends with a jump")
         rates.append(derivative(world, last))
     return rates
 
@@ -126,7 +126,17 @@ def rate_at(world: World, end: str, order: int) -> Ball:
     need(not moved or len(targets) == 1, f"{end}: has a velocity, and leaves a choice")
     if not moved or name not in moved[0]:
         return Ball(np.zeros(world.own))
-    lead = numbers(moved[0][name], (len(world.lead),), f"{end}.{name}")
+    return of_all(world, numbers(moved[0][name], (len(world.lead),), f"{end}.{name}"))
+
+
+def rate_there(world: World, control: Ball, place: int, order: int) -> Ball:
+    """The rates of all joints (n,) at the first row (0) or the last (-1): where the rows have them, these are the
+    curve's, or else they are known by its control points."""
+    return of_all(world, world.given[order][place]) if order < len(world.given) else control[place, place]
+
+
+def of_all(world: World, lead: Any) -> Ball:
+    """Rates of all joints (n,) by those of the leading ones."""
     led = (x.follows or (i, 1.0, 0.0) for i, x in enumerate(world.joints[: world.own]))
     leaders, factors = zip(*((world.lead.index(i), factor) for i, factor, _ in led), strict=True)
     return Ball(lead[list(leaders)]) * np.array(factors)
@@ -134,13 +144,13 @@ def rate_at(world: World, end: str, order: int) -> Ball:
 
 def at_rates(world: World, names: list[str], end: str) -> bool:
     """True if the motion's end has these rates of a target; a motion without times has none, and is to need none."""
-    control, place = world.curve, (0, 0) if end == "start" else (-1, -1)
+    control, place = world.curve, 0 if end == "start" else -1
     for order, name in enumerate(names, 1):
         asked = rate_at(world, end, order)
         need(world.clock is not None or not asked.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
         if world.clock is not None:
             control = derivative(world, control) if control.mid.shape[1] > 1 else control * 0.0
-            if not (control[place] - asked).size.max() <= SAME:
+            if not (rate_there(world, control, place, order) - asked).size.max() <= SAME:
                 return False
     return True
 

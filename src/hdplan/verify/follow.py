@@ -157,9 +157,9 @@ class Followed:
         steps = lengths(np.diff(points, axis=0))
         found = np.full(len(points), begin)
         for i in range(1, len(points) - 1):
-            low = int(np.searchsorted(ways, found[i - 1], side="right")) - 1
+            low = min(int(np.searchsorted(ways, found[i - 1], side="right")), len(ways) - 1) - 1
             high = int(np.searchsorted(ways, found[i - 1] + AHEAD * steps[i - 1] + BESIDE)) + 1
-            way, _ = nearest(points[i], vertices, ways, max(low, 0), min(high, len(ways) - 1))
+            way, _ = nearest(points[i], vertices, ways, low, min(high, len(ways) - 1))
             found[i] = min(max(found[i - 1], way), end)
         found[-1] = end
         return found
