@@ -1,16 +1,19 @@
-"""`hdplan plan`, `check` and `prove` with a scene that holds a job."""
+"""`hdplan plan`, `check`, `plot` and `prove` with a scene that holds a job."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.text import Text
 
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
-from hdplan.planner.job.proof import prove_job
+from hdplan.planner.job.proof import prove_certified, prove_job
+from hdplan.planner.job.result import JobResult
+from hdplan.planner.job.sheet import plot_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.proof.proof import NotProvenError
@@ -27,16 +30,48 @@ def refuse_options(given: Mapping[str, object]) -> None:
             raise InputError(f"{option}: is about a single motion, and this scene holds a job: leave it out")
 
 
+@dataclass(frozen=True)
+class Written:
+    """The files that are written of a planned job."""
+
+    scene: str  # it was read from this file, or is shipped
+    robot: str | None  # in the place of the scene's
+    output: Path | None
+    plot: Path | None
+    proof: Path | None
+
+    def check(self) -> None:
+        """Raise InputError, before a job is planned, for files that cannot hold it."""
+        if self.output is not None:
+            check_stages(self.output)
+        if self.proof is not None and (self.output is None or self.output.suffix.lower() != ".json"):
+            raise InputError("--proof: of a job is about the motion's JSON file: write one too, -o FILE.json")
+
+    def write(self, result: JobResult) -> list[str]:
+        """Write the files; a proof only of a certified job. Return their names. Raises NotProvenError."""
+        if self.output is not None:
+            result.save(self.output)
+        if self.plot is not None:
+            plot_job(result.certificate, result.trajectory, self.plot)
+        proven = self.proof is not None and self.output is not None and result.certified
+        if proven and self.proof is not None and self.output is not None:
+            prove_certified(result.certificate, self.scene, self.output, self.robot).save(self.proof)
+        return [str(file) for file in (self.output, self.plot, self.proof if proven else None) if file is not None]
+
+
 def run_plan_job(
-    scene: Scene, *, output: Path | None, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
+    scene: Scene, files: Written, *, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
 ) -> int:
-    """Plan a job. Returns the exit code: 0 if all its stages are certified, else 1."""
-    if output is not None:
-        check_stages(output)
+    """Plan a job. Returns the exit code: 0 if all its stages are certified, and proven where there is to be a proof,
+    else 1."""
+    files.check()
     with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
         result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
-    if output is not None:
-        result.save(output)
+    try:
+        written = files.write(result)
+    except NotProvenError as error:
+        say(f"no proof: {error}", "red")
+        return 1
     if quiet:
         return 0 if result.certified else 1
     with printing() as show:
@@ -47,7 +82,7 @@ def run_plan_job(
             rows = [("scene", scene.name), ("motion", result.trajectory.extent), ("time [s]", f"{result.seconds:.2f}")]
             rows += [("note", note) for note in result.notes]
             show(columns(stage_rows(result.certificate)))
-            show(table([*rows, *([("written", str(output))] if output is not None else [])]))
+            show(table([*rows, *(("written", file) for file in written)]))
     return 0 if result.certified else 1
 
 
@@ -72,6 +107,19 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
             if certificate.notes:
                 show(table([("note", note) for note in certificate.notes]))
     return 0 if certificate.certified else 1
+
+
+def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
+    """Draw the motion of a job. Returns the exit code: 0 whatever the verdict."""
+    motion = Trajectory.load(trajectory)
+    with waiting("drawing"):
+        with naming(trajectory):
+            certificate = certify_job(scene, motion)
+        plot_job(certificate, motion, output)
+    with printing() as show:
+        show(Text(certificate.text, style="green" if certificate.certified else "red"))
+        show(table([("written", str(output))]))
+    return 0
 
 
 def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:

@@ -74,13 +74,13 @@ def run_plan(
             if distance is not None:
                 problem = derived(problem, planner=replace(problem.planner, distance=distance))
             if problem.job is not None:
-                from hdplan.planner.commands.job import refuse_options, run_plan_job
+                from hdplan.planner.commands.job import Written, refuse_options, run_plan_job
 
-                refuse_options({"--plot": plot, "--proof": proof, "--diagnose": diagnosed})
-                if solver != "gauss_newton":
-                    refuse_options({"--solver": solver})
+                refuse_options({"--diagnose": diagnosed, "--solver": "" if solver == "gauss_newton" else solver})
+                named = None if isinstance(robot, RobotSpec) else robot
+                to_write = Written(scene, named, output, plot, proof)
                 return run_plan_job(
-                    problem, output=output, seed=seed, time_limit=longest, printed_as_json=as_json, quiet=quiet
+                    problem, to_write, seed=seed, time_limit=longest, printed_as_json=as_json, quiet=quiet
                 )
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:

@@ -20,6 +20,10 @@ def run_plot(scene: str, trajectory: Path, request: Path | None, robot: str | Ro
     """Draw a motion. Returns the exit code: 0 whatever the verdict."""
     check_picture(output)
     problem = load_scene(scene, request=request, robot=robot)
+    if problem.job is not None:
+        from hdplan.planner.commands.job import run_plot_job
+
+        return run_plot_job(problem, trajectory, output)
     motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
     with waiting("drawing"):
         certifier = Certifier(Setup.of(problem))

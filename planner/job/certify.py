@@ -20,7 +20,7 @@ from hdplan.planner.job.curves import corner_of, radius_link, settled
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, standing_scene
 from hdplan.planner.job.touching import touched
-from hdplan.planner.job.world import World
+from hdplan.planner.job.world import Rates, World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
@@ -56,6 +56,7 @@ class StageCertificate:
     arm: Scene | None = None  # of the arm that stands still, where fingers move
     notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
     blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
+    passing: tuple[str, ...] = ()  # its ends, "start" or "goal", at which the robot goes on
 
 
 @dataclass(frozen=True)
@@ -169,9 +170,9 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     with naming(f"stage '{name}'"):
         curve = curve_of(setup.robot, part)
         if blend:
-            setup = setup.changed(goal=_passed(curve))
+            setup = setup.changed(goal=_passed(curve, _rates_at_end(curve, setup.robot, part)))
         scene, certifier = setup.asked, Certifier(setup)
-        passing = [end for end, passed in (("start", world.rates), ("goal", blend)) if passed]
+        passing = tuple(end for end, passed in (("start", world.rates), ("goal", blend)) if passed)
         certificate = certifier.certify(part, passing=passing)
     fingers = moves_fingers(stage)
     arm = standing_scene(world, number) if fingers else None
@@ -200,19 +201,29 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         arm,
         _on_touch(world, number, curve),
         float(blend),
+        passing,
     )
     there = after(world, number, certifier.robot, curve.rows[-1])
     if blend:
-        velocity, acceleration = (tuple(curve.over_time(order).rows[-1].tolist()) for order in (1, 2))
-        there = replace(there, rates=(velocity, acceleration), corner=corner_of(world, number))
+        there = replace(there, rates=_rates_at_end(curve, setup.robot, part), corner=corner_of(world, number))
     return found, there
 
 
-def _passed(curve: Curve) -> JointTarget:
+def _passed(curve: Curve, rates: Rates) -> JointTarget:
     """Return where a stage that is blended into the next one ends, and how the robot moves there: the middle of the
     blend, of which its path constraints or its radius say where it may be."""
-    at, velocity, acceleration = (tuple(curve.over_time(order).rows[-1].tolist()) for order in range(3))
-    return JointTarget("goal", at, velocity=velocity, acceleration=acceleration)
+    velocity, acceleration = rates
+    return JointTarget("goal", tuple(curve.rows[-1].tolist()), velocity=velocity, acceleration=acceleration)
+
+
+def _rates_at_end(curve: Curve, robot: Robot, part: Trajectory) -> Rates:
+    """Return velocities and accelerations of a motion's last row: as the row has them, or else those of its curve."""
+    columns = [part.joint_names.index(joint) for joint in robot.joint_names]
+    velocity, acceleration = (
+        tuple((curve.over_time(order).rows[-1] if rows is None else rows[-1, columns]).tolist())
+        for order, rows in enumerate((part.velocities, part.accelerations), 1)
+    )
+    return velocity, acceleration
 
 
 def _rotation_beyond(world: World, part: Trajectory) -> Array:

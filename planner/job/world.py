@@ -22,6 +22,8 @@ from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import JointTarget
 
+Rates = tuple[tuple[float, ...], tuple[float, ...]]  # velocities and accelerations
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -46,7 +48,7 @@ class World:
     held: tuple[Attached, ...]
     taken: tuple[Attached, ...] = ()  # what is held, as another hand that holds it too will do alone
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
-    rates: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # the arm's, where it does not rest
+    rates: Rates | None = None  # the arm's, where it does not rest
     corner: Corner | None = None  # of the stage before, where that is blended into the next one
 
     @classmethod

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,12 +36,19 @@ Draw = Callable[[Any, Subject], None]
 
 def sheet(subject: Subject) -> Figure:
     """Return the figure; see plot.plot."""
+    panels = [*motion_panels(subject), (1.1, draw_clearance)]
+    return sheet_of(subject, panels + [(0.9, draw_convergence)] * bool(subject.steps))
+
+
+def motion_panels(subject: Subject) -> list[tuple[float, Draw]]:
+    """Return panels of the joints and their rates, each with its share of the height."""
     found = rates(subject.trajectory, subject.certifier.limits)
-    panels: list[tuple[float, Draw]] = [(1.35, draw_joints)]
-    panels += [(0.8, functools.partial(draw_rate, rate=rate)) for rate in found]
-    panels += [(1.1, draw_clearance)]
-    panels += [(0.9, draw_convergence)] if subject.steps else []
-    height = HEIGHT + RATE * len(found)
+    return [(1.35, draw_joints), *((0.8, functools.partial(draw_rate, rate=rate)) for rate in found)]
+
+
+def sheet_of(subject: Subject, panels: Sequence[tuple[float, Draw]]) -> Figure:
+    """Return a figure with these panels beside the scene."""
+    height = HEIGHT + RATE * max(0, len(panels) - 2 - bool(subject.steps))
     verdict = textwrap.wrap(plain(subject.certificate.text, 3 * TITLE_WIDTH - 30), TITLE_WIDTH)
     head = HEAD + LINE * len(verdict)
     band = {"bottom": FOOT / height, "top": 1.0 - head / height}

@@ -9,9 +9,14 @@ from hdplan.planner.robot.end_rates import EndRates
 from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import naming
 from hdplan.scenes.path_constraints import AXES, Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+
+FOLLOWED = (  # numbers of a curve that is followed, by their names there
+    *("position_tolerance", "orientation_tolerance", "begin_tolerance", "end_tolerance"),
+    *("speed", "acceleration"),
+)
 
 
 def plain_path(setup: Setup) -> list[Plain]:
@@ -44,7 +49,13 @@ def _constraint(asked: PathConstraint, from_request: bool) -> Plain:
                 "orientation_tolerance": asked.orientation_tolerance,
             }
         case Follow():
-            raise InputError("path.follow: no proof file holds that a curve is followed; hdplan check proves it")
+            return {
+                "kind": "follow",
+                "link": asked.link,
+                "free": asked.free_rotation,
+                "poses": [frame_of(pose) for pose in asked.poses],
+                **{name: getattr(asked, name) for name in FOLLOWED},
+            }
         case _:
             assert_never(asked)
 

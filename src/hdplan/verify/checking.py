@@ -11,7 +11,7 @@ from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
 from .bounds import MOST_WAIT
-from .compare import check_equal
+from .compare import check_curves, check_equal
 from .effects import check_claims
 from .job import Part, read_job
 from .kernel import Trees, is_job, parts_of, proven_world, unpack
@@ -89,10 +89,12 @@ def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: d
 
 def check_part(part: Part, told: dict[str, Any]) -> None:
     """Reject unless the world that a proof `told` is that of a part: it derived its own, by roundings of its own. Along
-    a line they may have other boxes around it, and the motion must keep to the checker's."""
+    a curve they may have other chords, and the motion must keep to the checker's."""
     read = part.reading.world
     need(read["motion"] == told.get("motion"), "the proof is that of another motion")
-    own = {"path": read["path"], "goal": read["goal"]} if part.drawn else {}
+    own = {"path": read["path"]} if part.drawn else {}
+    if part.drawn:
+        check_curves(read["path"], told["path"])
     check_equal(read, {**told, **own}, SAME_PLACE)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from .balls import need, up
 from .world import OFF
 
+SAME_CURVE = 0.25  # of the tolerances: so far apart may be two curves of poses that are one
+
 # numbers that were worked out, where a group has `off`
 WORKED_OUT = (
     *("rotation", "position", "axis", "follows", "way", "values"),
@@ -22,6 +24,39 @@ def check_equal(read: Any, told: Any, slack: float = 0.0) -> None:
     `told` are equal: numbers that were worked out, in a group with `off`, up to the sum of both, all others to the last
     bit, or to the `slack` of all. In the place of a mesh the proof may have its `digest`."""
     _same(read, told, "", slack, slack)
+
+
+def check_curves(read: list[Any], told: list[Any]) -> None:
+    """Reject unless the curve of poses that is read is the one that the proof's writer `told`, who may have other
+    chords: all poses of each are within SAME_CURVE of the tolerances of the other."""
+    one, other = ([x for x in each if x.get("kind") == "follow"] for each in (read, told))
+    if not other:  # a straight line, as a box around it
+        return
+    need(len(one) == len(other) == 1, "the worlds differ: path: another curve")
+    said = [{key: each[0].get(key) for key in ("link", "free", "speed", "acceleration")} for each in (one, other)]
+    need(said[0] == said[1], f"the worlds differ: path: {said[0]} is read, the proof has {said[1]}")
+    for key in ("position_tolerance", "orientation_tolerance", "begin_tolerance", "end_tolerance"):
+        least, most = sorted((x[0][key] is not None, x[0][key]) for x in (one, other))
+        good = least[0] == most[0] and (not least[0] or least[1] >= most[1] * (1 - SAME_CURVE))
+        need(good, f"the worlds differ: path.{key}")
+    axes = [0, 1, 2] if one[0]["free"] == "none" else ["xyz".index(one[0]["free"])]
+    sides = list[Any]()
+    for each in (one[0], other[0]):
+        turns = (
+            np.array([x["rotation"] for x in each["poses"]]).reshape(-1, 3, 3)[:, :, axes].reshape(-1, 3 * len(axes))
+        )
+        places = np.array([x["position"] for x in each["poses"]])
+        sides.append(
+            np.concatenate([places / one[0]["position_tolerance"], turns / one[0]["orientation_tolerance"]], 1)
+        )
+    for points, line in (sides, sides[::-1]):
+        begins, ways = line[:-1], np.diff(line, axis=0)
+        squares = np.maximum((ways * ways).sum(axis=1), 1e-300)
+        for point in points:
+            off = point - begins
+            share = np.clip((off * ways).sum(axis=1) / squares, 0.0, 1.0)
+            away = ((off - share[:, None] * ways) ** 2).sum(axis=1).min()
+            need(away <= SAME_CURVE**2, "the worlds differ: path: another curve")
 
 
 def digest(mesh: dict[str, Any]) -> dict[str, str]:

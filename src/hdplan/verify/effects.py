@@ -104,9 +104,9 @@ def rates_of(world: World, name: str, order: int) -> list[Ball]:
     for k in range(order):
         last = rates[-1]
         if k > 0:
-            before, after = (rate_at(world, end, k) for end in ("start", "goal"))
-            steady = max((last[0, 0] - before).size.max(), (last[-1, -1] - after).size.max()) <= SAME
-            need(steady, f"limits.{name}: the motion begins or ends with a jump")
+            ends = (("start", 0), ("goal", -1))
+            jumps = [(rate_there(world, last, place, k) - rate_at(world, end, k)).size.max() for end, place in ends]
+            need(max(jumps) <= SAME, f"limits.{name}: the motion begins or ends with a jump")
         rates.append(derivative(world, last))
     return rates
 
@@ -126,7 +126,17 @@ def rate_at(world: World, end: str, order: int) -> Ball:
     need(not moved or len(targets) == 1, f"{end}: has a velocity, and leaves a choice")
     if not moved or name not in moved[0]:
         return Ball(np.zeros(world.own))
-    lead = numbers(moved[0][name], (len(world.lead),), f"{end}.{name}")
+    return of_all(world, numbers(moved[0][name], (len(world.lead),), f"{end}.{name}"))
+
+
+def rate_there(world: World, control: Ball, place: int, order: int) -> Ball:
+    """The rates of all joints (n,) at the first row (0) or the last (-1): where the rows have them, these are the
+    curve's, or else they are known by its control points."""
+    return of_all(world, world.given[order][place]) if order < len(world.given) else control[place, place]
+
+
+def of_all(world: World, lead: Any) -> Ball:
+    """Rates of all joints (n,) by those of the leading ones."""
     led = (x.follows or (i, 1.0, 0.0) for i, x in enumerate(world.joints[: world.own]))
     leaders, factors = zip(*((world.lead.index(i), factor) for i, factor, _ in led), strict=True)
     return Ball(lead[list(leaders)]) * np.array(factors)
@@ -134,22 +144,26 @@ def rate_at(world: World, end: str, order: int) -> Ball:
 
 def at_rates(world: World, names: list[str], end: str) -> bool:
     """True if the motion's end has these rates of a target; a motion without times has none, and is to need none."""
-    control, place = world.curve, (0, 0) if end == "start" else (-1, -1)
+    control, place = world.curve, 0 if end == "start" else -1
     for order, name in enumerate(names, 1):
         asked = rate_at(world, end, order)
         need(world.clock is not None or not asked.size.any(), f"{end}.{name}: is not 0, and the motion has no times")
         if world.clock is not None:
             control = derivative(world, control) if control.mid.shape[1] > 1 else control * 0.0
-            if not (control[place] - asked).size.max() <= SAME:
+            if not (rate_there(world, control, place, order) - asked).size.max() <= SAME:
                 return False
     return True
 
 
-def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
-    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion of `count` intervals.
-    Where that is not sure parts are halved, until it is so at the middle of one."""
-    spans = np.arange(float(count))[:, None] + [0, 1]
-    while True:
+def between_rows(control: Ball) -> Any:
+    """The intervals (k, 2) of a motion."""
+    return np.arange(float(len(control.mid)))[:, None] + [0, 1]
+
+
+def everywhere(name: str, of: list[str], spans: Any, beyond: Callable[[Any], Any]) -> None:
+    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion. Where that is not sure
+    parts are halved, until it is so at the middle of one."""
+    while len(spans):
         spans = spans[np.concatenate([beyond(x).any(axis=1) for x in np.array_split(spans, 1 + len(spans) // 5000)])]
         middle = spans.mean(axis=1)[:, None]
         if not len(spans):
@@ -182,7 +196,7 @@ def check_limit(world: World, name: str) -> None:
         reach = up(np.abs(q.slope) + q.rad)
         return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
 
-    everywhere(f"limits.{name}", [f"joint '{x.name}'" for x in world.joints], len(control.mid), outside)
+    everywhere(f"limits.{name}", [f"joint '{x.name}'" for x in world.joints], between_rows(control), outside)
 
 
 def check_torques(world: World) -> None:
@@ -201,17 +215,36 @@ def check_torques(world: World) -> None:
     def beyond(spans: Any) -> Any:
         return ~(torques(world, loads, *(parts_of(each, spans) for each in rates)) <= most)
 
-    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
+    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], between_rows(world.curve), beyond)
 
 
 def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
     """Upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
-    joints, zero = world.joints[: world.own], Line(*np.zeros((3, len(q.mid), 3)))
-    base = zero, zero, zero + still(Ball([0, 0, 9.81]))  # what stands under gravity seems to rise
-    known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
-    frames, moved = [], []  # of each joint: rotation and origin in the frame of the joint before
+    joints = world.joints[: world.own]
+    frames, moved, known = forward(world, q, v, a, 9.81)  # what stands under gravity seems to rise
     force, torque = [], []
-    for j, joint in enumerate(joints):
+    for (mass, first, inertia), (w, dw, acc) in zip(([still(x) for x in each] for each in loads), known, strict=True):
+        force.append(times("...,...i->...i", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
+        spin, turning = (times(MAP, inertia, x) for x in (w, dw))
+        torque.append(wedge(first, acc) + turning + wedge(w, spin))
+    sizes = []
+    for j in reversed(range(len(joints))):
+        sizes.append(times("...i,i->...", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
+        if (parent := joints[j].parent) >= 0:
+            pull, twist = (times(MAP, frames[j], x) for x in (force[j], torque[j]))
+            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
+    return np.stack(sizes[::-1], axis=1)
+
+
+def forward(
+    world: World, q: Line, v: Line, a: Line, rises: float = 0.0
+) -> tuple[list[Line], list[Line], list[tuple[Line, Line, Line]]]:
+    """Of each joint the rotation and the origin in the frame of the joint before, and in its own frame how it turns,
+    how that changes, and how its origin accelerates, if the base `rises` so fast."""
+    zero = Line(*np.zeros((3, len(q.mid), 3)))
+    base = zero, zero, zero + still(Ball([0, 0, rises]))
+    frames, moved, known = [], [], list[tuple[Line, Line, Line]]()
+    for j, joint in enumerate(world.joints[: world.own]):
         frame, origin = turned_line(world, j, q[:, j]), still(world.origins[j])
         ways = (q, world.along[j]), (v, joint.axis), (a, joint.axis)
         shift, rate, change = (times("...,i->...i", x[:, j], still(way)) for x, way in ways)
@@ -227,17 +260,7 @@ def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) ->
         known.append((w, dw, acc))
         frames.append(frame)
         moved.append(origin)
-        mass, first, inertia = (still(x) for x in loads[j])
-        force.append(times("...,...i->...i", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
-        spin, turning = (times(MAP, inertia, x) for x in (w, dw))
-        torque.append(wedge(first, acc) + turning + wedge(w, spin))
-    sizes = []
-    for j in reversed(range(len(joints))):
-        sizes.append(times("...i,i->...", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
-        if (parent := joints[j].parent) >= 0:
-            pull, twist = (times(MAP, frames[j], x) for x in (force[j], torque[j]))
-            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
-    return np.stack(sizes[::-1], axis=1)
+    return frames, moved, known
 
 
 def turned_line(world: World, joint: int, angle: Line) -> Line:
@@ -323,12 +346,16 @@ def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], said:
 
 def check_path(world: World, said: Any, begins: Callable[[], bool]) -> None:
     """Check the path constraints on the whole motion."""
-    for bond in bonds_of_path(world, said, begins):
+    from .follow import check_follow
+
+    for each in (x for x in said if x.get("kind") == "follow"):
+        check_follow(world, each)
+    for bond in bonds_of_path(world, [x for x in said if x.get("kind") != "follow"], begins):
 
         def off(spans: Any, bond: Bond = bond) -> Any:
             return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
 
-        everywhere(bond.what, ["the link"], len(world.control.mid), off)
+        everywhere(bond.what, ["the link"], between_rows(world.control), off)
 
 
 def reached(world: World, end: str) -> bool:

@@ -9,34 +9,26 @@ that stands still meanwhile, as a world compares nothing that does not move with
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from . import scene as scenes
-from .balls import HERE, Ball, Pose, RejectedError, compose, cross, dot, length, named, need, rejecting, stack, unit
+from .balls import Ball, Pose, RejectedError, compose, dot, named, need, rejecting
+from .job_curves import Corner, check_radius, corner_after, following, settled
 from .joints import Joints
 from .motion import SAME, Rows
 from .other_robot import OtherRobot
 from .reading import Reader, Reading
 from .robot import placed
+from .stages import ARM, Stage, stages_of
 from .targets import Targets
-from .text import listing, mapping, values
+from .text import listing, mapping
 
-KINDS = {
-    "move": "",
-    "line": "by to frame link position_tolerance orientation_tolerance",
-    "grip": "joints object link mass",
-    "release": "joints object",
-    "wait": "",
-}
-MOST_STAGES = 1000
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter
-SHORTEST = 1e-6  # [m] of lines
 ROUNDED = 1e-11  # that joints which follow, rounded, may move what they carry; of at most LARGEST
 LARGEST = 100.0
 
@@ -50,23 +42,7 @@ class Part:
     reading: Reading
     arm: bool  # whether it is that of the arm that stands still while fingers move
     holding: tuple[str, tuple[str, ...]] | None  # an object that is taken at its end, and what is to hold it
-    drawn: bool  # along a line, whose path and goal are the checker's own: the proof's may be other boxes around it
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A stage as the scene has it."""
-
-    name: str
-    kind: str
-    said: Any  # of its kind
-    touch: list[tuple[str, str]]
-    beside: dict[str, Any]  # what else it has
-
-    @property
-    def fingers(self) -> bool:
-        """True if fingers move in it."""
-        return self.kind in ("grip", "release") and bool(self.said.get("joints"))
+    drawn: bool  # along a curve, which is the checker's own: the proof's may have other chords
 
 
 def read_job(scene: Path, motion: Path, told: list[Any], robot: str | None = None) -> list[Part]:
@@ -77,35 +53,6 @@ def read_job(scene: Path, motion: Path, told: list[Any], robot: str | None = Non
         count = sum(1 + stage.fingers for stage in stages)
         need(len(told) == count, f"the job has {count} worlds to be proven free, the proof has {len(told)}")
         return [*Job(reader, stages).parts()]
-
-
-def stages_of(top: dict[str, Any]) -> list[Stage]:
-    """The stages of a scene's job, each of one kind that is known."""
-    entries = listing(top.get("job"), "job")
-    need(0 < len(entries) <= MOST_STAGES, f"job: 1 to {MOST_STAGES} stages are expected")
-    found = [stage_of(entry, i) for i, entry in enumerate(entries)]
-    need(len({x.name for x in found}) == len(found), "job: two stages of one name")
-    return found
-
-
-def stage_of(entry: Any, number: int) -> Stage:
-    """A stage."""
-    what = f"job[{number}]"
-    keys = mapping(entry, what, f"{' '.join(KINDS)} name touch limits speed path")
-    kinds = [x for x in KINDS if x in keys]
-    need(len(kinds) == 1, f"{what}: one of {', '.join(KINDS)} is expected")
-    (kind,) = kinds
-    said = keys.pop(kind)
-    said = mapping(said, f"{what}.{kind}", KINDS[kind]) if KINDS[kind] else said
-    need("path" not in keys or kind == "move", f"{what}.path: goes with 'move' alone")
-    name = scenes.word(keys.pop("name", f"{kind} {number}"), what)
-    pairs = dict[tuple[str, str], None]()
-    for pair in listing(keys.pop("touch", None), f"{what}.touch"):
-        need(type(pair) is list and len(pair) == 2, f"{what}.touch: pairs are expected")
-        one, others = pair[0], pair[1] if type(pair[1]) is list else [pair[1]]
-        need(one not in others, f"{what}.touch: '{one}' touches itself")
-        pairs |= {(scenes.word(one, what), scenes.word(x, what)): None for x in others}
-    return Stage(name, kind, said, [*pairs], keys)
 
 
 def widened(pose: Pose) -> Pose:
@@ -155,6 +102,8 @@ class Job:
                 need("motion" not in entry, f"obstacle '{name}': moves, which goes with no job")
                 into[name] = {**entry, "name": name}
         self.at_first = dict(self.standing)
+        self.rates = dict[str, list[float]]()  # of the arm, where it does not rest
+        self.corner: Corner | None = None  # of the stage before, if that is blended into this one
         self.marks = self.marks_of(rows)
 
     @property
@@ -164,10 +113,13 @@ class Job:
 
     def marks_of(self, rows: Rows) -> list[int]:
         """The rows at which the stages begin, and the last row."""
-        marks = [mapping(x, "stages", "name row") for x in listing(rows.stages, f"{rows.path}: stages")]
+        marks = [mapping(x, "stages", "name row outputs") for x in listing(rows.stages, f"{rows.path}: stages")]
         for i, stage in enumerate(self.stages):
             there = marks[i].get("name") if i < len(marks) else None
             need(there == stage.name, f"the motion's stage {i} is {there!r}, the job's is '{stage.name}'")
+            sets = stage.said if stage.kind == "set" else {}
+            same = json.dumps(marks[i].get("outputs", {}), sort_keys=True) == json.dumps(sets, sort_keys=True)
+            need(same, f"stage '{stage.name}': the motion sets other outputs than the job")
         need(len(marks) == len(self.stages), "the motion has more stages than the job")
         found: list[Any] = [*(x.get("row") for x in marks), len(rows.given[0]) - 1]
         good = all(type(x) is int for x in found) and found[0] == 0
@@ -179,15 +131,17 @@ class Job:
         for number, stage in enumerate(self.stages):
             rows = self.rows.between(self.marks[number], self.marks[number + 1])
             with within(stage):
-                found = [*self.worlds(stage, rows)]
-                self.advance(stage, rows)
+                if self.corner is not None and stage.curve:
+                    self.corner = settled(self, self.corner, rows)
+                found = [*self.worlds(number, rows)]
+                self.advance(number, rows)
             yield from found
 
     # --- worlds -------------------------------------------------------------------------------------------------------
 
-    def worlds(self, stage: Stage, rows: Rows) -> Iterator[Part]:
+    def worlds(self, number: int, rows: Rows) -> Iterator[Part]:
         """The worlds of a stage."""
-        top, still = self.reader.top, self.arm_at
+        stage, top, still = self.stages[number], self.reader.top, self.arm_at
         limits = stage.beside.get("limits", top.get("limits", {}))
         if stage.fingers:
             mine = stage.beside["limits"] if "limits" in stage.beside else of_fingers(limits)
@@ -196,7 +150,7 @@ class Job:
             rested = rows.still([*self.arm], [*self.arm.values()])
             yield self.part(stage, rested, limits=only, robot=self.bare, start=still, goal=still, arm=True)
             return
-        if stage.kind not in ("move", "line"):
+        if stage.kind not in ARM:
             need(not rows.moves(), "the robot moves where it is to stand still")
         if stage.kind == "wait":
             asked = scenes.one(stage.said, "wait")
@@ -206,8 +160,13 @@ class Job:
             rates = {"velocity", "acceleration"} & {*stage.said}
             need(not rates, "move.velocity: with a job, whose stages end at rest")
             aim = {"goal": stage.said, "path": stage.beside.get("path", {})}
-        elif stage.kind == "line":
-            aim = self.line(stage.said)
+        elif stage.curve:
+            aim = following(self, number)
+        if stage.blend:
+            passed = {x: rows.last(x) for x in self.arm}
+            if stage.kind == "move":
+                check_radius(self, number, passed)
+            aim["goal"] = {"joints": [*passed.values()], **self.passing(rows)}
         yield self.part(stage, rows, limits=limits, robot=self.bare, start=still, **aim)
 
     def part(self, stage: Stage, rows: Rows, *, limits: Any, arm: bool = False, **sections: Any) -> Part:
@@ -229,11 +188,12 @@ class Job:
         reader = self.reader.of(own, rows)
         world = reader.world()
         touch = ", ".join("-".join(map(named, pair)) for pair in stage.touch) or "nothing"
-        about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}"
+        into = f"; goes over into the next within {stage.blend:g} m" if stage.blend else ""
+        about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}{into}"
         name = f"stage {named(stage.name)}{', the arm that stands still' * arm}"
         read = Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
         holding = None if arm or stage.kind != "grip" or "object" not in stage.said else self.holding(stage)
-        return Part(name, about, read, arm, holding, stage.kind == "line")
+        return Part(name, about, read, arm, holding, stage.curve)
 
     @property
     def bare(self) -> dict[str, Any]:
@@ -242,26 +202,33 @@ class Job:
 
     @property
     def arm_at(self) -> dict[str, Any]:
-        """The arm's values, as a start or goal."""
-        return {"joints": [*self.arm.values()]}
+        """The arm's values, as a start or goal, and its rates, where it does not rest."""
+        return {"joints": [*self.arm.values()], **self.rates}
+
+    def passing(self, rows: Rows) -> dict[str, list[float]]:
+        """The arm's rates at the last row, by as many as the motion has."""
+        need(len(rows.given) > 1, "is to go over into the next stage, and the motion has no velocities")
+        columns = [rows.names.index(x) for x in self.arm]
+        found = (rows.given[1:][k][-1, columns].tolist() for k in range(len(rows.given) - 1))
+        return dict(zip(("velocity", "acceleration"), found, strict=False))
 
     def joints(self) -> Joints:
         """The joints where the arm moves."""
         return Joints(self.bare, self.arm_at, self.reader.joints.tree, self.reader.joints.semantics)
 
-    def everywhere(self, joints: Joints) -> dict[str, float]:
-        """The values of all joints."""
-        found = {**joints.held, **self.arm}
+    def everywhere(self, joints: Joints, arm: dict[str, float] | None = None) -> dict[str, float]:
+        """The values of all joints, of the arm's as it is or as given."""
+        found = {**joints.held, **(arm or self.arm)}
         for name, (leader, factor, add) in joints.rules.items():
             found[name] = factor * found[leader] + add
             need(abs(found[name]) <= LARGEST, f"joint '{name}': follows to beyond {LARGEST:g}")
         return found
 
-    def links(self) -> dict[str, Pose]:
-        """Placements of all links."""
+    def links(self, arm: dict[str, float] | None = None) -> dict[str, Pose]:
+        """Placements of all links, with the arm as it is or as given."""
         joints = self.joints()
         base = scenes.pose_of(self.spec.get("base"), "robot.base")
-        at, _ = placed(joints.tree, base, {}, self.everywhere(joints))
+        at, _ = placed(joints.tree, base, {}, self.everywhere(joints, arm))
         return {link: widened(pose) for link, (_, pose) in at.items()}
 
     def of_fingers(self, stage: Stage) -> dict[str, Any]:
@@ -279,43 +246,6 @@ class Job:
         start = {"joints": {x: joints.held[x] for x in group}}
         robot = {**self.spec, "group": group, "locked": locked}
         return {"robot": robot, "start": start, "goal": {"joints": asked}}
-
-    def line(self, said: dict[str, Any]) -> dict[str, Any]:
-        """The sections of a straight line: the link's origin is in a box around it that is larger by 1/sqrt(3) of the
-        tolerance on every side, so that no point of the box is farther from the line than the tolerance."""
-        joints, places = self.joints(), self.links()
-        link = said["link"] if "link" in said else Targets(joints, False).end_effector()
-        need(link in places and joints.at[link][0] >= 0, f"line.link: '{link}' is no link that moves")
-        turn, begins = places[link]
-        need(("by" in said) != ("to" in said) and ("by" in said or "frame" not in said), "line: either by or to")
-        if "to" in said:
-            way = Ball(values(said["to"], 3, "line.to")) - begins
-        else:
-            frame = said.get("frame", "world")
-            where = {**{x: self.place(x, places)[0] for x in self.things}, "world": HERE[0], "tool": turn}
-            need(frame in where, f"line.frame: unknown '{frame}'")
-            way = dot("ij,j->i", where[frame], values(said["by"], 3, "line.by"))
-        off = scenes.one(said.get("position_tolerance", 1e-3), "line.position_tolerance")
-        angle = scenes.one(said.get("orientation_tolerance", 1e-2), "line.orientation_tolerance")
-        need(0 < off <= 0.1 and 0 < angle <= 1, "line: a tolerance")
-        ends, middle = begins + way, begins + way * 0.5
-        long = float(length(way).mid)
-        need(long > SHORTEST, "line: has no length")
-        along = unit(way)
-        side = unit(cross(along, Ball(np.eye(3)[int(np.abs(along.mid).argmin())])))
-        third = cross(along, side)
-        axes = stack([along, side, third], 1)
-        slack = off / 3**0.5
-        box = {"size": [long + 2 * slack, 2 * slack, 2 * slack], **scenes.frame((axes, middle))}
-        within_ = {"position_tolerance": 0.5 * long + slack, "orientation_tolerance": angle}
-        root = joints.tree.root
-        place = scenes.frame(back(places[root], (turn, middle)))
-        path = (
-            {"kind": "position", "link": link, "point": [0.0] * 3, **box},
-            {"kind": "relative", "link": link, "to": root, "frame": place, **within_},
-        )
-        aim = {"link": link, **scenes.frame((turn, ends)), "position_tolerance": off, "orientation_tolerance": angle}
-        return {"goal": ({**aim, "free": "none"},), "path": path}
 
     def touching(self, stage: Stage) -> tuple[list[Any], list[Any]]:
         """Obstacles and held objects in a stage: an obstacle that something may touch is held by a link that stands
@@ -343,11 +273,14 @@ class Job:
 
     # --- what stages leave --------------------------------------------------------------------------------------------
 
-    def advance(self, stage: Stage, rows: Rows) -> None:
+    def advance(self, number: int, rows: Rows) -> None:
         """Go to what there is after a stage."""
-        if stage.kind in ("move", "line"):
+        stage = self.stages[number]
+        if stage.kind in ARM:
+            self.corner = corner_after(self, number) if stage.blend else None
+            self.rates = self.passing(rows) if stage.blend else {}
             self.arm = {x: rows.last(x) for x in self.arm}
-        elif stage.kind != "wait":
+        elif stage.kind in ("grip", "release"):
             if stage.fingers:
                 said = self.of_fingers(stage)
                 joints = Joints(said["robot"], said["start"], self.reader.joints.tree, self.reader.joints.semantics)

@@ -122,6 +122,13 @@ def picked(values: Any, *rows: Any) -> Any:
     return np.ascontiguousarray(values.reshape(-1, *values.shape[len(rows) :]).T).take(at, axis=-1).T
 
 
+def farthest(gap: Ball, change: Ball, rests: Any) -> Any:
+    """Upper bounds (k,) of the length of gap + s change + r as one vector, -1 <= s <= 1, of points (k, m, 3) or numbers
+    (k, m), each of whose r is within `rests` (k,)."""
+    ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
+    return above(np.maximum(*ends), up(np.sqrt(gap.mid.shape[1]) * rests))
+
+
 class Motion:
     """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
 
@@ -185,30 +192,28 @@ class Motion:
         before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
         return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
 
+    def moved(self, joint: int, local: Ball, turns: bool, moves: Any) -> tuple[Ball, Ball, Any]:
+        """Return points (m, 3) of a joint's frame, or directions (`turns`), as far as some joints move them: x and
+        W x x + V (k, m, 3), or W x x, and R (k,) of each."""
+        step = self.step * moves
+        at = dot("kij,mj->kmi", self.turn[:, joint], local)
+        at = at if turns else at + self.at[:, joint, None]
+        twist = dot("kn,kni->ki", step, self.screw)[:, None]
+        spin, slide = cross(twist[..., :3], at), twist[..., 3:]
+        own = self.world.carried[[joint] * len(local.mid)]
+        reach = self.world.turning[None] if turns else self.reaches(at, 0.0, own).max(axis=1)
+        return at, spin if turns else spin + slide, self.rest(step, reach * moves, self.off)
+
     def apart(self, bond: Bond) -> Any:
         """Return upper bounds (k,) of how far a bond's points are from where they are to be, as one vector's length:
         that is convex in s, so greatest at s = -1 or 1. What carries both ends changes no length."""
-        carried, joints = self.world.carried[[bond.joint, bond.other]], (bond.joint, bond.other)
-        x, rate, rests = [], [], 0.0
-        for joint, local, moves in zip(joints, (bond.local, bond.target), carried & ~carried[::-1], strict=True):
-            step = self.step * moves
-            at = dot("kij,mj->kmi", self.turn[:, joint], local)
-            at = at if bond.turns else at + self.at[:, joint, None]
-            twist = dot("kn,kni->ki", step, self.screw)[:, None]
-            spin, slide = cross(twist[..., :3], at), twist[..., 3:]
-            reach = (
-                self.world.turning[None]
-                if bond.turns
-                else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
-            )
-            x.append(at)
-            rate.append(spin if bond.turns else spin + slide)
-            rests = rests + self.rest(step, reach * moves, self.off)
-        gap, change = x[0] - x[1], rate[0] - rate[1]
+        carried = self.world.carried[[bond.joint, bond.other]]
+        sides = zip((bond.joint, bond.other), (bond.local, bond.target), carried & ~carried[::-1], strict=True)
+        (one, rate, rest), (other, way, more) = (self.moved(x, y, bond.turns, moves) for x, y, moves in sides)
+        gap, change = one - other, rate - way
         if bond.along is not None:
             gap, change = (dot("kmi,i->km", each, bond.along) for each in (gap, change))
-        ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
-        return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
+        return farthest(gap, change, rest + more)
 
     def outside(self, mesh: tuple[Ball, Any], joint: int, pieces: list[Piece], way: Any) -> bool:
         """True if a ray shows that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a

@@ -59,10 +59,14 @@ class Rows:
         at, *rates = self.given
         return bool((at != at[0]).any() or any(x.any() for x in rates))
 
+    def at(self, name: str, row: int) -> float:
+        """The value of a joint at a row."""
+        need(name in self.names, f"{self.path}: has no column of joint '{name}'")
+        return float(self.given[0][row, self.names.index(name)])
+
     def last(self, name: str) -> float:
         """The value of a joint at the last row."""
-        need(name in self.names, f"{self.path}: has no column of joint '{name}'")
-        return float(self.given[0][-1, self.names.index(name)])
+        return self.at(name, -1)
 
     @staticmethod
     def _json(path: Path, data: bytes) -> dict[str, Any]:

@@ -44,6 +44,7 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
             more = own if key == "clearance" else ""
             lines.append(f"  links and held objects are at least {millimetres(head[key])} {what}{more}")
     lines += [f"  also proven: {', '.join(claims)}"] * bool(claims)
+    lines += curves(world) if "path" in claims else []
     for reason in dict.fromkeys(world.left_out.values()):
         pairs = sorted({"-".join(map(named, sorted(x))) for x, why in world.left_out.items() if why == reason})
         lines.append(f"  not compared, {reason}: {', '.join(pairs)}")
@@ -65,6 +66,21 @@ def in_words(world: World, head: dict[str, Any]) -> tuple[str, bool]:
     lines += [f"  held: {', '.join(held)}"] * bool(world.held)
     assumed = ["  if:", *(f"    {line}" for line in ASSUMES.splitlines())]
     return "\n".join([*map(shown, lines), *assumed]), not missing
+
+
+def curves(world: World) -> list[str]:
+    """The statement on curves that are followed."""
+    found = []
+    for x in (x for x in world.path if x["kind"] == "follow"):
+        within = f"{millimetres(x['position_tolerance'])} and {digits(x['orientation_tolerance'])} rad"
+        free = "" if x["free"] == "none" else f", free about {x['free']}"
+        radii = ((x["begin_tolerance"], "beginning"), (x["end_tolerance"], "end"))
+        but = "".join(f", but within {millimetres(r)} of its {end}" for r, end in radii if r is not None)
+        rates = ((x["speed"], "m/s"), (x["acceleration"], "m/s^2"))
+        most = "".join(f", at most {digits(y)} {unit}" for y, unit in rates if y is not None)
+        poses = f"{len(x['poses'])} poses"
+        found.append(f"  {named(x['link'])} follows its curve of {poses} within {within}{free}{but}{most}")
+    return found
 
 
 def unknown(world: World) -> list[str]:

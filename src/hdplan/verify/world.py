@@ -313,7 +313,7 @@ class World:
         times, *rows = keys_of(said, "motion", f"rule times {' '.join(names)}")[1:]
         lead = [i for i, x in enumerate(self.joints) if x.follows is None]
         given = [numbers(x, (-1, len(lead)), f"motion.{name}") for x, name in zip(rows, names, strict=True)]
-        count, self.rows, self.lead = len(given[0]), given[0], lead
+        count, self.rows, self.lead, self.given = len(given[0]), given[0], lead, given
         good = count >= 2 and 1 <= len(lead) <= 60 and all(len(x) == count for x in given)
         need(good and (times or rule == "linear"), "motion: too few rows, or too many joints, or rates without times")
         self.times: Any = None

@@ -14,12 +14,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hdplan
-from hdplan.planner.job.proof import prove_job
+from hdplan.planner.job.proof import prove_certified
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import StageMark
 from hdplan.scenes.errors import InputError
 from hdplan.verify.balls import RejectedError
-from hdplan.verify.job import stages_of
+from hdplan.verify.checking import check_job
 
 TOOL, FAR, ANGLE = "panda_link8", 1e-5, 1e-4
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0)
@@ -293,10 +293,14 @@ def test_blends_are_written_and_read_again(tmp_path: Path, planned: JobResult) -
     assert hdplan.certify_job(again, hdplan.Trajectory.load(tmp_path / "job.json")).certified
 
 
-def test_proof_and_checker_refuse_blends_by_name(tmp_path: Path, planned: JobResult) -> None:
+def test_a_blend_by_laws_of_the_tool_has_a_proof(tmp_path: Path, planned: JobResult) -> None:
+    """The checker's own definition is that of Pilz, too: what it accepts is within a hundredth of a millimetre."""
     planned.scene.save(tmp_path / "scene.yaml")
     planned.save(tmp_path / "job.json")
-    with pytest.raises(InputError, match=r"job\[0\] \(line\): blend: no proof"):
-        prove_job(tmp_path / "scene.yaml", tmp_path / "job.json")
-    with pytest.raises(RejectedError, match=r"does not know .blend. there"):
-        stages_of({"job": [{"line": {"by": [0, 0, 0.1]}, "blend": 0.05}, {"line": {"by": [0, 0, 0.1]}}]})
+    proof = prove_certified(planned.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    assert proof.text.startswith("accepted: a job of 2 stages")
+    assert "rad, at most 0.3 m/s, at most 1.5 m/s^2" in proof.text
+    other = tmp_path / "other.yaml"
+    other.write_text((tmp_path / "scene.yaml").read_text(encoding="utf-8").replace("0.8", "0.7"), encoding="utf-8")
+    with pytest.raises(RejectedError):
+        check_job(other, tmp_path / "job.json", proof.data)

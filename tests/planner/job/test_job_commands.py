@@ -48,7 +48,6 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
     for line in (
         "follow job.yaml motion.json",
         "simulate job.yaml motion.json",
-        "plot job.yaml motion.json -o sheet.png",
         "explain job.yaml",
         "codegen job.yaml -o folder",
     ):
@@ -61,11 +60,29 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
     assert (code, "whose places are drawn: give --jitter" in err) == (2, True)
     code, _, err = command("sample job.yaml -o table.csv --jitter 0.01")
     assert (code, "grips nothing" in err) == (2, True)
-    for option in ("--diagnose", "--plot sheet.png", "--proof a.proof", "--solver ipopt"):
+    for option in ("--diagnose", "--solver ipopt"):
         code, _, err = command(f"plan job.yaml -o other.json {option}")
         assert code == 2, option
         assert "is about a single motion" in err
+    code, _, err = command("plan job.yaml -o other.csv --proof a.proof")
+    assert (code, "--proof: of a job is about the motion's JSON file" in err) == (2, True)
     assert not Path("other.json").exists()
+    assert not Path("other.csv").exists()
+
+
+def test_plan_writes_proof_and_sheet(command: object) -> None:
+    """As of a single motion: the proof is that of the files, the sheet a picture of the stages."""
+    assert callable(command)
+    Path("job.yaml").write_text(SCENE, encoding="utf-8")
+    code, out, _ = command("plan job.yaml -o motion.json --proof job.proof --plot sheet.svg")
+    assert code == 0
+    assert all(name in out for name in ("motion.json", "job.proof", "sheet.svg"))
+    assert "<svg" in Path("sheet.svg").read_text(encoding="utf-8")
+    code, out, _ = command("verify job.yaml motion.json job.proof")
+    assert (code, out.startswith("accepted: a job of")) == (0, True)
+    code, out, _ = command("plot job.yaml motion.json -o again.svg")
+    assert (code, out.startswith("certified: all 2 stages")) == (0, True)
+    assert Path("again.svg").exists()
 
 
 def test_a_stage_that_fails_keeps_what_was_planned(command: object) -> None:

@@ -329,9 +329,9 @@ def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, b
     path, motion, data = files
     written = path.read_text(encoding="utf-8")
     for old, new, words in (
-        ('"wait": 0.1', '"circle": 0.1', "does not know 'circle' there"),
-        ('"wait": 0.1', '"wait": 0.1, "blend": 0.01', "does not know 'blend' there"),
-        ('"by": ', '"turn": 1, "by": ', "does not know 'turn' there"),
+        ('"wait": 0.1', '"spiral": 0.1', "does not know 'spiral' there"),
+        ('"wait": 0.1', '"wait": 0.1, "blend": 0.01', "blend: goes with move, line, circle, along"),
+        ('"by": ', '"spin": 1, "by": ', "does not know 'spin' there"),
     ):
         assert old in written
         other = tmp_path / "other.yaml"
