@@ -15,6 +15,7 @@ from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.exports import Exports
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.jogging import Jogging
 from hdplan.planner.view.keys import Keys
@@ -69,6 +70,7 @@ class Panel:
             self.obstacles = ObstacleFields(viewer, self.editing)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
+            self.exports = Exports(viewer, self.saving)
         with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
             self.planning.build()
             self.settings = Settings(viewer, self.editing)
@@ -102,6 +104,7 @@ class Panel:
         self.editing.end()
         self.live.end()
         self.planning.end()
+        self.exports.end()
         self.layers.plane.end()
         self.player.end()
 

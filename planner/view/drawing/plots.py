@@ -7,36 +7,22 @@ other series have their true values there.
 from __future__ import annotations
 
 import html
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import viser
 
-from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
+from hdplan.planner.view.drawing.colors import CONTACT, LINES, LINKS, SHARES, START, hex_of
 from hdplan.planner.view.drawing.motion import ShownMotion, shortened
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.limits import QUANTITIES
 
 Rows = tuple[Array, ...]
 
 HEIGHT = 165  # [px]
-LINES: tuple[Color, ...] = (  # Okabe & Ito
-    (0, 114, 178),
-    (213, 94, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (230, 159, 0),
-    (86, 180, 233),
-    (128, 128, 128),
-)
 BAR: Color = (128, 128, 128)
 LIMIT: Color = (215, 48, 39)  # of what is required or allowed
-SHADES: tuple[Color, ...] = ((0, 114, 178), (0, 158, 115), (230, 159, 0), (204, 121, 167), (86, 180, 233))
-SHARES: dict[str, Color] = dict(zip(QUANTITIES, itertools.cycle(SHADES), strict=False))
-"""By quantity: the greatest of all joints."""
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 
 
