@@ -30,7 +30,7 @@ from hdplan.scenes.shapes import own_fields
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.writer import scene_text
 
-MOTION, PROOF, PAGE, NOTE = "motion.json", "motion.proof", "page.html", "README.txt"
+MOTION, PROOF, PAGE, NOTE, MESHES = "motion.json", "motion.proof", "page.html", "README.txt", "meshes"
 WHEN = (1980, 1, 1, 0, 0, 0)  # of every file, so that the same content is the same archive
 WORDS = """{title}
 {verdict}
@@ -74,7 +74,7 @@ def archive(scene: Scene, trajectory: Trajectory, save: Save | None = None) -> A
 def _packed(folder: Path, scene: Scene, trajectory: Trajectory, save: Save | None) -> Archive:
     name = re.sub(r"[^\w.-]", "_", scene.name).lstrip(".") or "scene"
     files = folder / f"{name}.yaml", folder / MOTION
-    files[0].write_text(scene_text(_beside(scene, folder, files[0].name)).replace(f"{folder}/", ""), encoding="utf-8")
+    files[0].write_text(scene_text(_beside(scene, folder / MESHES)).replace(f"{folder}/", ""), encoding="utf-8")
     setup = Setup.of(load_scene(files[0]))
     certificate = Certifier(setup).certify(trajectory)
     if save is None:
@@ -89,27 +89,30 @@ def _packed(folder: Path, scene: Scene, trajectory: Trajectory, save: Save | Non
     page = page_of(setup, [motion], proof=planes)
     (folder / PAGE).write_text(page.html, encoding="utf-8")
     names = {"page": PAGE, "scene": files[0].name, "motion": MOTION, "proof": PROOF}
-    (folder / NOTE).write_text(
-        WORDS.format(title=page.title, verdict=proof.certificate.text, **names), encoding="utf-8"
-    )
+    note = WORDS.format(title=page.title, verdict=proof.certificate.text, **names)
+    if scene.robot.urdf is not None:
+        note += OWN_ROBOT.format(urdf=scene.robot.urdf)
+    (folder / NOTE).write_text(note, encoding="utf-8")
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
-        for file in sorted(folder.iterdir()):
-            entry = zipfile.ZipInfo(f"{name}/{file.name}", WHEN)
+        for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+            entry = zipfile.ZipInfo(f"{name}/{file.relative_to(folder).as_posix()}", WHEN)
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             made.writestr(entry, file.read_bytes())
     return Archive(packed.getvalue(), proof.certificate.text)
 
 
-def _beside(scene: Scene, folder: Path, own: str) -> Scene:
-    """Return a scene whose obstacles' and held objects' files lie in a folder, each under a name of its own."""
+def _beside(scene: Scene, folder: Path) -> Scene:
+    """Return a scene whose obstacles' and held objects' files lie in a new folder, each under a name of its own: proofs
+    name meshes with the folder in which they are, and the archive's own may be called anything."""
     copies: dict[Path, Path] = {}
 
     def copied(file: Path) -> Path:
         if file not in copies:
-            taken = {path.name for path in copies.values()} | {own, MOTION, PROOF, PAGE, NOTE}
-            names = (file.name, *(f"{file.stem}_{number}{file.suffix}" for number in range(2, len(copies) + 4)))
+            taken = {path.name for path in copies.values()}
+            names = (file.name, *(f"{file.stem}_{number}{file.suffix}" for number in range(2, len(copies) + 3)))
             copies[file] = folder / next(name for name in names if name not in taken)
+            folder.mkdir(exist_ok=True)
             shutil.copyfile(file, copies[file])
         return copies[file]
 

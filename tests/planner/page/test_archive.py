@@ -48,15 +48,10 @@ def test_an_archive_is_proven_where_it_is_unpacked(result: PlanResult, tmp_path:
     made = archive(whole, result.trajectory)
     other.unlink()
     folder = unpacked(made.data, tmp_path / "there")
-    names = {path.name for path in folder.iterdir()}
-    assert names == {
-        "README.txt",
-        "page.html",
-        "motion.json",
-        "motion.proof",
-        "planar_arm.yaml",
-        "hook.obj",
-        "hook_2.obj",
+    folder = folder.rename(tmp_path / "renamed")
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
+    assert names == {"README.txt", "page.html", "motion.json", "motion.proof"} | {
+        *("planar_arm.yaml", "meshes/hook.obj", "meshes/hook_2.obj")
     }
     files = folder / "planar_arm.yaml", folder / "motion.json"
     assert str(tmp_path) not in files[0].read_text()
