@@ -79,7 +79,7 @@ def _merged(skin: Skin, cell: float) -> Skin:
     _, first = np.unique(np.sort(corners[whole], axis=1), axis=0, return_index=True)
     kept = corners[whole][np.sort(first)]
     used, renamed = np.unique(kept, return_inverse=True)
-    return replace(skin, vertices=means[used], triangles=renamed.reshape(-1, 3))
+    return replace(skin, vertices=means[used].astype(np.float32), triangles=renamed.reshape(-1, 3).astype(np.uint32))
 
 
 def _normals(points: Array, triangles: NDArray[Any]) -> Array:

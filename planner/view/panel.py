@@ -27,6 +27,7 @@ from hdplan.planner.view.opening import Opening
 from hdplan.planner.view.page_script import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
+from hdplan.planner.view.reported import Report
 from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
@@ -142,10 +143,13 @@ class Panel:
         self.planning.outdate()
         self.editing.say("")
 
-    def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
-        """Say what holds at a moment: of a robot at `q` (n,)."""
+    def follow(
+        self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None], report: Report | None = None
+    ) -> None:
+        """Say what holds at a moment, or in a `report`, of a robot at `q` (n,)."""
         robot = self._viewer.robot
-        self._clearance.content = clearance_words(self.player.timeline.words(now), pairs)
+        whose = "" if report is None else f'<div class="hd">{report.words}:</div>'
+        self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper)
         if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
             self._plots.follow(now)
