@@ -92,6 +92,7 @@ def plan(
     plot: given.Sheet = None,
     proof: given.ProofToWrite = None,
     diagnose: given.Diagnose = False,
+    view: given.Watched = False,
     as_json: given.AsJson = False,
     quiet: given.Quiet = False,
 ) -> None:
@@ -104,25 +105,28 @@ def plan(
 
     Of a scene with a job, all stages are planned, one after the other; exit code 1 if one of them cannot be done.
 
-    Ctrl-C stops with the best motion found so far.
+    Ctrl-C stops with the best motion found so far. With --view browsers see the optimizer at work, at the address that
+    is written to standard error; files are written when the motion is found, and Ctrl-C ends the server.
     """
-    from hdplan.planner.commands.plan import run_plan
+    from hdplan.planner.commands.plan import run_plan, serving
 
-    code = run_plan(
-        scene,
-        request,
-        given.robot_with(robot, xacro_arg),
-        output=output,
-        plot=plot,
-        proof=proof,
-        diagnosed=diagnose,
-        solver=solver,
-        distance=distance,
-        seed=seed,
-        time_limit=time_limit,
-        as_json=as_json,
-        quiet=quiet,
-    )
+    with serving(view) as served:
+        code = run_plan(
+            scene,
+            request,
+            given.robot_with(robot, xacro_arg),
+            output=output,
+            plot=plot,
+            proof=proof,
+            diagnosed=diagnose,
+            solver=solver,
+            distance=distance,
+            seed=seed,
+            time_limit=time_limit,
+            as_json=as_json,
+            quiet=quiet,
+            served=served,
+        )
     raise typer.Exit(code)
 
 

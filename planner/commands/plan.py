@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +18,9 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
-from hdplan.planner.terminal.console import printing, progress, waiting
+from hdplan.planner.terminal.console import printing, progress, say, waiting
+from hdplan.planner.terminal.interrupts import until_ctrl_c
+from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
@@ -27,7 +33,10 @@ from hdplan.scenes.yaml_format.reader import load_scene
 if TYPE_CHECKING:
     from hdplan.planner.diagnosis import Diagnosis
     from hdplan.planner.result import PlanResult
+    from hdplan.planner.search.search import Event
     from hdplan.scenes.scene import Scene
+
+    Run = Callable[[Callable[[Event], None], Callable[[], bool]], PlanResult]
 
 
 def run_plan(
@@ -45,12 +54,18 @@ def run_plan(
     time_limit: float | None,
     as_json: bool,
     quiet: bool,
+    served: contextlib.ExitStack | None = None,
 ) -> int:
     """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH seconds.
+    Browsers see it that are `served`.
 
     Returns the exit code: 0 if the motion is certified, else 1.
     """
     solver_named(solver)
+    if served is not None:
+        from hdplan.planner.view.front import check_installed
+
+        check_installed()
     if distance is not None:
         checked(Choice(DISTANCES), distance, "distance")
     if output is not None:
@@ -76,7 +91,13 @@ def run_plan(
             if problem.job is not None:
                 from hdplan.planner.commands.job import Written, refuse_options, run_plan_job
 
-                refuse_options({"--diagnose": diagnosed, "--solver": "" if solver == "gauss_newton" else solver})
+                refuse_options(
+                    {
+                        "--diagnose": diagnosed,
+                        "--solver": "" if solver == "gauss_newton" else solver,
+                        "--view": served,
+                    }
+                )
                 named = None if isinstance(robot, RobotSpec) else robot
                 to_write = Written(scene, named, output, plot, proof)
                 return run_plan_job(
@@ -85,8 +106,24 @@ def run_plan(
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
                 check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
+            follow = _alone if served is None else _in_browsers(problem, served)
             with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
-                result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
+
+                def run(seen: Callable[[Event], None], stopped: Callable[[], bool]) -> PlanResult:
+                    def both(event: Event) -> None:
+                        report(event)
+                        seen(event)
+
+                    return plan(
+                        problem,
+                        solver=solver,
+                        seed=seed,
+                        time_limit=longest,
+                        report=both,
+                        stop=lambda: stop() or stopped(),
+                    )
+
+                result = follow(run)
     except HdplanError as error:
         if not diagnosed or problem is None:
             raise
@@ -119,6 +156,34 @@ def run_plan(
                 rows = result_rows(result, [str(file) for file in files if file is not None])
                 show(table([*rows, *([("cause", CAUSES[found.cause]), ("helps", found.advice)] if found else [])]))
     return 0 if proven else 1
+
+
+@contextlib.contextmanager
+def serving(wanted: bool) -> Iterator[contextlib.ExitStack | None]:
+    """Yield what browsers are served in, until Ctrl-C once the block has ended; None if it is not wanted."""
+    if not wanted:
+        yield None
+        return
+    with contextlib.ExitStack() as served:
+        yield served
+        sys.stdout.flush()
+        with until_ctrl_c():
+            threading.Event().wait()
+
+
+def _alone(run: Run) -> PlanResult:
+    """Make a plan that nobody sees."""
+    return run(lambda event: None, lambda: False)
+
+
+def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], PlanResult]:
+    """Serve a scene, say where, and return what makes a plan that browsers see."""
+    from hdplan.planner.view.server import open_viewer
+
+    with waiting("loading the robot's meshes"):
+        viewer = served.enter_context(contextlib.closing(open_viewer(scene, complain=complain)))
+    say(f"{scene.name} at {viewer.address()}, until Ctrl-C", "bold")
+    return lambda run: viewer.panel.planning.follow(scene, run)
 
 
 def _diagnosis(scene: Scene, failure: PlanResult | HdplanError, told: dict[str, Any]) -> Diagnosis:

@@ -70,7 +70,13 @@ def run_view(
         viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, share=share, complain=complain)
     if read is not None:
         viewer.show_proof(read)
-    with contextlib.closing(viewer), until_ctrl_c(), printing() as show:
+    files = [find_scene(scene), *([] if request is None else [request])]
+    watch = viewer.panel.opening.follow(
+        lambda: load_scene(scene, request=request, robot=robot),
+        files,
+        [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
+    )
+    with contextlib.closing(viewer), contextlib.closing(watch), until_ctrl_c(), printing() as show:
         taken = f" (port {port} is taken)" if viewer.port != port else ""
         show(f"{problem.name} at {viewer.address()}{taken}, until Ctrl-C")
         if share:

@@ -50,8 +50,9 @@ function curves(context, width, height, { title, unit, when, series, levels, now
   context.font = "11px system-ui, sans-serif"; context.fillStyle = ink(); context.textBaseline = "middle";
   context.textAlign = "left"; context.fillText(title, left, 8);
   let right_ = width - right;
-  for (const s of [...series].reverse()) { // the legend, in the title's line
-    context.fillStyle = s.color; context.textAlign = "right"; context.fillText(s.name, right_, 8); right_ -= context.measureText(s.name).width + 10;
+  for (const s of series.length > 4 ? [] : [...series].reverse()) { // the legend, in the title's line
+    context.fillStyle = ink(); context.textAlign = "right"; context.fillText(s.name, right_, 8); right_ -= context.measureText(s.name).width + 12;
+    context.fillStyle = s.color; context.fillRect(right_, 6, 9, 4); right_ -= 7;
   }
   const step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((s) => (high - low) / s <= 4) || 1e4;
   context.textAlign = "right"; context.lineWidth = 1;
@@ -69,7 +70,7 @@ function curves(context, width, height, { title, unit, when, series, levels, now
   context.lineWidth = 1.6;
   const drawn = series.map((s) => s.when.map((t, i) => [x(t), y(s.values[i])]));
   series.forEach((s, i) => line(drawn[i], s.color, s.dash));
-  context.font = "9px system-ui, sans-serif"; context.textAlign = "left";
+  context.textAlign = "left";
   for (const l of levels) { // above or below its line, where the curves leave most room
     const wide = context.measureText(l.name).width, spots = [];
     for (const from of [0, 0.25, 0.5, 0.75, 1]) for (const off of [-7, 7]) {
@@ -78,7 +79,7 @@ function curves(context, width, height, { title, unit, when, series, levels, now
       if (b > top + 4 && b < height - bottom - 4) spots.push([Math.min(...near, 40), a, b]);
     }
     const best = spots.sort((one, two) => two[0] - one[0])[0];
-    if (best) haloed(context, l.name, best[1], best[2], l.color);
+    if (best) haloed(context, l.name, best[1], best[2], ink());
   }
   context.lineWidth = 1; line([[x(now), top], [x(now), height - bottom]], ink(), []);
   return (at) => begin + (end - begin) * Math.min(Math.max((at - left) / (width - left - right), 0), 1);
@@ -138,8 +139,40 @@ class Page {
     this.ground = stage.segments([], []);
     stage.strips.unshift({ lines: this.ground, width: 0.6 });
     this.grid();
+    this.slab();
     this.gap = stage.segments([], []);
     stage.strips.push({ lines: this.gap, width: 2.5 });
+  }
+
+  slab() { // the plane that keeps the closest pair apart, as thick as the distance proven
+    if (!said.planes.length) return;
+    const corners = [], faces = [];
+    for (const axis of [0, 1, 2]) for (const side of [-0.5, 0.5]) { // each face with corners of its own
+      for (const [a, b] of [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) {
+        const corner = [0, 0, 0];
+        corner[axis] = side; corner[(axis + 1) % 3] = a; corner[(axis + 2) % 3] = b;
+        corners.push(...corner);
+      }
+      const i = corners.length / 3 - 4;
+      faces.push(i, i + 1, i + 2, i, i + 2, i + 3);
+    }
+    const mesh = this.stage.triangles(new Float32Array(corners), new Uint32Array(faces));
+    const place = () => {
+      const { point, normal, thick } = this.plane(), [n, e] = [unit(normal), 0.3];
+      const u = unit(cross(Math.abs(n[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0], n)), v = cross(n, u);
+      return new Float32Array([...u.map((x) => e * x), 0, ...v.map((x) => e * x), 0, ...n.map((x) => thick * x), 0, ...point, 1]);
+    };
+    const visible = () => $("plane").checked && this.plane() !== null;
+    this.stage.solids.push({ mesh, place, color: rgb(said.plane), alpha: 0.45, group: said.planes, visible });
+    $("planes").hidden = false;
+    $("plane").addEventListener("change", () => this.draw());
+  }
+
+  plane() { // of now: between two moments of one plane on its way from one to the other
+    const [a, b, share] = around(said.planes, place(said.when, this.now)), near = share < 0.5 ? a : b;
+    if (!a || !b || a.of !== b.of) return near;
+    const mixed = (key) => a[key].map((x, i) => x + share * (b[key][i] - x));
+    return { ...near, point: mixed("point"), normal: mixed("normal"), thick: Math.min(a.thick, b.thick) };
   }
 
   pose(motion, joint) { return poseBetween(motion.poses[joint], place(motion.when, this.now)); }
@@ -166,12 +199,11 @@ class Page {
     document.querySelector("h1").textContent = said.title;
     for (const { name, verdict, certified, color } of said.motions) {
       const line = $("verdicts").appendChild(document.createElement("p"));
-      line.style.color = certified ? "var(--good)" : css(said.bad);
+      line.style.color = certified ? "var(--good)" : "var(--bad)";
       line.textContent = `${certified ? "✓" : "✗"} ${said.motions.length > 1 ? `${name}: ` : ""}${verdict}`;
       if (said.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
     }
     $("notes").textContent = said.notes;
-    document.documentElement.style.setProperty("--bad", css(said.bad));
     said.stages.forEach((stage) => { // as long on the bar as in time
       const button = $("stages").appendChild(document.createElement("button"));
       button.textContent = stage.name;
@@ -180,9 +212,11 @@ class Page {
       button.style.flexGrow = stage.end - stage.begin;
       button.addEventListener("click", () => { this.stop(); this.go(stage.begin); });
     });
-    this.bars = said.joints.map(({ name, low, high, unit }) => {
+    this.bars = said.joints.map(({ name, low, high, unit, color }) => {
       const row = $("joints").insertRow(), cells = [row.insertCell(), row.insertCell(), row.insertCell()];
-      cells[0].textContent = name;
+      const key = cells[0].appendChild(document.createElement("span"));
+      key.className = "key"; key.style.background = css(color);
+      cells[0].append(name);
       const bar = cells[2].appendChild(document.createElement("div"));
       if (low !== null) { bar.className = "range"; bar.title = `${low} to ${high} ${unit}`; bar.appendChild(document.createElement("i")); }
       return (value) => {
@@ -197,7 +231,9 @@ class Page {
     Object.assign(slider, { min: begin, max: end, value: begin });
     slider.addEventListener("input", () => { this.stop(); this.go(+slider.value); });
     $("play").addEventListener("click", () => (this.playing ? this.stop() : this.play()));
-    $("clearance").addEventListener("click", (event) => { this.stop(); this.go(this.seek(event.offsetX)); });
+    for (const plot of this.plots()) for (const kind of ["pointerdown", "pointermove"]) {
+      plot.canvas.addEventListener(kind, (event) => { if (event.buttons) { this.stop(); this.go(this.seek(event.offsetX)); } });
+    }
     document.addEventListener("keydown", (event) => {
       const step = (end - begin) / 100, to = { ArrowLeft: this.now - step, ArrowRight: this.now + step, Home: begin, End: end }[event.key];
       if (event.key === " " && event.target !== $("play")) $("play").click(), event.preventDefault();
@@ -229,7 +265,7 @@ class Page {
 
   resize() {
     const scale = window.devicePixelRatio || 1;
-    for (const canvas of [$("scene"), $("labels"), $("clearance")]) {
+    for (const canvas of [$("scene"), $("labels"), ...this.plots().map((plot) => plot.canvas)]) {
       canvas.width = Math.max(Math.round(canvas.clientWidth * scale), 1); canvas.height = Math.max(Math.round(canvas.clientHeight * scale), 1);
     }
     this.draw();
@@ -259,9 +295,14 @@ class Page {
     [...$("stages").children].forEach((button, i) => button.classList.toggle("now", i === this.stageNow()));
     const motion = said.motions[0], values = between(motion.joints, place(motion.when, this.now));
     this.bars.forEach((show, i) => show(values[i]));
-    const plot = $("clearance"), small = plot.getContext("2d");
-    small.setTransform(scale, 0, 0, scale, 0, 0);
-    this.seek = this.plot(small, plot.width / scale, plot.height / scale);
+    for (const { canvas, title, series, levels } of this.plots()) {
+      const small = canvas.getContext("2d"), coloured = levels.map((l) => ({ ...l, color: css(l.color) }));
+      small.setTransform(scale, 0, 0, scale, 0, 0);
+      this.seek = curves(small, canvas.width / scale, canvas.height / scale, {
+        title, unit: said.timeline.timed ? " s" : "", when: [said.timeline.begin, said.timeline.end], series, levels: coloured, now: this.now });
+    }
+    const plane = said.planes.length ? this.plane() : null;
+    $("said").textContent = plane ? `${plane.words}: ${plane.of}` : "no plane here";
   }
 
   clock() { return said.timeline.timed ? `${this.now.toFixed(2)} s` : `path ${this.now.toFixed(2)}`; }
@@ -280,16 +321,24 @@ class Page {
     for (const { text, at, color, above } of both) {
       const spot = this.stage.onScreen(at);
       if (!spot) continue;
-      haloed(context, text, spot[0] * width, spot[1] * height - above, color ? css(dark() ? color.map((x) => (x + 255) / 2) : color) : ink());
+      haloed(context, text, spot[0] * width, spot[1] * height - above, color ? css(dark() ? color.map((x) => (x + 255) / 2) : color.map((x) => 0.8 * x)) : ink());
     }
   }
 
-  plot(context, width, height) {
-    const series = said.motions.map((m) => ({ name: said.motions.length > 1 ? m.name : "to obstacles", when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
-    if (said.motions.length === 1) series.push({ name: "between links", when: said.motions[0].when, values: said.motions[0].own, color: css(said.between), dash: [5, 3] });
-    const shown = series.filter((s) => s.values.length);
-    return curves(context, width, height, {
-      title: "clearance [mm]", unit: said.timeline.timed ? " s" : "", when: [said.timeline.begin, said.timeline.end], series: shown, levels: said.levels.map((l) => ({ ...l, color: css(l.color) })), now: this.now });
+  plots() { // clearance of all motions; joints, and shares of limits, of the first one
+    if (this.drawn) return this.drawn;
+    const [first] = said.motions, one = said.motions.length === 1;
+    const clearance = said.motions.map((m) => ({ name: one ? "to obstacles" : m.name, when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
+    if (one) clearance.push({ name: "between links", when: first.when, values: first.own, color: css(said.between), dash: [5, 3] });
+    const joints = said.joints.map(({ name, color }, i) => ({ name, when: first.when, values: first.joints.map((q) => q[i]), color: css(color), dash: [] }));
+    const shares = first.shares.map((s) => ({ name: s.quantity, when: s.when, values: s.values, color: css(s.color), dash: [] }));
+    const all = [
+      { canvas: $("clearance"), title: "clearance [mm]", series: clearance.filter((s) => s.values.length), levels: said.levels },
+      { canvas: $("curves"), title: "joints [rad or m]", series: joints, levels: [] },
+      { canvas: $("shares"), title: "of limits [%]", series: shares, levels: [{ at: 100, name: "", color: said.bad, dash: [2, 3] }] }];
+    for (const { canvas, series } of all) canvas.hidden = !series.length;
+    this.drawn = all.filter(({ series }) => series.length);
+    return this.drawn;
   }
 }
 

@@ -1,7 +1,7 @@
 """Motions in a scene as one page of HTML that needs no server and nothing from elsewhere: for any browser with WebGL 2.
 
-`page_of` packs what is drawn: the robot's meshes, quantized to 1/65535 of each mesh's size and compressed, and where
-everything is, sampled along the motions. `stage.js` draws it and `page.js` plays it. What is written of clearance holds
+`page_of` gathers what is drawn: the robot's meshes (`packing`), compressed, and where everything is, sampled along the
+motions. `stage.js` draws it and `page.js` plays it. What is written of clearance holds
 at the samples; what is proven stands in the verdict.
 """
 
@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.html_page import HtmlPage
+from hdplan.planner.page.gliding import gliding_planes
+from hdplan.planner.page.packing import Packed
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.camera import FOV, Boxes, best_view
@@ -31,22 +33,23 @@ from hdplan.planner.view.drawing.colors import (
     CONTACT,
     FAR_CLEARANCE,
     GOAL,
+    LINES,
     LINKS,
     MOTIONS,
     OBSTACLE,
     OUTER,
+    PLANE,
     REGION,
     SCALE,
+    SHARES,
     START,
     clearance_colors,
     hex_of,
 )
-from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
+from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import (
     ENDLESS,
-    Color,
-    Skin,
     collision_skins,
     obstacle_mesh,
     obstacle_parts,
@@ -63,18 +66,23 @@ MOMENTS = 121  # at which the closest pair is computed, and moving obstacles are
 POSTURES = 7  # of the robot along a motion, for the camera
 ASPECT = 1.3  # of the picture, width by height
 GOOD = "#00724f", "#35c795"  # a certified verdict, on a light and on a dark ground
+BAD = "#a50026", "#ff7b7b"
 
 
 Near = Callable[[float], tuple[Closest | None, Closest | None]]
 
 
 def page_of(
-    setup: Setup, motions: Sequence[ShownMotion], stages: Sequence[dict[str, Any]] = (), close: Near | None = None
+    setup: Setup,
+    motions: Sequence[ShownMotion],
+    stages: Sequence[dict[str, Any]] = (),
+    close: Near | None = None,
+    proof: ReadProof | None = None,
 ) -> HtmlPage:
     """Return the page of motions, at least one, that were measured in this scene; of a job with its stages (name,
-    begin, end, certified, words) and with what is close at a time [s]. Raises InputError for obstacles' meshes that
-    cannot be used."""
-    scene, robot, packed = setup.scene, setup.robot, _Packed()
+    begin, end, certified, words) and with what is close at a time [s]; with the planes of a `proof` of the first
+    motion. Raises InputError for obstacles' meshes that cannot be used."""
+    scene, robot, packed = setup.scene, setup.robot, Packed()
     timeline = Timeline.of(scene, [motion.curve for motion in motions])
     when = np.linspace(timeline.begin, timeline.end, MOMENTS)
     first, boxes = motions[0], _boxes(scene, timeline)
@@ -86,6 +94,8 @@ def page_of(
     skins = told_apart(robot, seen or collision_skins(robot))
     ghost = packed.add_all([skin for skin in collision_skins(robot) if skin.joint] or skins)
     ends = _poses(robot, first.joints[[0, -1]])
+    pairs = [near(now) for now in when.tolist()]
+    parameters = [timeline.parameter(first.curve, now) for now in when.tolist()]
     data: dict[str, Any] = {
         "title": f"{scene.name} · {robot.name}",
         "notes": f"left out of the picture: {'; '.join(left_out)}" if left_out else "",
@@ -100,7 +110,9 @@ def page_of(
             {"text": name, "at": at, "color": color, "above": 18}
             for name, at, color in (("start", first.tip[0], START), ("goal", first.tip[-1], GOAL))
         ],
-        "closest": [_close(near(now)) for now in when.tolist()],
+        "closest": [_close(pair) for pair in pairs],
+        "planes": [] if proof is None else gliding_planes(proof, first.curve, parameters, pairs),
+        "plane": PLANE,
         "stages": list(stages),
         "levels": _levels(scene, motions),
         "joints": _joints(robot),
@@ -116,6 +128,8 @@ def page_of(
         "GOAL": hex_of(GOAL),
         "GOOD": GOOD[0],
         "GOODDARK": GOOD[1],
+        "BAD": BAD[0],
+        "BADDARK": BAD[1],
         "SCALE": ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE),
         "HALF": f"{FAR_CLEARANCE * 500:g}",
         "FAR_CLEARANCE": f"{FAR_CLEARANCE * 1000:g}",
@@ -133,40 +147,6 @@ def _part(name: str) -> str:
 def _rounded(value: Any) -> Any:
     """Return what JSON can hold, of arrays and NumPy's numbers: to 10 µm and 10 µrad."""
     return np.asarray(value).round(5).tolist()
-
-
-class _Packed:
-    """Meshes as one string of bytes: of each the differences between its indices, then its points as whole numbers."""
-
-    def __init__(self) -> None:
-        self.meshes: list[dict[str, Any]] = []  # where each is among the bytes, and what it is
-        self._parts: list[bytes] = []
-        self._size = 0
-
-    def add_all(self, skins: Sequence[Skin]) -> list[int]:
-        """Add skins, and return their numbers."""
-        return [self.add(skin.vertices, skin.triangles, skin.color, skin.joint) for skin in skins]
-
-    def add(self, vertices: NDArray[Any], triangles: NDArray[Any], color: Color, joint: int = 0) -> int:
-        """Add a mesh, and return its number."""
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        places = np.rint(65535.0 * (vertices - low) / np.maximum(high - low, 1e-12)).astype("<u2")
-        indices = np.diff(triangles.ravel().astype(np.int64), prepend=0).astype("<i4")
-        at = {"indices": self._take(indices.tobytes()), "points": self._take(places.tobytes())}
-        sizes = {"corners": len(vertices), "triangles": len(triangles)}
-        self.meshes.append({**at, **sizes, "low": low, "high": high, "color": color, "joint": joint})
-        return len(self.meshes) - 1
-
-    def data(self) -> bytes:
-        """Return the bytes."""
-        return b"".join(self._parts)
-
-    def _take(self, data: bytes) -> int:
-        at = self._size
-        padded = data + bytes(-len(data) % 4)
-        self._parts.append(padded)
-        self._size += len(padded)
-        return at
 
 
 def _poses(robot: Robot, joints: Array) -> Array:
@@ -192,7 +172,15 @@ def _motion(robot: Robot, timeline: Timeline, motion: ShownMotion, number: int) 
         "tints": clearance_colors(motion.clearance),
         "clearance": _millimetres(motion.clearance),
         "own": _millimetres(motion.self_clearance),
+        "shares": [_share(timeline, motion, share) for share in motion.shares or ()],
     }
+
+
+def _share(timeline: Timeline, motion: ShownMotion, share: Share) -> dict[str, Any]:
+    """Return how much of its limits a quantity takes [%], at the motion's samples."""
+    when = timeline.moments(motion.curve, motion.parameter)
+    values = np.interp(when, share.times, 100.0 * share.values)
+    return {"quantity": share.quantity, "when": when, "values": values, "color": SHARES[share.quantity]}
 
 
 def _millimetres(clearance: Array) -> Array:
@@ -239,12 +227,13 @@ def _joints(robot: Robot) -> list[dict[str, Any]]:
             "low": round(low, 3) if np.isfinite([low, high]).all() else None,
             "high": round(high, 3) if np.isfinite([low, high]).all() else None,
             "unit": "rad" if turns else "m",
+            "color": LINES[number % len(LINES)],
         }
-        for name, low, high, turns in rows
+        for number, (name, low, high, turns) in enumerate(rows)
     ]
 
 
-def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: _Packed) -> list[dict[str, Any]]:
+def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: Packed) -> list[dict[str, Any]]:
     """Pack the obstacles, and the box in which a point of a link is to stay, seen through."""
     found = []
     for obstacle in scene.obstacles:

@@ -224,6 +224,9 @@ ProofToShow = Annotated[
         "--proof", metavar="FILE.proof", help="Show the planes of this proof of the motion, as plan --proof writes it."
     ),
 ]
+Watched = Annotated[
+    bool, typer.Option("--view", help="Show the planner at work in the browser, and serve the motion until Ctrl-C.")
+]
 Host = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Address to serve on, 127.0.0.1 unless given; 0.0.0.0 lets others in."),

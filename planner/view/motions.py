@@ -197,13 +197,13 @@ class Motions:
         else:
             self._take(shown, motion)
 
-    def show(self, parameter_of: Callable[[Curve], float], q: Array) -> None:
+    def show(self, parameter_of: Callable[[Curve], float], q: Array, reported: bool = False) -> None:
         """Show the other motions' robots where they are: `parameter_of` a curve says where. The robot itself is at `q`
-        (n,): what would stand in its place is not drawn."""
+        (n,), where the active motion is unless it has `reported` itself: what would stand in its place is not drawn."""
         for shown in self.shown:
             curve = shown.motion.curve
             at = curve.at_parameter(parameter_of(curve))
-            apart = shown is not self.active and bool(np.abs(at - q).max() > SAME_PLACE)
+            apart = (reported or shown is not self.active) and bool(np.abs(at - q).max() > SAME_PLACE)
             shown.robot.visible = apart and shown.visible and self._viewer.panel.layers.on("robot")
             if shown.robot.visible:
                 shown.robot.show(at)

@@ -23,6 +23,7 @@ Told = Mapping[str, Any]
 Handler = Callable[[viser.ClientHandle, Told], object]
 
 WIDTH, NARROWEST = 360, 250  # [px] of the panel
+DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
 SHARE = 0.4  # of a window's width that the panel takes at most
 ENDED = "hdplan view has ended, or cannot be reached: this is what was shown last"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
@@ -52,7 +53,12 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-row:hover, .hd-chosen { background: light-dark(#eef2f6, #2c2e33) }
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
-.u-over { cursor: pointer }
+.u-over { cursor: pointer; touch-action: pan-y }
+.u-legend { font-size: 11px; line-height: 1.3; text-align: left !important; padding: 0 0.9em;
+  margin: 10px 0 0 !important }  /* below the numbers of the axis */
+.u-legend tr:last-child { display: none }  /* of the bar */
+.u-legend th, .u-legend td { padding: 0 0.2em !important; font-variant-numeric: tabular-nums }
+.u-legend .u-marker { width: 0.9em !important; height: 0.25em !important }
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: 0.9em !important }
 [role="tab"] > div { margin-right: 0.25em !important }
@@ -105,13 +111,25 @@ if (!window.hdplan) {
   const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
   const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
   setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
-  document.addEventListener('click', (event) => {
+  const share = (plot, x) => { const box = plot.getBoundingClientRect(); return (x - box.left) / box.width; };
+  let pressed;  // in a plot: it and where
+  document.addEventListener('pointerdown', (event) => {
     const plot = event.target.closest('.u-over');
+    pressed = plot && [plot, event.clientX];
+  }, true);
+  document.addEventListener('pointerup', (event) => {  // a click goes to a moment, a drag shows a part
+    if (!pressed) return;
+    const [plot, x] = pressed;
+    pressed = undefined;
+    if (Math.abs(event.clientX - x) < DRAGGED) tell({do: 'seek', share: share(plot, x)});
+    else tell({do: 'zoom', from: share(plot, x), to: share(plot, event.clientX)});
+  }, true);
+  document.addEventListener('dblclick', (event) => {
+    if (event.target.closest('.u-over')) tell({do: 'zoom', from: 0, to: 0});
+  });
+  document.addEventListener('click', (event) => {
     const link = event.target.closest('[data-do]');
-    if (plot) {
-      const box = plot.getBoundingClientRect();
-      tell({do: 'seek', share: (event.clientX - box.left) / box.width});
-    } else if (link) {
+    if (link) {
       if (link.tagName !== 'SUMMARY') event.preventDefault();  // of the line that it is in: no details
       const told = JSON.parse(link.dataset.do);
       if (told.ask !== undefined) {
@@ -130,6 +148,7 @@ document.documentElement.classList.toggle('hdplan-watches', location.pathname.st
 """.replace("WATCH", WATCH)
     .replace("MOST", str(MOST_BYTES))
     .replace("ALIVE", ALIVE)
+    .replace("DRAGGED", str(DRAGGED))
 )
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"

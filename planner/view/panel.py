@@ -6,15 +6,18 @@ from __future__ import annotations
 import html
 import math
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
+from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.exports import Exports
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.jogging import Jogging
 from hdplan.planner.view.keys import Keys
@@ -26,6 +29,7 @@ from hdplan.planner.view.opening import Opening
 from hdplan.planner.view.page_script import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
+from hdplan.planner.view.reported import Report
 from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
@@ -60,7 +64,7 @@ class Panel:
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
-            self._plots = MotionPlots(viewer.server, viewer.robot.joint_names)
+            self._plots = MotionPlots(viewer.server, viewer.robot.joint_names, self._replot)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
@@ -69,6 +73,7 @@ class Panel:
             self.obstacles = ObstacleFields(viewer, self.editing)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
+            self.exports = Exports(viewer, self.saving)
         with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
             self.planning.build()
             self.settings = Settings(viewer, self.editing)
@@ -78,6 +83,7 @@ class Panel:
             gui.add_html(small(html.escape(note)))
         self.keys = Keys(viewer)
         self._followed = 0.0
+        self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
         self.page.on("exponent", lambda *_: self.editing.do(_refuse_exponent))
         self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
@@ -102,6 +108,7 @@ class Panel:
         self.editing.end()
         self.live.end()
         self.planning.end()
+        self.exports.end()
         self.layers.plane.end()
         self.player.end()
 
@@ -131,7 +138,16 @@ class Panel:
             return
         required, _ = viewer.certifier.asked(active.motion.curve)
         seen = [(shown.motion, shown.color) for shown in viewer.motions.shown if shown.visible or shown is active]
-        self._plots.set(active.motion, seen, required, timeline, self.player.time)
+        self._plots.set(active.motion, seen, required, self._rates, timeline, self.player.time)
+
+    def _rates(self, motion: ShownMotion) -> tuple[Rate, ...]:
+        """The rates of a motion, with their limits in the scene as it is now."""
+        robot = self._viewer.robot
+        return rates(motion.trajectory.of_joints(robot.joint_names, robot.locked), self._viewer.certifier.limits)
+
+    def _replot(self) -> None:
+        """Draw the plots again. By any thread."""
+        self._viewer.worker.ask("plot", lambda: self.plot(self.player.timeline))
 
     def outdate(self) -> None:
         """Withdraw what was said of a scene that has changed."""
@@ -139,10 +155,13 @@ class Panel:
         self.planning.outdate()
         self.editing.say("")
 
-    def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
-        """Say what holds at a moment: of a robot at `q` (n,)."""
+    def follow(
+        self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None], report: Report | None = None
+    ) -> None:
+        """Say what holds at a moment, or in a `report`, of a robot at `q` (n,)."""
         robot = self._viewer.robot
-        self._clearance.content = clearance_words(self.player.timeline.words(now), pairs)
+        whose = "" if report is None else f'<div class="hd">{report.words}:</div>'
+        self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper)
         if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
             self._plots.follow(now)
@@ -205,10 +224,20 @@ class Panel:
             self.editing.do(lambda: check_size(str(name)[:LONGEST_NAME], size))
 
     def _seek(self, share: object) -> None:
-        """Show the moment at a share of the timeline."""
-        if isinstance(share, int | float) and math.isfinite(share):
-            timeline = self.player.timeline
-            self.player.go_to(timeline.begin + min(max(share, 0.0), 1.0) * (timeline.end - timeline.begin))
+        """Show the moment at a share of what the plots show."""
+        if _is_number(share):
+            begin, end = self._plots.view
+            self.player.go_to(begin + min(max(share, 0.0), 1.0) * (end - begin))
+
+    def _zoom(self, first: object, last: object) -> None:
+        """Let the plots show a part of what they show, from one share of it to another."""
+        if _is_number(first) and _is_number(last):
+            self._viewer.worker.ask("zoom", lambda: self._plots.zoom(first, last))
+
+
+def _is_number(told: object) -> TypeGuard[float]:
+    """True if a page told a number that may be used."""
+    return isinstance(told, int | float) and math.isfinite(told)
 
 
 def _refuse_exponent() -> None:

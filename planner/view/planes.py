@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
 from hdplan.planner.proof.proof import prove
 from hdplan.planner.proof.reading import Plane, ReadProof
 from hdplan.planner.view.drawing.colors import PLANE
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 EDGE = 0.3  # [m] of the square that is drawn
-LEAST_THICKNESS = 0.0005  # [m] at least, of the slab: as thick as the distance proven
 LIMIT = 30.0  # [s] to write a proof
 WAIT = 5.0  # [s] for the thread at the end
 
@@ -79,6 +79,12 @@ class PlaneLayer:
         assert active is not None
         self._of, self._proof = (active.motion.trajectory, self._viewer.scene), proof
 
+    def proof_of(self, trajectory: Trajectory) -> ReadProof | None:
+        """Return the proof at hand, if it is of a motion in the scene as it is now."""
+        if isinstance(self._proof, str) or not self._is_about((trajectory, self._viewer.scene)):
+            return None
+        return self._proof
+
     def show(self, on: bool, parameter: float, pairs: Sequence[Closest | None]) -> None:
         """Draw the plane between the closest pair where the active motion is at a path parameter; none if not `on`."""
         plane, words = self._plane(parameter, pairs) if on else (None, "")
@@ -88,10 +94,9 @@ class PlaneLayer:
         nearest = pairs[0] or pairs[1]
         if plane is None or nearest is None:
             return
-        middle = nearest.points.mean(axis=0)
-        at = middle + plane.normal * (plane.normal @ (plane.point - middle))
+        at, thickness = slab_of(plane, nearest)
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), plane.normal).toRotationMatrix()
-        self.slab.dimensions = (EDGE, EDGE, max(min(plane.bound, plane.gap), LEAST_THICKNESS))
+        self.slab.dimensions = (EDGE, EDGE, thickness)
         self.slab.position, self.slab.wxyz = at, wxyz_of(turn)
         self.label.text, self.label.position = words, at + _lowest(turn)
 
@@ -104,7 +109,7 @@ class PlaneLayer:
         if not motions.holds(active) or not active.motion.certificate.certified:
             return None, "the motion is not certified in this scene: there is no proof"
         about = active.motion.trajectory, self._viewer.scene
-        if self._of is None or any(one is not two for one, two in zip(self._of, about, strict=True)):
+        if not self._is_about(about):
             self._write(about)
             return None, "the proof is being written …"
         if isinstance(self._proof, str):
@@ -114,6 +119,9 @@ class PlaneLayer:
         if plane is None:
             return None, f"{nearest.link} and {nearest.other} are not compared"
         return plane, f"proven ≥ {millimetres(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"
+
+    def _is_about(self, about: tuple[Trajectory, Scene]) -> bool:
+        return self._of is not None and all(one is two for one, two in zip(self._of, about, strict=True))
 
     def _write(self, about: tuple[Trajectory, Scene]) -> None:
         """Begin to write a proof, if no other one is being written."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import threading
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 
+Run = Callable[[Callable[[Event], None], Callable[[], bool]], PlanResult]
+"""What makes a plan, given what takes its events, and what tells whether to stop."""
 NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
 KEPT_PLANS = 5  # plans
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
@@ -44,6 +48,7 @@ class Planning:
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._follows = False  # whether a plan is made elsewhere
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
         self._path: PathNode | None = None
@@ -62,7 +67,7 @@ class Planning:
     @property
     def running(self) -> bool:
         """True if a motion is being planned."""
-        return self._thread is not None and self._thread.is_alive()
+        return self._follows or (self._thread is not None and self._thread.is_alive())
 
     @property
     def said(self) -> str:
@@ -81,14 +86,22 @@ class Planning:
         with self._starting:
             self.end()
             self._viewer.worker.settle(SETTLED)
-            self._stop.clear()
-            self.iterates, self._shown_for = [], 0.0
-            self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
-            self._say("building the problem …")
-            self._viewer.panel.say_next("planning, building the problem …")
             scene = self._viewer.scene
+            self._begin()
             self._thread = threading.Thread(target=self._run, args=(scene,), name="hdplan-plan", daemon=True)
             self._thread.start()
+
+    def follow(self, scene: Scene, run: Run) -> PlanResult:
+        """Show a plan in a scene that is made elsewhere: `run` is called with what takes its events and what tells
+        whether to stop. Returns its result, or raises what it raises, and has it shown."""
+        with self._starting:
+            self.end()
+            self._follows = True
+            self._begin()
+        try:
+            return self._shown(scene, run)
+        finally:
+            self._follows = False
 
     def stop(self) -> None:
         """Stop with the best motion so far."""
@@ -103,25 +116,41 @@ class Planning:
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
     def _run(self, scene: Scene) -> None:
-        worker, settings = self._viewer.worker, self._viewer.panel.settings
-        try:
-            result = plan(
+        settings = self._viewer.panel.settings
+        with contextlib.suppress(Exception):  # it is said: the viewer continues
+            self._shown(
                 scene,
-                robot=self._viewer.robot,
-                solver=settings.solver.value,
-                seed=settings.seed.value,
-                time_limit=settings.time_limit.value,
-                report=self._report,
-                stop=self._stop.is_set,
+                lambda report, stop: plan(
+                    scene,
+                    robot=self._viewer.robot,
+                    solver=settings.solver.value,
+                    seed=settings.seed.value,
+                    time_limit=settings.time_limit.value,
+                    report=report,
+                    stop=stop,
+                ),
             )
-        except HdplanError as error:  # among them ends in collision
-            text = str(error).removeprefix(f"{scene.source}: ")
+
+    def _begin(self) -> None:
+        """Say that a plan begins."""
+        self._stop.clear()
+        self.iterates, self._shown_for = [], 0.0
+        self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
+        self._say("building the problem …")
+        self._viewer.panel.say_next("planning, building the problem …")
+
+    def _shown(self, scene: Scene, run: Run) -> PlanResult:
+        """Plan, and have shown what comes of it."""
+        worker = self._viewer.worker
+        try:
+            result = run(self._report, self._stop.is_set)
+        except BaseException as error:  # among them ends in collision, and Ctrl-C
+            known = isinstance(error, HdplanError)
+            text = str(error).removeprefix(f"{scene.source}: ") if known else f"{type(error).__name__}: {error}"
             worker.ask("planned", lambda: self._finish(scene, None, text))
-        except Exception as error:  # of a library: the viewer continues
-            failure = f"{type(error).__name__}: {error}"
-            worker.ask("planned", lambda: self._finish(scene, None, failure))
-        else:
-            worker.ask("planned", lambda: self._finish(scene, result, result.certificate.text))
+            raise
+        worker.ask("planned", lambda: self._finish(scene, result, result.certificate.text))
+        return result
 
     def _report(self, event: Event) -> None:
         """Show an iteration, and give it time to be seen."""

@@ -1,4 +1,5 @@
-"""The pulse of the closest pair, while anybody looks: a few small messages a second."""
+"""The pulse of the closest pair, and the age of what a robot reported last, while anybody looks: a few small messages a
+second."""
 
 from __future__ import annotations
 
@@ -31,4 +32,9 @@ class Pulse:
         viewer = self._viewer
         while not self._ended.wait(STEP):
             if viewer.server.get_clients():
-                viewer.worker.ask("pulse", lambda: viewer.stage.closest.pulse(time.monotonic() / PERIOD % 1.0))
+                viewer.worker.ask("pulse", self._beat)
+
+    def _beat(self) -> None:
+        viewer = self._viewer
+        viewer.stage.closest.pulse(time.monotonic() / PERIOD % 1.0)
+        viewer.stage.name(viewer.reported.newest)  # perhaps one that is getting old

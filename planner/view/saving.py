@@ -48,7 +48,7 @@ class Saving:
         scene, _ = self.standing_alone()
         text = scene_text(scene).replace(f"{self._viewer.uploads.folder}/", "")
         names = ", ".join(file.name for file in self._sent())
-        self._say("saved: the scene as it is shown" + (f"; keep {names} beside it" if names else ""))
+        self.say("saved: the scene as it is shown" + (f"; keep {names} beside it" if names else ""))
         return text.encode()
 
     def _sent(self) -> tuple[Path, ...]:
@@ -73,7 +73,7 @@ class Saving:
             else:
                 trajectory.save(file)
             data = file.read_bytes()
-        self._say(f"saved: {certificate.text}")
+        self.say(f"saved: {certificate.text}")
         return data
 
     def standing_alone(self) -> tuple[Scene, Certifier]:
@@ -95,15 +95,17 @@ class Saving:
 
     def outdate(self) -> None:
         """Withdraw what was said of a file, as scene or motion are others by now."""
-        if self._said.content and any(one is not two for one, two in zip(self._about, self._now(), strict=True)):
+        if self._said.content and any(one is not two for one, two in zip(self._about, self.now(), strict=True)):
             self._said.content = ""
 
-    def _now(self) -> tuple[object, object]:
+    def now(self) -> tuple[object, object]:
+        """Return the scene and the active motion of which something may be said."""
         active = self._viewer.motions.active
         return self._viewer.edited, None if active is None else active.motion.trajectory
 
-    def _say(self, text: str) -> None:
-        self._about = self._now()
+    def say(self, text: str) -> None:
+        """Say something of the scene and the active motion as they are now."""
+        self._about = self.now()
         self._said.content = small(html.escape(text))
 
     def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
@@ -114,7 +116,7 @@ class Saving:
         try:
             data = content()
         except HdplanError as error:
-            self._say(f"not saved: {error}")
+            self.say(f"not saved: {error}")
             return
         if event.client is not None:
             event.client.send_file_download(name, data, save_immediately=True)

@@ -16,6 +16,7 @@ from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.reported import Report
 from hdplan.planner.view.things import GOAL as THE_GOAL, START as THE_START, Thing
 from hdplan.planner.view.words import contact_words
 from hdplan.scenes.array_types import Array
@@ -46,7 +47,8 @@ class Stage:
         self.labels = [
             server.scene.add_label(f"/label of {name}", name, font_screen_scale=0.9) for name in ("start", "goal")
         ]
-        self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
+        self.robot = RobotNodes(server, "robot", robot, skins)  # where it says it is, the active motion, or the start
+        self.report_label = server.scene.add_label("/label of robot", "", font_screen_scale=0.9, visible=False)
         self.closest = ClosestNodes(server)
         self.clash = ClashNode(server)
         image = edited.setup.filtered_points
@@ -88,6 +90,16 @@ class Stage:
             if label.visible != (shown := ghosts and name != self._handled):
                 label.visible = shown
         self.closest.show(pairs)
+
+    def name(self, report: Report | None) -> None:
+        """Name the robot that reports itself, where it is; None: it does not."""
+        label = self.report_label
+        if report is not None:
+            label.position = self.tip.placement(report.q).translation + 0.12 * UP
+            if label.text != report.words:
+                label.text = report.words
+        if label.visible != (report is not None):
+            label.visible = report is not None
 
     def on_click(self, chosen: Callable[[Thing], object]) -> None:
         """Have it called with what somebody clicks on."""

@@ -6,7 +6,7 @@ motions (`Motions`), with a `History`; the other modules here draw it (`Stage`),
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import viser
@@ -32,6 +32,7 @@ from hdplan.planner.view.motions import Kept, Motions, Shown
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.pulse import Pulse
 from hdplan.planner.view.quiet import quiet
+from hdplan.planner.view.reported import Reported
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.worker import Worker
@@ -70,6 +71,7 @@ class Viewer:
         skins, note = shown_skins(self.robot, self.scene.robot)
         skins = told_apart(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
+        self.reported = Reported(self.robot)
         self.stage = Stage(server, self.edited, skins)
         self.motions = Motions(self, collision_skins(self.robot) or skins)
         self.panel = Panel(self, note)
@@ -120,6 +122,16 @@ class Viewer:
         """Show the moment `now` of the timeline, and wait until it is drawn."""
         self.panel.player.go_to(now)
         self.worker.settle()
+
+    def state(self, q: Sequence[float] | Array | Mapping[str, float] | None) -> None:
+        """Show where the robot itself is, as it reports its joints: in the order of the scene's planned ones, or by
+        name, where other joints are passed over. Of reports that come faster than they are drawn, the newest; None: it
+        reports no more. Clearances are the reported robot's then; verdicts stay those of the motions.
+
+        Returns at once. Raises InputError for values that are not one finite number for each planned joint.
+        """
+        self.reported.take(q)
+        self.panel.player.draw()
 
     def show_proof(self, proof: ReadProof) -> None:
         """Switch on the layer with the planes of a proof, which is about the active motion in the scene as it is."""
@@ -240,18 +252,19 @@ class Viewer:
 
     def draw(self, now: float) -> None:
         """Draw the moment `now` of the timeline."""
-        timeline, layers = self.panel.player.timeline, self.panel.layers
-        seconds = timeline.seconds(now)
+        timeline, layers, active = self.panel.player.timeline, self.panel.layers, self.motions.active
+        seconds, report = timeline.seconds(now), self.reported.newest
+        q = self.configuration if report is None else report.q
+        parameter = timeline.parameter(active.motion.curve, now) if active else 0.0
         with self.server.atomic():
-            q = self.configuration
             self.stage.robot.show(q)
-            self.motions.show(lambda curve: timeline.parameter(curve, now), q)
+            self.motions.show(lambda curve: timeline.parameter(curve, now), q, report is not None)
             layers.show(q)
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
-            active = self.motions.active
-            layers.plane.show(layers.on(PLANE), timeline.parameter(active.motion.curve, now) if active else 0.0, pairs)
-            self.panel.follow(now, q, pairs)
+            self.stage.name(report)
+            layers.plane.show(layers.on(PLANE) and report is None, parameter, pairs)
+            self.panel.follow(now, q, pairs, report)
 
     def _say(self) -> None:
         """Say what holds, and show where the active motion fails."""

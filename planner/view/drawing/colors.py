@@ -6,10 +6,13 @@ middle darkened so that a line shows on a light ground.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.view.drawing.skins import Color
+from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.once import read_only
 
 START: Color = (0, 114, 178)  # blue
@@ -34,6 +37,18 @@ MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
     (150, 90, 50),
 )
 
+LINES: tuple[Color, ...] = (  # of joints
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+    (128, 128, 128),
+)
+SHADES: tuple[Color, ...] = ((0, 114, 178), (0, 158, 115), (230, 159, 0), (204, 121, 167), (86, 180, 233))
+SHARES: dict[str, Color] = dict(zip(QUANTITIES, itertools.cycle(SHADES), strict=False))
+"""By quantity: the greatest of all joints."""
 FAR_CLEARANCE = 0.1  # [m] clearance above which the colour stays the same
 SCALE = read_only(  # from contact to FAR_CLEARANCE, at equal steps
     np.array(

@@ -1,171 +1,94 @@
-"""The plots beside the scene: joints and clearance along the motion, with a bar at the time that is shown.
-
-uPlot knows no bar that a server could move, so one more series runs along the lower edge and rises at that time; all
-other series have their true values there.
-"""
+"""The plots beside the scene, zoomed together: clearances of the motions, joints or their rates, shares of limits."""
 
 from __future__ import annotations
 
 import html
-import itertools
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import viser
 
-from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
-from hdplan.planner.view.drawing.motion import ShownMotion, shortened
+from hdplan.planner.pictures.quantities import Rate
+from hdplan.planner.view.drawing.colors import CONTACT, INK, LINES, LINKS, SHARES, START, hex_of
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.plot import SPAN, Line, Plot
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.limits import QUANTITIES
 
-Rows = tuple[Array, ...]
-
-HEIGHT = 165  # [px]
-LINES: tuple[Color, ...] = (  # Okabe & Ito
-    (0, 114, 178),
-    (213, 94, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (230, 159, 0),
-    (86, 180, 233),
-    (128, 128, 128),
-)
-BAR: Color = (128, 128, 128)
 LIMIT: Color = (215, 48, 39)  # of what is required or allowed
-SHADES: tuple[Color, ...] = ((0, 114, 178), (0, 158, 115), (230, 159, 0), (204, 121, 167), (86, 180, 233))
-SHARES: dict[str, Color] = dict(zip(QUANTITIES, itertools.cycle(SHADES), strict=False))
-"""By quantity: the greatest of all joints."""
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
-
-
-class Plot:
-    """Curves over the timeline, and the bar."""
-
-    def __init__(self, server: viser.ViserServer, title: str, names: Sequence[str], colors: Sequence[Color]) -> None:
-        """Set an empty plot up, which is not seen before it has curves."""
-        self._server = server
-        self._times: Array = np.array([0.0, 1.0])
-        self._title, self._timeline = title, Timeline()
-        self._low, self._high = 0.0, 1.0
-        self._remark = ""
-        self._name(names, colors)
-        self.handle = server.gui.add_uplot(
-            self._rows(0.0),
-            ({"label": self._timeline.name}, *self._lines),
-            title=self._words,
-            scales=self._scales(),
-            axes=({"size": 28}, {"size": 46}),
-            legend={"show": False},  # uPlot's own takes three lines
-            cursor={"drag": {"x": False, "y": False, "setScale": False}},  # a click seeks
-            height=HEIGHT,
-            visible=False,
-        )
-        self.legend = server.gui.add_html(_legend(names, colors), visible=False)
-
-    def name(self, names: Sequence[str], colors: Sequence[Color]) -> None:
-        """Have curves of other names and colours, without values before they are set."""
-        if self._named != (tuple(names), tuple(colors)):
-            self._name(names, colors)
-            with self._server.atomic():
-                self.handle.series = ({"label": self._timeline.name}, *self._lines)
-                self.handle.data = self._rows(0.0)
-                self.legend.content = _legend(names, colors)
-
-    def _name(self, names: Sequence[str], colors: Sequence[Color]) -> None:
-        self._named = tuple(names), tuple(colors)
-        self._curves: Rows = tuple(np.zeros(len(self._times)) for _ in names)
-        lines = [
-            {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
-        ]
-        bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
-        self._lines = (*lines, bar)
-
-    @property
-    def visible(self) -> bool:
-        """True if the object is shown."""
-        return bool(self.handle.visible)
-
-    @visible.setter
-    def visible(self, value: bool) -> None:
-        if self.handle.visible != value:
-            self.handle.visible = self.legend.visible = value
-
-    def set(
-        self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float
-    ) -> None:
-        """Show curves (K,) over moments (K,) of the timeline, between `low` and `high`; NaN where there is nothing."""
-        self._times, self._curves, self._low, self._high, self._remark = times, tuple(curves), low, high, ""
-        if timeline.timed != self._timeline.timed:
-            self.handle.series = ({"label": timeline.name}, *self._lines)
-        self._timeline = timeline
-        self.handle.title = self._words
-        self.handle.scales = self._scales()
-        self.follow(now)
-        self.visible = True
-
-    def remark(self, words: str) -> None:
-        """Add a remark to the title, until other curves are set."""
-        if self._remark != words:
-            self._remark = words
-            self.handle.title = self._words
-
-    def follow(self, now: float) -> None:
-        """Move the bar."""
-        self.handle.data = self._rows(now)
-
-    @property
-    def _words(self) -> str:
-        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path'}{self._remark}"
-
-    def _scales(self) -> dict[str, dict[str, object]]:
-        extent = (self._timeline.begin, self._timeline.end)
-        return {"x": {"time": False, "range": extent}, "y": {"range": (self._low, self._high)}}
-
-    def _rows(self, now: float) -> Rows:
-        return with_bar(self._times, self._curves, now, self._low, self._high)
-
-
-def with_bar(times: Array, curves: Sequence[Array], now: float, low: float, high: float) -> Rows:
-    """Return times and curves with three more points at `now`, and the series of the bar last."""
-    place = int(np.searchsorted(times, now))
-    inserted = np.insert(times, [place] * 3, now)
-    rows = [np.insert(curve, [place] * 3, np.interp(now, times, curve)) for curve in curves]
-    bar = np.full(len(inserted), low)
-    bar[place + 1] = high
-    return (inserted, *rows, bar)
+NARROWEST = 0.01  # of the timeline that a plot shows at least
+POSITION = "position"
+UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N m"}  # or with m, N
+Rates = Callable[[ShownMotion], Sequence[Rate]]
 
 
 class MotionPlots:
-    """Joints of one motion, clearances of several, and how much of its limits the one uses."""
+    """Clearances of several motions; joints, or one of their rates, of one or two; how much of its limits one uses."""
 
-    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str]) -> None:
-        """Set the plots up."""
-        lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
-        self.clearance = Plot(server, "clearance [mm]", *_of_clearance(()))
-        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
-        self.shares = Plot(server, "share of the limits [%]", [*SHARES, "limit"], [*SHARES.values(), LIMIT])
+    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], changed: Callable[[], object]) -> None:
+        """Set the plots up; `changed` is called when another quantity is asked for."""
+        prefix = os.path.commonprefix(list(joint_names)) if len(joint_names) > 1 else ""  # noqa: RUF071
+        self._names = [name.removeprefix(prefix) for name in joint_names]
+        self.clearance = Plot(server, "clearance [mm]", _of_clearance((), stages=False))
+        self.quantity = server.gui.add_dropdown(
+            "plot",
+            (POSITION, *UNITS),
+            initial_value=POSITION,
+            hint="of the joints; rates where a motion has times, jerk and torque where the scene limits them",
+        )
+        self.quantity.on_update(lambda _: changed())
+        self.joints = Plot(server, "joints", ())
+        share_lines = [Line(name, color) for name, color in SHARES.items()]
+        self.shares = Plot(server, "share of the limits [%]", [*share_lines, Line("limit", LIMIT, dashed=True)])
         self._all = (self.clearance, self.joints, self.shares)
+        self._timeline, self._view = Timeline(), (0.0, 1.0)
+
+    @property
+    def view(self) -> SPAN:
+        """The part of the timeline that is shown."""
+        return self._view
+
+    def zoom(self, first: float, last: float) -> None:
+        """Show the part between two shares of what is shown; all of the timeline again for an empty part."""
+        begin, end = self._view
+        low, high = sorted(begin + min(max(share, 0.0), 1.0) * (end - begin) for share in (first, last))
+        whole = (self._timeline.begin, self._timeline.end)
+        self._view = (low, high) if high - low >= NARROWEST * (whole[1] - whole[0]) else whole
+        for plot in self._all:
+            plot.zoom(self._view)
 
     def set(
         self,
         active: ShownMotion,
         motions: Sequence[tuple[ShownMotion, Color]],
         required: float,
+        rates: Rates,
         timeline: Timeline,
         now: float,
     ) -> None:
-        """Show the joints of the active motion, the clearance of all in their colours, each from its start to its goal,
-        the clearance `required` [m] and the one proven of the active motion, and its shares of limits, if it has
-        any."""
-        self.clearance.name(*_of_clearance([(motion.name, color) for motion, color in motions]))
-        spread = float(np.ptp(active.joints)) or 1.0
-        low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
+        """Show the joints of the active motion, beside them dashed those of the first other one; the clearance of all
+        in their colours, each from its start to its goal, the clearance `required` [m] and the one proven of the active
+        motion; and its shares of limits, if it has any. Motions have `rates`."""
+        if timeline != self._timeline:
+            self._timeline, self._view = timeline, (timeline.begin, timeline.end)
+        self._show_clearance(active, motions, required, now)
+        others = [motion for motion, _ in motions if motion is not active]
+        self._show_joints(active, others[:1], rates, now)
+        self._show_shares(active, now)
+
+    def _show_clearance(
+        self, active: ShownMotion, motions: Sequence[tuple[ShownMotion, Color]], required: float, now: float
+    ) -> None:
+        timeline, stages = self._timeline, stage_moments(active, self._timeline)
+        lines = _of_clearance([(motion.name, color) for motion, color in motions], stages=len(stages) > 0)
+        self.clearance.name("clearance [mm]", lines)
         when = [timeline.moments(motion.curve, motion.parameter) for motion, _ in motions]
         own = timeline.moments(active.curve, active.parameter)
-        times = np.unique(np.concatenate([own, *when, [timeline.begin, timeline.end]]))
-        self.joints.set(timeline, times, [_within(times, own, values) for values in active.joints.T], low, high, now)
+        nearest = np.minimum(active.clearance, active.self_clearance)
+        times = np.unique(np.concatenate([own, *when, stages, [timeline.begin, timeline.end]]))
         curves = [
             _within(times, at, within_sight(motion.clearance)) for at, (motion, _) in zip(when, motions, strict=True)
         ]
@@ -173,18 +96,56 @@ class MotionPlots:
         proven = active.certificate.clearance
         for bound in (required, np.nan if proven is None else proven):
             curves.append(np.full(len(times), bound))
+        closest = np.full(len(times), np.nan)
+        if active.measured and np.isfinite(nearest).any():
+            place = int(nearest.argmin())
+            closest[np.searchsorted(times, own[place])] = min(float(nearest[place]), SHOWN)
+        curves.append(closest)
+        if len(stages):
+            begins = np.full(len(times), np.nan)
+            begins[np.searchsorted(times, stages)] = 0.0
+            curves.append(begins)
         millimetres = [1e3 * curve for curve in curves]
         known = [curve[np.isfinite(curve)] for curve in millimetres]
         top = max(float(curve.max(initial=0.0)) for curve in known)
         bottom = min(float(curve.min(initial=0.0)) for curve in known)
-        self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+        self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now, self._view)
         if not active.measured:
             self.clearance.remark(", measured when you let go")
         elif any(np.nanmax(curve, initial=0.0) >= 1e3 * SHOWN for curve in millimetres):
             self.clearance.remark(f", cut at {1e3 * SHOWN:g}")
-        self._show_shares(active, timeline, now)
 
-    def _show_shares(self, active: ShownMotion, timeline: Timeline, now: float) -> None:
+    def _show_joints(self, active: ShownMotion, others: Sequence[ShownMotion], rates: Rates, now: float) -> None:
+        """Show the quantity that is asked for, of the motions that have it, with its limits."""
+        timeline, wanted = self._timeline, str(self.quantity.value)
+        found = [(each, _values(each, wanted, rates, timeline)) for each in (active, *others)]
+        known = [(motion.name, *values) for motion, values in found if values is not None]
+        limits = [] if not known or known[0][3] is None else sorted({*known[0][3].tolist()})
+        lines = [
+            Line(name if number == 0 else f"{name} of {whose}", LINES[i % len(LINES)], dashed=number > 0)
+            for number, (whose, *_) in enumerate(known)
+            for i, name in enumerate(self._names)
+        ]
+        lines += [Line(name, LIMIT, dashed=True) for _ in limits for name in ("limit", "−limit")]
+        title = "joints [rad or m]" if wanted == POSITION else f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
+        self.joints.name(title if known else f"{title}: none known", lines)
+        if not known:
+            nothing = np.array([timeline.begin, timeline.end])
+            self.joints.set(timeline, nothing, [], 0.0, 1.0, now, self._view)
+            return
+        times = np.unique(np.concatenate([[timeline.begin, timeline.end], *(at for _, at, _, _ in known)]))
+        curves = [_within(times, at, column) for _, at, values, _ in known for column in values.T]
+        every = np.concatenate([values.ravel() for _, _, values, _ in known])
+        spread = float(np.ptp(every)) or 1.0
+        low, high = float(every.min()) - 0.05 * spread, float(every.max()) + 0.05 * spread
+        for limit in limits:
+            curves += [np.full(len(times), limit), np.full(len(times), -limit)]
+        reach = max([abs(low), abs(high)])
+        if any(limit <= 2.0 * reach for limit in limits):  # close enough to be of interest
+            low, high = -1.05 * max(reach, limits[0]), 1.05 * max(reach, limits[0])
+        self.joints.set(timeline, times, curves, low, high, now, self._view)
+
+    def _show_shares(self, active: ShownMotion, now: float) -> None:
         if active.shares is None:
             return
         shares = {share.quantity: share for share in active.shares}
@@ -195,7 +156,8 @@ class MotionPlots:
             nothing = np.full(len(times), np.nan)
             curves = [100.0 * shares[name].over(times) if name in shares else nothing for name in SHARES]
             top = max(float(100.0 * share.values.max()) for share in shares.values())
-            self.shares.set(timeline, times, [*curves, np.full(len(times), 100.0)], 0.0, 1.08 * max(top, 100.0), now)
+            every = [*curves, np.full(len(times), 100.0)]
+            self.shares.set(self._timeline, times, every, 0.0, 1.08 * max(top, 100.0), now, self._view)
 
     def outdate(self) -> None:
         """Say that the clearances are of an earlier scene."""
@@ -213,19 +175,34 @@ class MotionPlots:
                 plot.follow(now)
 
 
-def _of_clearance(motions: Sequence[tuple[str, Color]]) -> tuple[list[str], list[Color]]:
-    """Return the names and colours of the clearance plot's curves for motions of these."""
-    names, colors = [name for name, _ in motions], [color for _, color in motions]
-    return [*names, "own links", "required", "proven"], [*colors, LINKS, LIMIT, START]
+def stage_moments(motion: ShownMotion, timeline: Timeline) -> Array:
+    """Return when the stages of a job's motion begin; none of any other."""
+    rows = np.array([stage.row for stage in motion.trajectory.stages], dtype=np.float64)
+    return timeline.moments(motion.curve, rows / (len(motion.curve) - 1))
 
 
-def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
-    lines = (
-        f'<span style="white-space:nowrap;padding-right:0.8em"><span style="color:{hex_of(color)}">▬</span> '
-        f"{html.escape(shortened(name, 40))}</span>"
-        for name, color in zip(names, colors, strict=True)
-    )
-    return f'<div class="hd" style="line-height:1.3">{" ".join(lines)}</div>'
+def _values(
+    motion: ShownMotion, wanted: str, rates: Rates, timeline: Timeline
+) -> tuple[Array, Array, Array | None] | None:
+    """Return the moments (K,) and values (K, n) of a quantity of the joints, and its limits (n,) if the scene has any;
+    None for a motion of which it is not known."""
+    if wanted == POSITION:
+        return timeline.moments(motion.curve, motion.parameter), motion.joints, None
+    rate = next((rate for rate in rates(motion) if rate.quantity == wanted and len(rate.values)), None)
+    if rate is None:
+        return None
+    between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
+    times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
+    rising = np.concatenate([[True], np.diff(times) > 0.0])  # of two values at a jump, the first
+    return times[rising], rate.values[rising], rate.limits
+
+
+def _of_clearance(motions: Sequence[tuple[str, Color]], stages: bool) -> list[Line]:
+    """Return the curves of the clearance plot for motions of these names and colours, and for one with `stages`."""
+    lines = [Line(name, color) for name, color in motions]
+    lines += [Line("own links", LINKS), Line("required", LIMIT, dashed=True), Line("proven", START, dashed=True)]
+    lines.append(Line("closest", CONTACT, dots=True))
+    return lines + ([Line("stages", INK, dots=True)] if stages else [])
 
 
 def _within(times: Array, own: Array, values: Array) -> Array:

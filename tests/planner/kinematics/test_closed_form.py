@@ -105,7 +105,9 @@ def urdf_of(name: str, joints: list[Joint], off: float = 0.0) -> str:
         if axis != "slide":
             limit = '<limit lower="-3.1" upper="3.3" effort="1" velocity="1"/>'
         parts.append(f'<joint name="j{i}" {kind}><parent link="l{i}"/><child link="l{i + 1}"/>')
-        parts.append(f'<origin xyz="{origin}" rpy="{turn}"/><axis xyz="{Z if axis == "slide" else axis}"/>{limit}</joint>')
+        parts.append(
+            f'<origin xyz="{origin}" rpy="{turn}"/><axis xyz="{Z if axis == "slide" else axis}"/>{limit}</joint>'
+        )
         parts.append(f'<link name="l{i + 1}"/>')
     return f'<robot name="{name}">{"".join(parts)}</robot>'
 

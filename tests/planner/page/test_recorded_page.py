@@ -17,13 +17,23 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.page.browser import Browser, find_browser
 from hdplan.planner.page.recorded_page import page_of
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.scenes.errors import InputError
 
 SIZE = (700, 400)  # [px]: every pixel is drawn by the processor
-LARGEST = 3_000_000  # [bytes] of a Panda's page
+LARGEST = 2_000_000  # [bytes] of a page
+PHONE = (390, 844)  # [px]
+TOUCH = """{{
+  const target = document.getElementById("{target}"), box = target.getBoundingClientRect();
+  target.setPointerCapture = () => 0;
+  const finger = (kind, x, y) => target.dispatchEvent(new PointerEvent(kind, {{
+    pointerId: 1, pointerType: "touch", bubbles: true, buttons: {buttons},
+    clientX: box.left + x, clientY: box.top + y }}));
+  finger("pointerdown", {first}); finger("pointermove", {last}); finger("pointerup", {last}); 0
+}}"""
 
 
 def data_of(page: HtmlPage) -> dict[str, Any]:
@@ -141,3 +151,51 @@ def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
         assert browser.run("document.getElementById('scene').toDataURL()") != before
         assert browser.run("wrong") == []
         assert browser.run("page.stage.gl.getError()") == 0
+
+
+def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_path: Path) -> None:
+    """Each keeps the two bodies apart that are closest then, by what the proof says, between the samples too."""
+    file = tmp_path / "motion.json"
+    motion.trajectory.save(file)
+    scene = Path(str(setup.asked.source))
+    proof = ReadProof(scene, file, hdplan.prove(scene, file).data)
+    page, certifier = page_of(setup, [motion], proof=proof), Certifier(setup)
+    said = data_of(page)
+    assert len(said["planes"]) == len(said["when"])
+    assert data_of(page_of(setup, [motion]))["planes"] == []
+    for now, plane, near in zip(said["when"], said["planes"], said["closest"], strict=True):
+        pair = next(filter(None, certifier.closest(motion.curve.at_parameter(now))))
+        sides = (pair.points - plane["point"]) @ plane["normal"]
+        assert sides[0] > -1e-4
+        assert sides[1] < 1e-4
+        assert plane["of"].startswith(next(filter(None, near))["pair"])
+        assert plane["thick"] <= pair.distance + 1e-4
+    program = find_browser()
+    if program is None:
+        pytest.skip("no browser found: apt-get install chromium")
+    with Browser(program, page, PHONE) as browser:
+        first, second = said["when"][40:42]
+        at = [browser.run(f"page.now = {now}, page.plane().point") for now in (first, 0.5 * (first + second), second)]
+        if said["planes"][40]["of"] == said["planes"][41]["of"]:
+            np.testing.assert_allclose(at[1], np.mean([at[0], at[2]], axis=0), atol=2e-5)
+        assert "proven ≥" in browser.run("page.paint(), document.getElementById('said').textContent")
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
+def test_a_phone_shows_all_of_it(setup: Setup, motion: ShownMotion) -> None:
+    """Nothing is wider than the screen, the slider is in sight, a finger turns the scene, no word is below 11 px,
+    and a plot is dragged to a moment."""
+    program = find_browser()
+    assert program is not None
+    with Browser(program, page_of(setup, [motion]), PHONE) as browser:
+        assert browser.run("document.documentElement.scrollWidth <= innerWidth")
+        box = "document.getElementById('time').getBoundingClientRect()"
+        low, high = browser.run(f"[{box}.top, {box}.bottom]")
+        assert 0 < low < high < PHONE[1]
+        sizes = "[...document.querySelectorAll('body *')].map(e => parseFloat(getComputedStyle(e).fontSize))"
+        assert min(browser.run(sizes)) >= 11.0
+        before = browser.run("page.stage.azimuth")
+        browser.run(TOUCH.format(target="scene", buttons=1, first="100, 100", last="160, 100"))
+        assert browser.run("page.stage.azimuth") != before
+        browser.run(TOUCH.format(target="clearance", buttons=1, first="200, 60", last="250, 60"))
+        assert 0.2 < browser.run("page.now") < 0.9

@@ -15,7 +15,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import FAR_CLEARANCE, SCALE, clearance_colors, intensities
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
-from hdplan.planner.view.drawing.plots import SHOWN, joint_table, with_bar, within_sight
+from hdplan.planner.view.drawing.plot import with_bar
+from hdplan.planner.view.drawing.plots import SHOWN, joint_table, within_sight
 from hdplan.planner.view.drawing.reaching import follow_tip
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.things import moved

@@ -39,7 +39,7 @@ def tell(viewer: Viewer, told: object) -> None:
 def curves(viewer: Viewer) -> list[str]:
     """The motions whose clearance is plotted."""
     series = [str(line["label"]) for line in viewer.panel._plots.clearance.handle.series]
-    return series[1:-4]
+    return series[1:-5]
 
 
 def names(viewer: Viewer) -> list[str]:

@@ -1,0 +1,160 @@
+"""Laws of the plots: curves are the motion's own, markers stand where things happen, all plots show one part of the
+timeline, and a page's drag decides which."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.view.drawing.plot import Plot
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.scene import Scene
+from tests.planner.view.in_browser import Tabs, address, by_worker, plainly
+from tests.waiting import until
+
+Opener = Callable[..., Viewer]
+
+
+@pytest.fixture(scope="module")
+def limited(scene: Scene) -> Scene:
+    return dataclasses.replace(scene, limits=Limits(velocity=1.0, acceleration=[2.0, 3.0], jerk=40.0))
+
+
+@pytest.fixture(scope="module")
+def timed(limited: Scene) -> Trajectory:
+    return plan(limited).trajectory
+
+
+def curve(plot: Plot, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """A curve's moments and values, where it has any."""
+    labels = [str(line["label"]) for line in plot.handle.series]
+    times, values = plot.handle.data[0], plot.handle.data[labels.index(name)]
+    known = np.isfinite(values)
+    return np.asarray(times)[known], np.asarray(values)[known]
+
+
+def asked(viewer: Viewer, quantity: str) -> None:
+    plots = viewer.panel._plots
+    plots.quantity.value = quantity
+    by_worker(viewer, lambda: viewer.panel.plot(viewer.panel.player.timeline))
+
+
+def test_rates_are_the_motions_own_with_their_limits(opened: Opener, limited: Scene, timed: Trajectory) -> None:
+    viewer = opened(limited, found=timed)
+    by_worker(viewer, lambda: None)
+    plots = viewer.panel._plots
+    for quantity, limits in (("velocity", [1.0]), ("acceleration", [2.0, 3.0]), ("jerk", [40.0])):
+        asked(viewer, quantity)
+        assert plots.joints.handle.title.startswith(f"{quantity} of the joints")
+        times, values = curve(plots.joints, "shoulder")
+        inner = slice(2, -2)
+        if quantity == "velocity":
+            expected = [timed.at_time(at).velocities[0] for at in times[inner]]
+            np.testing.assert_allclose(values[inner], expected, atol=1e-6)
+        labels = [str(line["label"]) for line in plots.joints.handle.series]
+        rows = [plots.joints.handle.data[i] for i, label in enumerate(labels) if label == "limit"]
+        assert [float(row[0]) for row in rows] == limits
+        assert np.abs(values).max() <= limits[0] * (1 + 1e-6)
+    asked(viewer, "torque")
+    assert plots.joints.handle.title.startswith("torque of the joints [N m]: none known")
+
+
+def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    viewer = opened(scene, found=trajectory)
+    asked(viewer, "velocity")
+    assert ": none known" in viewer.panel._plots.joints.handle.title
+    asked(viewer, "position")
+    _, values = curve(viewer.panel._plots.joints, "elbow")
+    assert values.min() == pytest.approx(trajectory.positions[:, 1].min(), abs=1e-3)
+
+
+def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, timed: Trajectory) -> None:
+    """The other one is dashed, over the same seconds, and ends where it ends."""
+    slow = dataclasses.replace(
+        timed, times=1.5 * timed.times, velocities=timed.velocities / 1.5, accelerations=timed.accelerations / 2.25
+    )
+    viewer = opened(limited, found=timed, slow=slow)
+    asked(viewer, "position")
+    plots = viewer.panel._plots
+    own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
+    assert (own[0].max(), other[0].max()) == pytest.approx((timed.times[-1], slow.times[-1]))
+    assert own[1][-1] == pytest.approx(other[1][-1])
+    dashes = {str(line["label"]): "dash" in line for line in plots.joints.handle.series}
+    assert (dashes["elbow"], dashes["elbow of slow"]) == (False, True)
+
+
+def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limited: Scene, timed: Trajectory) -> None:
+    staged = dataclasses.replace(timed, stages=(StageMark("reach", 0), StageMark("place", 20)))
+    viewer = opened(limited, found=staged)
+    by_worker(viewer, lambda: None)
+    plots = viewer.panel._plots
+    motion = viewer.motions.shown[0].motion
+    place = int(np.minimum(motion.clearance, motion.self_clearance).argmin())
+    times, values = curve(plots.clearance, "closest")
+    assert {round(value, 6) for value in values} == {round(1e3 * float(motion.clearance[place]), 6)}
+    assert {*times.tolist()} == {float(motion.curve.time_of(motion.parameter[place]))}
+    times, _ = curve(plots.clearance, "stages")
+    np.testing.assert_allclose(np.unique(times), timed.times[[0, 20]])
+
+
+def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
+    opened: Opener, scene: Scene, trajectory: Trajectory
+) -> None:
+    viewer = opened(scene, found=trajectory)
+    client: Any = SimpleNamespace(client_id=1)
+    page, plots = viewer.panel.page, viewer.panel._plots
+    by_worker(viewer, lambda: None)
+
+    def told(text: str) -> None:
+        page._field.value = text
+        page._heard(SimpleNamespace(client=client))
+        assert viewer.worker.settle(20)
+
+    told('{"do": "zoom", "from": 0.8, "to": 0.4}')
+    assert plots.view == pytest.approx((0.4, 0.8))
+    ranges = [plot.handle.scales["x"]["range"] for plot in (plots.clearance, plots.joints)]
+    np.testing.assert_allclose(ranges, [(0.4, 0.8)] * 2)
+    told('{"do": "seek", "share": 0.5}')
+    assert viewer.panel.player.time == pytest.approx(0.6)
+    assert plots.view == pytest.approx((0.4, 0.8))  # the bar moves, and the part stays
+    for wrong in ('{"do": "zoom", "from": "x", "to": 1}', '{"do": "zoom"}', '{"do": "zoom", "from": 1e999, "to": 0}'):
+        told(wrong)
+        assert plots.view == pytest.approx((0.4, 0.8))
+    told('{"do": "zoom", "from": 0, "to": 0}')
+    assert plots.view == (0.0, 1.0)
+
+
+@pytest.fixture
+def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    viewer = plainly(scene, (NAME, trajectory))
+    yield viewer
+    viewer.close()
+
+
+@pytest.mark.slow
+def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
+    page = tab(address(served))
+    over = page.locator(".u-over").first
+    over.scroll_into_view_if_needed()
+    box, plots = over.bounding_box(), served.panel._plots
+    y = box["y"] + 0.5 * box["height"]
+    page.mouse.move(box["x"] + 0.25 * box["width"], y)
+    legend = page.locator(".u-legend").first
+    until(lambda: "0.2" in legend.inner_text(), "no value under the mouse is said")
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=4)
+    page.mouse.up()
+    until(lambda: plots.view == pytest.approx((0.25, 0.75), abs=0.02), "it is not zoomed")
+    page.mouse.click(box["x"] + 0.5 * box["width"], y)
+    until(lambda: served.panel.player.time == pytest.approx(0.5, abs=0.02), "a click does not seek")
+    page.mouse.dblclick(box["x"] + 0.5 * box["width"], y)
+    until(lambda: plots.view == (0.0, 1.0), "it is not shown whole again")

@@ -1,0 +1,111 @@
+"""Laws of files that change on disk: what is shown follows them, whole or not at all, and what is said is of it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.watch import Watch
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from tests.waiting import until
+
+Opener = Callable[..., Viewer]
+HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
+HOOKED = "  - {name: hook, shape: {type: mesh, file: hook.obj}, pose: {position: [0, -3, 0]}}\n"
+
+
+@pytest.fixture
+def files(scene: Scene, trajectory: Trajectory, tmp_path: Path) -> tuple[Path, Path]:
+    """A scene with a mesh, and a motion."""
+    assert scene.source is not None
+    for each in Path(scene.source).parent.glob("planar_arm.*"):
+        shutil.copy(each, tmp_path)
+    shutil.copy(HOOK, tmp_path)
+    file = tmp_path / "planar_arm.yaml"
+    file.write_text(file.read_text().replace("obstacles:\n", f"obstacles:\n{HOOKED}"))
+    trajectory.save(tmp_path / "motion.json")
+    return file, tmp_path / "motion.json"
+
+
+@pytest.fixture
+def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> Iterator[Viewer]:
+    found = opened(load_scene(files[0]), motion=trajectory)
+    watch: Watch = found.panel.opening.follow(lambda: load_scene(files[0]), [files[0]], [("motion", files[1])])
+    yield found
+    watch.close()
+
+
+def says_the_truth(viewer: Viewer, file: Path) -> None:
+    """What is said of the motion is what holds in the file's scene."""
+    assert viewer.worker.settle(20)
+    viewer.worker.ask("measure", viewer.measure)
+    assert viewer.worker.settle(20)
+    assert viewer.motions.active is not None
+    motion = viewer.motions.active.motion
+    assert motion.scene is viewer.scene
+    assert motion.certificate.text == certify(load_scene(file), motion.trajectory).text
+
+
+def place_of_ball(viewer: Viewer) -> tuple[float, ...]:
+    return next(each.pose.position for each in viewer.scene.obstacles if each.name == "ball")
+
+
+def test_a_scene_is_followed_whole_or_not_at_all(viewer: Viewer, files: tuple[Path, Path]) -> None:
+    """A ball that moves, half a file, no file, a file of another robot, and the first one again."""
+    text, first = files[0].read_text(), viewer.edited
+    moved = text.replace("[0.9, 0.05, 0.1]", "[0.9, -0.35, 0.1]")
+    files[0].write_text(moved)
+    until(lambda: place_of_ball(viewer) == (0.9, -0.35, 0.1), "the ball stays")
+    says_the_truth(viewer, files[0])
+    shown, editing = viewer.edited, viewer.panel.editing
+    for wrong, words in (
+        (moved[: moved.index("start:")], "start"),
+        (moved.replace("radius: 0.12", "radius: -1"), "radius"),
+        ("hdplan: 1\nrobot: {name: ur5}\nobstacles: []\nstart: {state: default}\ngoal: {state: default}\n", ""),
+    ):
+        files[0].write_text(wrong)
+        until(lambda words=words: "not done: " in editing.said and words in editing.said, "it is not said")
+        assert viewer.edited is shown
+        viewer.worker.ask("clear", lambda: editing.say(""))
+        assert viewer.worker.settle(20)
+    files[0].unlink()
+    files[0].with_suffix(".new").write_text(text)
+    files[0].with_suffix(".new").rename(files[0])
+    until(lambda: place_of_ball(viewer) == (0.9, 0.05, 0.1), "the ball stays")
+    says_the_truth(viewer, files[0])
+    editing.ask("undo")
+    until(lambda: viewer.edited is shown, "it cannot be undone")
+    assert first is not shown
+
+
+def test_a_mesh_that_changes_is_another_obstacle(viewer: Viewer, files: tuple[Path, Path]) -> None:
+    node = next(each for each in viewer.stage.obstacles if each.obstacle.name == "hook")
+    before, mesh = viewer.edited, files[0].parent / "hook.obj"
+    rows = [line.split() for line in mesh.read_text().splitlines()]
+    mesh.write_text("\n".join(f"v {r[1]} {float(r[2]) + 2.2} {r[3]}" if r[:1] == ["v"] else " ".join(r) for r in rows))
+    until(lambda: viewer.edited is not before, "the mesh stays as it was")
+    says_the_truth(viewer, files[0])
+    again = next(each for each in viewer.stage.obstacles if each.obstacle.name == "hook")
+    assert again is not node
+    assert not np.array_equal(again.mesh.vertices, node.mesh.vertices)
+
+
+def test_a_motion_is_followed(viewer: Viewer, files: tuple[Path, Path], trajectory: Trajectory) -> None:
+    half = trajectory.between(0, 9)
+    half.save(files[1])
+    active = viewer.motions.active
+    assert active is not None
+    until(lambda: len(active.motion.trajectory.positions) == 10, "the motion stays")
+    says_the_truth(viewer, files[0])
+    assert not active.motion.certificate.certified
+    files[1].write_text("{")
+    until(lambda: "not done: " in viewer.panel.editing.said, "it is not said")
+    assert len(active.motion.trajectory.positions) == 10
