@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.own_term import OwnTerm
     from hdplan.planner.problem.problem import Problem
     from hdplan.planner.proof.proof import NotProvenError, Proof, prove
+    from hdplan.planner.replanning.command import Command
+    from hdplan.planner.replanning.replanner import Replanner
     from hdplan.planner.result import PlanResult
     from hdplan.planner.robot.robot import Robot, load_robot
     from hdplan.planner.search.inverse_kinematics import inverse_kinematics
@@ -89,6 +91,7 @@ _HOMES = {  # of names, below hdplan
     "Certificate": "planner.certificate.verdict",
     "Circle": "scenes.curve_stages",
     "Cloud": "scenes.clouds",
+    "Command": "planner.replanning.command",
     "ConvexBody": "distance.bodies",
     "Cylinder": "scenes.shapes",
     "DepthImage": "scenes.depth_images",
@@ -122,6 +125,7 @@ _HOMES = {  # of names, below hdplan
     "Proof": "planner.proof.proof",
     "Relative": "scenes.path_constraints",
     "Release": "scenes.job",
+    "Replanner": "planner.replanning.replanner",
     "Robot": "planner.robot.robot",
     "RobotSpec": "scenes.robot_spec",
     "Samples": "planner.motion.samples",
@@ -170,6 +174,7 @@ __all__ = [
     "Certificate",
     "Circle",
     "Cloud",
+    "Command",
     "ConvexBody",
     "Cylinder",
     "DepthImage",
@@ -203,6 +208,7 @@ __all__ = [
     "Proof",
     "Relative",
     "Release",
+    "Replanner",
     "Robot",
     "RobotSpec",
     "Samples",
