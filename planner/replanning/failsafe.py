@@ -21,7 +21,7 @@ from hdplan.scenes.array_types import Array
 
 STRONGEST = (24.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5)  # [1/s] of s̈
 SOFTER = (4.0, 1.0)  # times s̈², of s⃛ [1/s²]
-SPEEDS = (1.0, 0.35)  # ṡ that are aimed at: slower motions are shorter until they stand
+SPEEDS = (1.0, 0.5, 0.2)  # ṡ that are aimed at: slower motions are shorter until they stand
 BACKWARDS = 1e-9  # [–] ṡ below 0, from rounding
 ROOM = 1e-7  # [–] of the joints' limits that is left unused
 STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
@@ -53,9 +53,11 @@ class FailsafeMotions:
 
     def of(self, nominal: Nominal, progress: Array) -> Iterator[Failsafe]:
         """Yield motions that go on from s, ṡ, s̈ (3,), the farthest first."""
+        free = nominal.rests(float(progress[0]))
         for speed in SPEEDS:
             for at in range(max(self._last[speed] - 1, 0), len(self.pairs)):
-                law = self._law(progress, speed, *self.pairs[at])
+                begin = np.array([progress[0], speed, 0.0]) if free else progress
+                law = self._law(begin, speed, *self.pairs[at])
                 if law is None:
                     continue
                 motion = _trimmed(nominal.driven(law), law)

@@ -61,6 +61,11 @@ class Nominal:
         there = law[:, 0, None] < self.ends  # else P′ and P″ are 0, to the bit
         return position, np.where(there, first * speed, 0.0), np.where(there, second * speed**2 + first * change, 0.0)
 
+    def rests(self, s: float) -> bool:
+        """True if the robot stands at s whatever ṡ is."""
+        _, velocity, acceleration = self.driven(np.array([[s, 1.0, 1.0]]))
+        return not (velocity.any() or acceleration.any())
+
     def row_after(self, s: float) -> int:
         """Return the first row that is not before s; the last one if there is none."""
         return min(int(np.searchsorted(self._times, s)), len(self._times) - 1)

@@ -28,7 +28,7 @@ from hdplan.scenes.targets import Goals, JointTarget
 
 SHARES = (1.0, 0.4, 0.0)  # of the room for what obstacles may go, with which a way is looked for
 LESS = 0.8  # of that room, within which a way counts as free
-BRAKING_ROOM = {"acceleration": 0.7, "jerk": 0.5}  # share of the limits that a way takes; the rest is for the law on it
+BRAKING_ROOM = {"acceleration": 0.5, "jerk": 0.5}  # share of the limits that a way takes; the rest is for the law on it
 PLANNING_LIMIT = 0.5  # [s] for one way
 
 
@@ -93,7 +93,7 @@ def _free(question: Question) -> bool:
 
 def _way(question: Question, margin: float) -> Nominal:
     """Return a new way. Raises HdplanError if none is found."""
-    nominal, standing = question.nominal, question.standing
+    nominal, standing, known = question.nominal, question.standing, question.sightings.all.values()
     guess = None if nominal is None or question.anew else nominal.rest(question.row)
     if standing is not None:
         start = JointTarget("start", tuple(standing.tolist()))
@@ -105,8 +105,8 @@ def _way(question: Question, margin: float) -> Nominal:
     found = plan(scene, robot=question.robot, guess=guess, time_limit=PLANNING_LIMIT)
     if not found.certificate.certified:
         raise HdplanError(found.certificate.text)
-    setup = Setup.of(_world(question, 0.0, start, found.goal or question.scene.goal), question.robot)
-    required, _ = Certifier(setup).asked(curve_of(question.robot, found.trajectory))
+    scene = derived(scene, obstacles=tuple(each.obstacle for each in known if not each.obstacle.moves))
+    required, _ = Certifier(Setup.of(scene, question.robot)).asked(curve_of(question.robot, found.trajectory))
     return Nominal(found.trajectory.of_joints(question.robot.joint_names, question.robot.locked), required, margin)
 
 

@@ -55,7 +55,7 @@ class Sighting:
 
     def frozen(self, at: float, margin: float) -> Obstacle:
         """Return the obstacle where it is expected at a time, standing, with room for what it may go in `margin` [s],
-        to plan a way past it."""
+        to plan a way past it; without one, just where it is said to be."""
         obstacle, age = self.obstacle, max(at - self.at, 0.0)
         if not obstacle.moves:
             return obstacle
@@ -63,8 +63,7 @@ class Sighting:
         speed = sizes.speed
         if isinstance(obstacle.motion, SteadyMotion):
             speed += float(np.linalg.norm(obstacle.motion.velocity))
-        position = min(sizes.position + speed * margin, FARTHEST)
-        unknown = Uncertainty(position, sizes.orientation)
+        unknown = Uncertainty(min(sizes.position + speed * margin, FARTHEST), sizes.orientation) if margin else None
         return replace(obstacle, pose=moved_on(obstacle, age), motion=None, uncertainty=unknown)
 
 
@@ -185,4 +184,5 @@ class Picture:
         start = JointTarget("start", first, velocity=rates[0], acceleration=rates[1])
         goal = JointTarget("goal", tuple(position[-1].tolist()))
         motion = Trajectory(robot.joint_names, position, robot.locked, times, velocity, acceleration)
-        return self.certifier.between(start, goal).certify(motion, required=required)
+        ends = len(position) - 2, 1.0  # where most is unknown: what cannot be proven mostly fails there
+        return self.certifier.between(start, goal).certify(motion, required=required, suspect=ends)

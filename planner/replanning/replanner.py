@@ -295,7 +295,7 @@ class Replanner:
         if question.standing is not None:
             if row < self._held.last or not np.array_equal(self._held.stop, question.standing):
                 return None
-            return Course(way, row, np.array([[way.begins, 1.0, 0.0]]))
+            return Course(way, row, np.array([[way.begins, 0.0, 0.0]]))
         course = self._course
         if course is None or course.nominal is not question.nominal:
             return None
