@@ -2,17 +2,17 @@
 
     python benchmarks/replanning.py [--runs N] [--from SEED] [--seconds S] [--journal FILE] [--alone]
 
-A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture every
-50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor takes
-here, and its command reaches the arm 10 ms later; the arm is up to `robot.tracking` off what is commanded. People
-(spheres and capsules) go at up to 0.5 m/s and turn at will, often towards the robot, through which they walk as if it
-were air; boxes come into sight at 1.5 m, stand, and leave; others lie on a conveyor. What the camera says is up to 1 cm
-off. Ways are looked for beside the steps, and come as late as the processor takes for them.
+A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture
+every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
+takes here, and its command reaches the arm 10 ms later; the arm is up to `robot.tracking` off what is commanded. People
+(spheres and capsules) go at up to 0.5 m/s and turn at will, some of them towards the robot, through which they walk as
+if it were air; boxes come into sight at 1.5 m, stand, and leave; others lie on a conveyor. What the camera says is up
+to 1 cm off. Ways are looked for beside the steps, and come as late as the processor takes for them.
 
-Whether bodies touch is judged without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every
-5 ms while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run
-again. With --alone, each run is made again in a world with the floor alone: no planner, whatever it knows of the future,
-reaches more goals with these commands.
+Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
+while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run
+again. With --alone, each run is made again in a world with the floor alone: no planner, whatever it knows of the
+future, reaches more goals with these commands.
 """
 
 from __future__ import annotations
@@ -310,6 +310,7 @@ def run(seed: int, seconds: float, empty: bool = False) -> dict[str, Any]:
             steps.append(took)
             late += took > PERIOD
             coming.append((t + took + LATENCY, found))
+            next_step = max(next_step, t + took)
             if found.mode.value == "arrived":
                 reached += 1
                 first = min(first, t)

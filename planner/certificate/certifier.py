@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
+from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
 from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
@@ -177,11 +177,13 @@ class Certifier:
         check_ends: bool = True,
         suspect: tuple[int, float] | None = None,
         passing: Collection[str] = (),
+        shortest: float = SHORTEST_INTERVAL,
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
         failures are not complete. At ends that are `passing` the robot goes on: the motion itself says where those
-        are, so that no lesser clearance is required for them."""
+        are, so that no lesser clearance is required for them. What is neither proven nor refuted on the `shortest` part
+        of a waypoint interval is given up as not proven."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
@@ -197,7 +199,7 @@ class Certifier:
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve, passing) if required is None else (required, ())
         floor = self._floor(required)
-        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect)
+        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest)
         path = None if self.path is None or beyond else self.path.prove(moved)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)

@@ -22,6 +22,7 @@ from hdplan.scenes.array_types import Array
 STRONGEST = (24.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5)  # [1/s] of s̈
 SOFTER = (4.0, 1.0)  # times s̈², of s⃛ [1/s²]
 SPEEDS = (1.0, 0.5, 0.2)  # ṡ that are aimed at: slower motions are shorter until they stand
+LONGEST = 1.0  # [s] in which s̈ has to come to 0: a law that takes longer is no braking
 BACKWARDS = 1e-9  # [–] ṡ below 0, from rounding
 ROOM = 1e-7  # [–] of the joints' limits that is left unused
 STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
@@ -51,10 +52,10 @@ class FailsafeMotions:
         self.pairs = sorted(pairs, key=lambda pair: 1.0 / pair[0] + pair[0] / pair[1])
         self._last = dict.fromkeys(SPEEDS, 0)  # the pair that held at the last step
 
-    def of(self, nominal: Nominal, progress: Array) -> Iterator[Failsafe]:
-        """Yield motions that go on from s, ṡ, s̈ (3,), the farthest first."""
+    def of(self, nominal: Nominal, progress: Array, hopeful: bool = True) -> Iterator[Failsafe]:
+        """Yield motions that go on from s, ṡ, s̈ (3,), the farthest first; unless `hopeful` the shortest alone."""
         free = nominal.rests(float(progress[0]))
-        for speed in SPEEDS:
+        for speed in SPEEDS if hopeful else SPEEDS[-1:]:
             for at in range(max(self._last[speed] - 1, 0), len(self.pairs)):
                 begin = np.array([progress[0], speed, 0.0]) if free else progress
                 law = self._law(begin, speed, *self.pairs[at])
@@ -72,6 +73,8 @@ class FailsafeMotions:
         """Return s, ṡ and s̈ (k, 3) of a law that speeds up, or slows down, and then brakes; None if there is none."""
         most = {"acceleration": np.array([strong]), "jerk": np.array([soft])}
         s, v, a = progress.tolist()
+        if abs(a) > LONGEST * soft:
+            return None
         toward = brake(np.array([v - speed]), np.array([a]), most, self.h)
         if isinstance(toward, int):
             return None

@@ -32,6 +32,7 @@ from hdplan.scenes.sizes import Uncertainty
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked, instance
 
+SHORTEST = 2.0**-5  # of the time between two rows, for which a proof looks at a place: it has to be found quickly
 FARTHEST = 1.0  # [m] by which an obstacle may be uncertain; one that may be farther off may be anywhere
 
 
@@ -185,4 +186,4 @@ class Picture:
         goal = JointTarget("goal", tuple(position[-1].tolist()))
         motion = Trajectory(robot.joint_names, position, robot.locked, times, velocity, acceleration)
         ends = len(position) - 2, 1.0  # where most is unknown: what cannot be proven mostly fails there
-        return self.certifier.between(start, goal).certify(motion, required=required, suspect=ends)
+        return self.certifier.between(start, goal).certify(motion, required=required, suspect=ends, shortest=SHORTEST)

@@ -47,7 +47,7 @@ from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.poses import AnyPose
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
-from hdplan.scenes.targets import AnyGoal
+from hdplan.scenes.targets import AnyGoal, JointTarget
 from hdplan.scenes.values import Number, checked, functions, instance
 
 ROWS = 2  # of the grid in a period
@@ -129,6 +129,7 @@ class Replanner:
         self._no_way = ""  # why none was found
         self._now = -math.inf  # of the last step
         self._off = ""  # how the robot is not where it is to be
+        self._hopeful = True  # whether the last step could prove a motion
         self._clearance: float | None = None
         self._proven_at, self._horizon = at, FIRST_HORIZON
         self._executor, self._own = executor, executor is None
@@ -195,6 +196,8 @@ class Replanner:
         scene = derived(self._scene, goal=scene.goal)
         setup = Setup.of(scene, self.robot)
         setup.refuse_moving_ends("a replanner begins and ends at rest")
+        if isinstance(scene.goal, JointTarget):
+            self.robot.configuration(scene.goal)
         with self._steps:
             self._scene, self._asked, self._waiting = setup.asked, None, None
             self._reaches, self._not_before = False, -math.inf
@@ -313,9 +316,9 @@ class Replanner:
             courses.insert(0, course)
         elif self._course.arrives and row >= self._held.last:
             return "", ""
-        why = ""
+        why, hopeful, self._hopeful = "", self._hopeful, False
         for course in courses:
-            for motion in self._motions.of(course.nominal, course.at(row)):
+            for motion in self._motions.of(course.nominal, course.at(row), hopeful):
                 if not motion.moves:
                     return "", ""
                 certificate = self._proof(picture, row, motion.rows, course.nominal, began)
@@ -329,7 +332,7 @@ class Replanner:
                 if course is not self._course:
                     self._waiting, self._reaches = None, True
                 self._held, self._course = self._held.joined(row, motion.rows), Course(course.nominal, row, motion.law)
-                self._clearance, self._proven_at = certificate.clearance, picture.at
+                self._clearance, self._proven_at, self._hopeful = certificate.clearance, picture.at, True
                 return "moves", ""
         return "", why or "no motion along the way keeps the limits"
 
