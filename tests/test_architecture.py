@@ -31,7 +31,15 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("planner.symbolic", "planner.traced"),
     "planner.solvers.methods",
     "planner.proof",
-    *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
+    *(
+        "planner.search",
+        "planner",
+        "planner.replanning",
+        "planner.control",
+        "planner.pictures",
+        "planner.terminal",
+        "planner.studies",
+    ),
     *("planner.job", "planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 

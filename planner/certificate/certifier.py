@@ -11,6 +11,7 @@ Distances are proven *lower bounds* in metres, positive = separated. Two bodies 
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Collection, Sequence
 from functools import cached_property
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
+from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
 from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
@@ -52,6 +53,7 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, boolean, checked, instance
 
 if TYPE_CHECKING:
@@ -125,15 +127,28 @@ class Certifier:
         with naming(scene.source):
             refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, np.concatenate([rows, np.array(own, np.int64).reshape(-1, 3)])))
-        self.ends = EndCheck(scene, robot, setup.rates)
-        self.path = None if scene.path == PathConstraints() else _path_check(setup, gathered.chain)
-        self.limits = tuple(limit_checks(setup))
+        self._ends_at(setup)
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
         kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
-        self._asked = asked_of(scene, robot)
         self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
         check_as_loaded(robot)  # as what was read of it is kept
+
+    def _ends_at(self, setup: Setup) -> None:
+        """Take what depends on the scene's ends."""
+        self.setup, self.scene = setup, setup.scene
+        self.ends = EndCheck(setup.scene, setup.robot, setup.rates)
+        chain = self.sweep.bodies.chain
+        self.path = None if setup.scene.path == PathConstraints() else _path_check(setup, chain)
+        self.limits = tuple(limit_checks(setup))
+        self._asked = asked_of(setup.scene, setup.robot)
+
+    def between(self, start: JointTarget, goal: JointTarget) -> Certifier:
+        """Return the same of another start and goal: of the bodies nothing is made anew. Raises InputError for ends
+        that do not fit the robot."""
+        found = copy.copy(self)
+        found._ends_at(self.setup.changed(start=start, goal=goal))
+        return found
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
@@ -162,11 +177,13 @@ class Certifier:
         check_ends: bool = True,
         suspect: tuple[int, float] | None = None,
         passing: Collection[str] = (),
+        shortest: float = SHORTEST_INTERVAL,
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
         failures are not complete. At ends that are `passing` the robot goes on: the motion itself says where those
-        are, so that no lesser clearance is required for them."""
+        are, so that no lesser clearance is required for them. What is neither proven nor refuted on the `shortest` part
+        of a waypoint interval is given up as not proven."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
@@ -182,7 +199,7 @@ class Certifier:
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve, passing) if required is None else (required, ())
         floor = self._floor(required)
-        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect)
+        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest)
         path = None if self.path is None or beyond else self.path.prove(moved)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)

@@ -101,15 +101,22 @@ class Sweep:
         none = np.zeros(1, dtype=np.int64)
         return np.asarray(sizes.at_middle(nodes, self.pairs, none, none + spot.pair)[:, 0])
 
-    def prove(self, curve: Curve, required: Array | float = 0.0, suspect: tuple[int, float] | None = None) -> Proof:
+    def prove(
+        self,
+        curve: Curve,
+        required: Array | float = 0.0,
+        suspect: tuple[int, float] | None = None,
+        shortest: float = SHORTEST_INTERVAL,
+    ) -> Proof:
         """Prove a motion, or find where it cannot be proven.
 
         `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
         `suspect`, a waypoint interval and a fraction of it, is looked at first, and the first contact found anywhere
-        ends the search: failures are then not complete.
+        ends the search: failures are then not complete. What is neither proven nor refuted on the `shortest` part of a
+        waypoint interval is not proven.
         """
         floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
-        return _Run(self, curve, floor, suspect).prove()
+        return _Run(self, curve, floor, suspect, shortest).prove()
 
     def _standing(self, q: Array, time: float) -> _Run:
         """Return a run that stands at one configuration and time."""
@@ -119,11 +126,18 @@ class Sweep:
 class _Run:
     """The proof of one motion in progress."""
 
-    def __init__(self, sweep: Sweep, curve: Curve, floor: Array, suspect: tuple[int, float] | None = None) -> None:
+    def __init__(
+        self,
+        sweep: Sweep,
+        curve: Curve,
+        floor: Array,
+        suspect: tuple[int, float] | None = None,
+        shortest: float = SHORTEST_INTERVAL,
+    ) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
         self.bounds, self.containment = sweep.bounds, sweep.containment
         self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
-        self.suspect = suspect
+        self.suspect, self.shortest = suspect, shortest
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
@@ -387,7 +401,7 @@ class _Run:
             moved = moved - nodes.instants.moved[a] - nodes.instants.moved[b]
         still = moved <= LEAST_MOTION
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
-        undecided = still | (nodes.width[items.node] <= SHORTEST_INTERVAL) | over
+        undecided = still | (nodes.width[items.node] <= self.shortest) | over
         for node, pair, bound in zip(
             items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):

@@ -20,6 +20,8 @@ from hdplan.planner.plan import plan as plan
 from hdplan.planner.problem.own_term import OwnTerm as OwnTerm
 from hdplan.planner.problem.problem import Problem as Problem
 from hdplan.planner.proof.proof import NotProvenError as NotProvenError, Proof as Proof, prove as prove
+from hdplan.planner.replanning.command import Command as Command
+from hdplan.planner.replanning.replanner import Replanner as Replanner
 from hdplan.planner.result import PlanResult as PlanResult
 from hdplan.planner.robot.robot import Robot as Robot, load_robot as load_robot
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics as inverse_kinematics

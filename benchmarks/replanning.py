@@ -1,0 +1,399 @@
+"""Replanning among people, boxes that come into sight, and a conveyor: what is touched, and how long a cycle takes.
+
+    python benchmarks/replanning.py [--runs N] [--from SEED] [--seconds S] [--journal FILE] [--alone]
+
+A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture
+every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
+takes here, and its command reaches the arm 10 ms later; the arm is up to `robot.tracking` off what is commanded. People
+(spheres and capsules) go at up to 0.5 m/s and turn at will, some of them towards the robot, through which they walk as
+if it were air; boxes come into sight at 1.5 m, stand, and leave; others lie on a conveyor. What the camera says is up
+to 1 cm off. Ways are looked for beside the steps, and come as late as the processor takes for them.
+
+Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
+while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run
+again. With --alone, each run is made again in a world with the floor alone: no planner, whatever it knows of the
+future, reaches more goals with these commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+import hdplan
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.studies.report import markdown_text
+
+PERIOD, LATENCY, SETTLING = 0.04, 0.01, 0.1  # [s]
+PICTURES, SEEN_AFTER = 0.05, (0.03, 0.08)  # [s]
+SPEED, SIGHT, OFF = 0.5, 1.5, 0.01  # [m/s] of people and boxes; [m] from the base; [m] by which pictures are off
+BELT_SPEED, BELT_OFF = 0.2, 0.02  # [m/s] of the conveyor; how much faster or slower a box on it may be
+LAG, LAG_TIME = 0.005, 0.03  # [rad] by which a joint may be off; [s] in which it follows
+CHECK, MOVES = 0.005, 1e-3  # [s] between two looks; [rad/s] of a joint that moves
+LIMITS = hdplan.Limits(
+    velocity="urdf", acceleration=(15, 7.5, 10, 12.5, 15, 20, 20), jerk=(7500, 3750, 5000, 6250, 7500, 10000, 10000)
+)
+FLOOR = hdplan.Obstacle("floor", hdplan.Box([2.4, 2.4, 0.1]), pose=[0.0, 0.0, -0.1])
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run."""
+
+    seed: int
+    contacts: int  # looks at which a moving robot touched something
+    least: float  # [m] between robot and obstacles, while it moved
+    goals: int  # reached
+    first: float  # [s] until the first of them, inf if none was
+    alone: int  # goals reached in an empty world; -1: not run
+    moving: float  # share of the time
+    cycle: list[float]  # [s] median, 99 %, longest, of a step
+    way: list[float]  # [s] median, 99 % of looking at the way
+    picture: list[float]  # [s] median, 99 % of taking a picture
+    late: int  # steps that took longer than their period
+
+
+class Walker:
+    """A body that goes where it likes: its points are never faster than a speed."""
+
+    def __init__(self, rng: np.random.Generator, name: str, kind: str) -> None:
+        self.rng, self.name, self.kind = rng, name, kind
+        angle = rng.uniform(-np.pi, np.pi)
+        far = SIGHT if kind == "box" else rng.uniform(0.9, 1.4)
+        self.at = np.array([far * np.cos(angle), far * np.sin(angle), rng.uniform(0.2, 0.9)])
+        self.turn = pin.exp3(rng.uniform(-np.pi, np.pi) * np.array([0.0, 0.0, 1.0]))
+        self.velocity, self.spin, self.until = np.zeros(3), np.zeros(3), 0.0
+        self.shape: Any
+        if kind == "sphere":
+            self.shape, self.lever = hdplan.Sphere(rng.uniform(0.08, 0.18)), 0.0
+        elif kind == "capsule":
+            length = rng.uniform(0.3, 0.9)
+            self.shape, self.lever = hdplan.Capsule(rng.uniform(0.06, 0.15), length), length / 2
+        else:
+            size = rng.uniform(0.08, 0.3, 3)
+            self.shape, self.lever = hdplan.Box(size), float(np.linalg.norm(size)) / 2
+        self.begins = rng.uniform(0.0, 10.0) if kind == "box" else 0.0
+
+    def decide(self, t: float, hand: np.ndarray) -> None:
+        """Take another way, maybe towards the robot's hand."""
+        rng = self.rng
+        self.until = t + rng.uniform(0.2, 1.5)
+        share = rng.choice([0.0, 0.3, 1.0], p=[0.2, 0.2, 0.6])
+        target = hand if rng.uniform() < 0.1 else np.append(rng.uniform(-1.6, 1.6, 2), rng.uniform(0.1, 1.2))
+        if self.kind == "box":
+            stand = rng.uniform() < 0.5
+            share = 0.0 if stand and np.linalg.norm(self.at[:2]) < 0.8 else share
+        way = target - self.at
+        spin = rng.normal(size=3)
+        part = rng.uniform(0.5, 1.0) if self.lever else 1.0
+        self.velocity = part * share * SPEED * way / max(np.linalg.norm(way), 1e-9)
+        self.spin = (1.0 - part) * share * SPEED / max(self.lever, 1e-9) * spin / np.linalg.norm(spin)
+
+    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+        if t >= self.until:
+            self.decide(t, hand)
+        self.at = self.at + dt * self.velocity
+        self.turn = pin.exp3(dt * self.spin) @ self.turn
+
+    def there(self, t: float) -> bool:
+        return t >= self.begins
+
+    def seen(self) -> hdplan.Obstacle:
+        way = self.rng.normal(size=3)
+        off = self.rng.uniform(0.0, OFF) * way / np.linalg.norm(way)
+        pose = hdplan.Pose(self.at + off, pin.Quaternion(self.turn).normalized().coeffs())
+        return hdplan.Obstacle(self.name, self.shape, pose, uncertainty=hdplan.Uncertainty(OFF, 0.0, SPEED))
+
+
+class Rider(Walker):
+    """A box on the conveyor, which runs past the robot."""
+
+    def __init__(self, rng: np.random.Generator, name: str, at: float, side: float) -> None:
+        super().__init__(rng, name, "box")
+        self.at = np.array([at, side, 0.1 + rng.uniform(0.0, 0.1)])
+        self.begins, self.until = 0.0, np.inf
+        self.shape = hdplan.Box(rng.uniform(0.08, 0.2, 3))
+
+    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+        if t >= self.until or self.until == np.inf:
+            self.until = t + 0.5
+            self.velocity = np.array([BELT_SPEED + self.rng.uniform(-1.0, 1.0) * BELT_OFF, 0.0, 0.0])
+        self.at = self.at + dt * self.velocity
+
+    def there(self, t: float) -> bool:
+        return bool(abs(self.at[0]) < 1.4)
+
+    def seen(self) -> hdplan.Obstacle:
+        found = super().seen()
+        motion = hdplan.SteadyMotion([BELT_SPEED, 0.0, 0.0])
+        return hdplan.Obstacle(
+            found.name, found.shape, found.pose, motion=motion, uncertainty=hdplan.Uncertainty(OFF, 0.0, BELT_OFF)
+        )
+
+
+class World:
+    """Everything that moves in one run."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng([seed, 1])
+        kinds = [*rng.choice(["sphere", "capsule"], rng.integers(1, 4)), "box", "box"]
+        self.walkers: list[Walker] = [Walker(rng, f"{kind}{i}", str(kind)) for i, kind in enumerate(kinds)]
+        side = 0.65 * rng.choice([-1.0, 1.0])
+        self.walkers += [Rider(rng, f"rider{i}", -1.3 - 0.8 * i, side) for i in range(5)]
+
+    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+        for each in self.walkers:
+            if each.there(t) or isinstance(each, Rider):
+                each.go(t, dt, hand)
+
+    def there(self, t: float) -> list[Walker]:
+        return [each for each in self.walkers if each.there(t)]
+
+
+class Judge:
+    """Distances of the robot's meshes from the world as it is, by Pinocchio and coal."""
+
+    def __init__(self, robot: hdplan.Robot) -> None:
+        self.robot, self.model, self.items = robot, robot.model, robot.collision
+        self.data, self.places = self.model.createData(), self.items.createData()
+        for each in self.items.geometryObjects:
+            each.geometry.computeLocalAABB()
+        self.moving = [i for i, each in enumerate(self.items.geometryObjects) if each.parentJoint]
+        self.floor = coal.Box(2.4, 2.4, 0.1), coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.1]))
+        self.shapes: dict[str, Any] = {}
+
+    def hand(self, q: np.ndarray) -> np.ndarray:
+        self._place(q)
+        return np.array(self.places.oMg[self.moving[-1]].translation)
+
+    def _place(self, q: np.ndarray) -> None:
+        full = np.asarray(self.robot.unfolded.pin_q(self.robot.expand(q)[None])[0])
+        pin.updateGeometryPlacements(self.model, self.data, self.items, self.places, full)
+
+    def distance(self, q: np.ndarray, walkers: list[Walker]) -> float:
+        """Return the least distance [m], if it is below 0.1; 0 or less in contact."""
+        self._place(q)
+        least = 0.1
+        for i in self.moving:
+            geometry, place = self.items.geometryObjects[i].geometry, self.places.oMg[i]
+            center = place.rotation @ geometry.aabb_center + place.translation
+            one = coal.Transform3s(place.rotation, place.translation)
+            others = [(*self.floor, 3.0, np.zeros(3))]
+            others += [
+                (self._shape(each), coal.Transform3s(each.turn, each.at), each.lever + 0.2, each.at) for each in walkers
+            ]
+            for shape, other, radius, at in others:
+                if np.linalg.norm(center - at) - geometry.aabb_radius - radius < least:
+                    found = coal.distance(geometry, one, shape, other, coal.DistanceRequest(), coal.DistanceResult())
+                    least = min(least, float(found))
+        return least
+
+    def _shape(self, walker: Walker) -> Any:
+        if walker.name not in self.shapes:
+            match walker.shape:
+                case hdplan.Sphere(radius=radius):
+                    self.shapes[walker.name] = coal.Sphere(radius)
+                case hdplan.Capsule(radius=radius, length=length):
+                    self.shapes[walker.name] = coal.Capsule(radius, length)
+                case hdplan.Box(size=size):
+                    self.shapes[walker.name] = coal.Box(*size)
+        return self.shapes[walker.name]
+
+
+class Beside(Executor):
+    """Looks for ways at once, and tells what it found as late as the processor took."""
+
+    def __init__(self) -> None:
+        self.now, self.spent = 0.0, 0.0
+        self.seconds: list[float] = []
+        self.open: list[tuple[float, Future[Any], Any]] = []
+
+    def submit(self, work: Callable[..., Any], /, *args: Any, **named: Any) -> Future[Any]:
+        began = time.process_time()
+        found, future = work(*args, **named), Future[Any]()
+        took = time.process_time() - began
+        self.seconds.append(took)
+        self.spent += took
+        self.open.append((self.now + took, future, found))
+        return future
+
+    def advance(self, t: float) -> None:
+        self.now = t
+        for at, future, found in self.open:
+            if at <= t:
+                future.set_result(found)
+        self.open = [each for each in self.open if each[0] > t]
+
+
+def scene_of(seed: int) -> tuple[hdplan.Scene, list[np.ndarray]]:
+    """Return the scene of a run and its goals: free of the floor and of the robot itself."""
+    rng = np.random.default_rng([seed, 0])
+    spec = hdplan.RobotSpec("panda", tracking=hdplan.Tracking(LAG))
+    start = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+    scene = hdplan.Scene(robot=spec, obstacles=[FLOOR], start=start, goal=start, limits=LIMITS)
+    robot = Setup.of(scene).robot
+    goals: list[np.ndarray] = []
+    while len(goals) < 60:
+        q = np.array(start) + rng.uniform(-1.0, 1.0, 7) * [2.0, 0.9, 0.6, 0.8, 0.6, 0.8, 1.0]
+        q = np.clip(q, robot.lower + 0.1, robot.upper - 0.1)
+        if not hdplan.check_configuration(scene, robot, q) and (not goals or np.abs(q - goals[-1]).max() > 0.5):
+            goals.append(q)
+    return scene.with_goal(goals[0]), goals
+
+
+class Arm:
+    """Follows commands, up to LAG off in each joint."""
+
+    def __init__(self, q: np.ndarray, speeds: np.ndarray) -> None:
+        self.q, self.dq, self.behind, self.speeds = q, np.zeros(len(q)), np.zeros(len(q)), speeds
+
+    def follow(self, position: np.ndarray, velocity: np.ndarray, dt: float) -> None:
+        target = LAG * velocity / self.speeds
+        self.behind = self.behind + (target - self.behind) * (1.0 - math.exp(-dt / LAG_TIME))
+        q = position - np.clip(self.behind, -LAG, LAG)
+        self.q, self.dq = q, (q - self.q) / dt
+
+
+def run(seed: int, seconds: float, empty: bool = False) -> dict[str, Any]:
+    """Simulate one run."""
+    scene, goals = scene_of(seed)
+    world, beside = World(seed), Beside()
+    if empty:
+        world.walkers = []
+    rng = np.random.default_rng([seed, 2])
+    clock, steps, pictures = [0.0], list[float](), list[float]()
+
+    def now() -> float:
+        return clock[0] + time.process_time() - begun[0] - beside.spent
+
+    begun = [0.0]
+    replanner = hdplan.Replanner(scene, period=PERIOD, latency=LATENCY, settling=SETTLING, clock=now, executor=beside)
+    judge = Judge(replanner.robot)
+    arm = Arm(replanner.robot.configuration(scene.start), np.array(replanner.robot.model.velocityLimit[:7]))
+    command: hdplan.Command | None = None
+    coming: list[tuple[float, hdplan.Command]] = []  # commands on their way to the arm
+    taken: list[tuple[float, float, list[hdplan.Obstacle]]] = []  # pictures on their way: when they come, and are of
+    next_step = next_picture = 0.0
+    reached, first, contacts, least, moving, late = 0, math.inf, 0, math.inf, 0, 0
+    count = round(seconds / CHECK)
+    for k in range(count):
+        t = k * CHECK
+        if t >= next_picture - 1e-9:
+            next_picture += PICTURES
+            seen = [each.seen() for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
+            taken.append((t + rng.uniform(*SEEN_AFTER), t, seen))
+        if t >= next_step - 1e-9:
+            next_step += PERIOD
+            beside.advance(t)
+            for come, at, seen in sorted(each for each in taken if each[0] <= t)[-1:]:
+                began = time.process_time()
+                replanner.update(obstacles=seen, at=at)
+                pictures.append(time.process_time() - began)
+                taken = [each for each in taken if each[0] > come and each[1] > at]
+            if command is not None:
+                replanner.state(arm.q, np.clip(arm.dq, -arm.speeds, arm.speeds), at=t - CHECK)
+            clock[0], begun[0], beside.spent = t, time.process_time(), 0.0
+            found = replanner.step(t)
+            took = now() - t
+            steps.append(took)
+            late += took > PERIOD
+            coming.append((t + took + LATENCY, found))
+            next_step = max(next_step, t + took)
+            if found.mode.value == "arrived":
+                reached += 1
+                first = min(first, t)
+                replanner.aim(goals[reached % len(goals)])
+        for at, found in coming:
+            if at <= t:
+                command = found
+        coming = [each for each in coming if each[0] > t]
+        if command is not None:
+            sample = command.at(t)
+            arm.follow(sample.positions, sample.velocities, CHECK)
+        hand = judge.hand(arm.q)
+        if np.abs(arm.dq).max() > MOVES:
+            moving += 1
+            distance = judge.distance(arm.q, world.there(t))
+            least = min(least, distance)
+            contacts += distance <= 0.0
+        world.go(t, CHECK, hand)
+    ways = beside.seconds or [0.0]
+    return {
+        "seed": seed,
+        "contacts": contacts,
+        "least": least,
+        "goals": reached,
+        "first": first,
+        "moving": moving / count,
+        "cycle": [float(x) for x in (np.median(steps), np.quantile(steps, 0.99), max(steps))],
+        "way": [float(x) for x in (np.median(ways), np.quantile(ways, 0.99))],
+        "picture": [float(x) for x in (np.median(pictures), np.quantile(pictures, 0.99))],
+        "late": late,
+    }
+
+
+def table(outcomes: list[Outcome]) -> str:
+    """Return what all runs showed."""
+    cycles, ways, pictures = (
+        np.array([getattr(each, name) for each in outcomes]) for name in ("cycle", "way", "picture")
+    )
+    alone = [each for each in outcomes if each.alone >= 0]
+    shown = {
+        "runs": str(len(outcomes)),
+        "looks in contact while moving": str(sum(each.contacts for each in outcomes)),
+        "least distance while moving [mm]": f"{1e3 * min(each.least for each in outcomes):.1f}",
+        "share with a goal reached": f"{np.mean([each.goals > 0 for each in outcomes]):.0%}",
+        "goals in a run, mean": f"{np.mean([each.goals for each in outcomes]):.1f}",
+        "alone": f"{np.mean([each.alone for each in alone]):.1f}" if alone else "–",
+        "moving": f"{np.mean([each.moving for each in outcomes]):.0%}",
+        "cycle median / 99 % / longest [ms]": " / ".join(
+            f"{1e3 * value:.1f}" for value in (np.median(cycles[:, 0]), np.median(cycles[:, 1]), cycles[:, 2].max())
+        ),
+        "way median / 99 % [ms]": f"{1e3 * np.median(ways[:, 0]):.0f} / {1e3 * np.median(ways[:, 1]):.0f}",
+        "picture median [ms]": f"{1e3 * np.median(pictures[:, 0]):.1f}",
+        "late steps": f"{sum(each.late for each in outcomes)}",
+    }
+    return markdown_text([shown])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--from", dest="first", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--journal", type=Path)
+    parser.add_argument("--alone", action="store_true")
+    said = parser.parse_args()
+    done: dict[int, Outcome] = {}
+    if said.journal is not None and said.journal.exists():
+        for line in said.journal.read_text(encoding="utf-8").splitlines():
+            outcome = Outcome(**json.loads(line))
+            done[outcome.seed] = outcome
+    seeds = range(said.first, said.first + said.runs)
+    for seed in seeds:
+        if seed in done:
+            continue
+        found = run(seed, said.seconds)
+        found["alone"] = run(seed, said.seconds, empty=True)["goals"] if said.alone else -1
+        done[seed] = Outcome(**found)
+        print(done[seed], file=sys.stderr)
+        if said.journal is not None:
+            with said.journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(done[seed])) + "\n")
+    print(table([done[seed] for seed in seeds]))
+
+
+if __name__ == "__main__":
+    main()

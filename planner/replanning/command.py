@@ -1,0 +1,59 @@
+"""Commands: what a robot is to do from now on, whatever happens next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.planner.motion.samples import Samples
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.once import freeze
+
+
+class Mode(Enum):
+    """The state of a robot that a replanner moves."""
+
+    MOVING = "moving"  # a motion was proven in this step
+    BRAKING = "braking"  # none was: the robot brakes as proven before
+    STANDING = "standing"  # and has come to rest
+    ARRIVED = "arrived"  # at its goal
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """A motion from now until the robot stands, proven whole: to execute it to its end is safe, whether or not another
+    command follows."""
+
+    time: float  # of the step, on the clock [s]
+    position: Array  # (n,) now [rad or m]
+    velocity: Array  # (n,) [rad/s or m/s]
+    acceleration: Array  # (n,) [rad/s² or m/s²]
+    motion: Trajectory  # from now, or shortly before, until the robot stands; its times count from `time`
+    mode: Mode
+    why: str  # no motion was proven in this step; empty if one was, or none is needed
+    clearance: float | None  # [m] proven for the motion, less what is unknown; None for a robot that stands
+    picture: float  # [s] when the picture was taken against which the motion was proven last
+    seconds: float  # that the step took
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    def __repr__(self) -> str:
+        """Say the mode, and why."""
+        return f"<Command at {self.time:.6g} s: {self.mode.value}{f', {self.why}' if self.why else ''}>"
+
+    def at(self, t: ArrayLike) -> Samples:
+        """Return positions, velocities and accelerations at times [s] on the clock, as controllers that sample faster
+        than the steps need them; after the motion's end the robot stands. Raises InputError for times before the
+        command's."""
+        times = np.asarray(t, dtype=np.float64) - self.time
+        if not (times >= -1e-9).all():
+            raise InputError(f"t: must be {self.time:.6g} [s], the command's, or later")
+        assert self.motion.times is not None
+        return self.motion.at_time(np.minimum(times, self.motion.times[-1]))

@@ -1,0 +1,104 @@
+"""Failsafe motions: a piece of the nominal motion until the next step, and then braking along the same way.
+
+    s(t):  ṡ → 1 for `lead` rows,  then  ṡ → 0
+
+Both are the quickest laws within limits of s̈ and s⃛ (`timing.braking`, for a single joint). Of those limits the
+strongest pair is taken for which the joints' own limits hold along the whole curve; that curve is then certified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.replanning.nominal import Nominal, Rows
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.timing.braking import brake
+from hdplan.scenes.array_types import Array
+
+STRONGEST = (24.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5)  # [1/s] of s̈
+SOFTER = (4.0, 1.0)  # times s̈², of s⃛ [1/s²]
+SPEEDS = (1.0, 0.5, 0.2)  # ṡ that are aimed at: slower motions are shorter until they stand
+LONGEST = 1.0  # [s] in which s̈ has to come to 0: a law that takes longer is no braking
+BACKWARDS = 1e-9  # [–] ṡ below 0, from rounding
+ROOM = 1e-7  # [–] of the joints' limits that is left unused
+STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
+
+
+@dataclass(frozen=True, eq=False)
+class Failsafe:
+    """A motion that ends at standstill."""
+
+    rows: Rows  # on the grid of the clock
+    law: Array  # (k, 3) s, ṡ, s̈ at the same rows
+
+    @property
+    def moves(self) -> bool:
+        """True if it leads anywhere."""
+        return len(self.law) > 1
+
+
+class FailsafeMotions:
+    """Those of one robot."""
+
+    def __init__(self, limits: Mapping[str, Array], h: float, lead: int) -> None:
+        """Take the greatest rates (n,) by name, the width of the grid [s], and after how many rows braking begins."""
+        self.limits = {order: limits[name] for name, order in DERIVATIVES.items() if name in limits}
+        self.h, self.lead = h, lead
+        pairs = [(strong, soft * strong**2) for strong in STRONGEST for soft in SOFTER]
+        self.pairs = sorted(pairs, key=lambda pair: 1.0 / pair[0] + pair[0] / pair[1])
+        self._last = dict.fromkeys(SPEEDS, 0)  # the pair that held at the last step
+
+    def of(self, nominal: Nominal, progress: Array, hopeful: bool = True) -> Iterator[Failsafe]:
+        """Yield motions that go on from s, ṡ, s̈ (3,), the farthest first; unless `hopeful` the shortest alone."""
+        free = nominal.rests(float(progress[0]))
+        for speed in SPEEDS if hopeful else SPEEDS[-1:]:
+            for at in range(max(self._last[speed] - 1, 0), len(self.pairs)):
+                begin = np.array([progress[0], speed, 0.0]) if free else progress
+                law = self._law(begin, speed, *self.pairs[at])
+                if law is None:
+                    continue
+                motion = _trimmed(nominal.driven(law), law)
+                if self._keeps(motion.rows):
+                    self._last[speed] = at
+                    yield motion
+                    break
+            else:
+                self._last[speed] = 0
+
+    def _law(self, progress: Array, speed: float, strong: float, soft: float) -> Array | None:
+        """Return s, ṡ and s̈ (k, 3) of a law that speeds up, or slows down, and then brakes; None if there is none."""
+        most = {"acceleration": np.array([strong]), "jerk": np.array([soft])}
+        s, v, a = progress.tolist()
+        if abs(a) > LONGEST * soft:
+            return None
+        toward = brake(np.array([v - speed]), np.array([a]), most, self.h)
+        if isinstance(toward, int):
+            return None
+        lead = np.minimum(np.arange(self.lead + 1), len(toward))
+        gone = toward.away[lead, 0] - toward.away[0, 0] + speed * self.h * np.arange(self.lead + 1)
+        first = np.stack([s + gone, speed + toward.velocity[lead, 0], toward.acceleration[lead, 0]], axis=1)
+        braking = brake(first[-1:, 1], first[-1:, 2], most, self.h)
+        if isinstance(braking, int):
+            return None
+        then = [braking.away - braking.away[0] + first[-1, 0], braking.velocity, braking.acceleration]
+        law = np.concatenate([first, np.concatenate(then, axis=1)[1:]])
+        return law if law[:, 1].min() >= -BACKWARDS else None
+
+    def _keeps(self, rows: Rows) -> bool:
+        """True if a motion keeps the joints' limits of rates."""
+        if len(rows[0]) < 2:
+            return True
+        curve = Curve.through(rows[0], self.h * np.arange(len(rows[0]), dtype=np.float64), rows[1], rows[2])
+        within = 1.0 - ROOM
+        return all((curve.over_time(order).largest() <= within * most).all() for order, most in self.limits.items())
+
+
+def _trimmed(rows: Rows, law: Array) -> Failsafe:
+    """Return a motion without rows at its end in which it stands."""
+    away = np.max([np.abs(rows[0] - rows[0][-1]), np.abs(rows[1]), np.abs(rows[2])], axis=(0, 2)) > STILL
+    count = int(np.flatnonzero(away)[-1]) + 2 if away.any() else 1
+    return Failsafe((rows[0][:count], rows[1][:count], rows[2][:count]), law[:count])

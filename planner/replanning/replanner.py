@@ -1,0 +1,403 @@
+"""The replanner: at each moment it holds a motion that is proven until the robot stands.
+
+What is proven, and when. The motion that is held, H, is rows on a grid of the clock, up to standstill. `step` looks for
+another one, N, that leaves H at a row t₁ = t + period + latency: it goes on along the nominal motion for one more
+period, and then brakes along the same way (`failsafe`). N is certified from t₁ until it stands, against the last
+picture, in every world within the sizes of the scene: what was seen at t₀ with a speed v is anywhere within v (τ − t₀)
+of there at the time τ (`picture`). Only then H becomes H until t₁ and N after it. In every other case, a late call, no
+picture, no proof, an error, H stays as it is: it brakes.
+
+The invariant. *At every time, what is left of H was certified until standstill, against a picture that holds for all
+that can have happened since.* H is not certified again as pictures come in, for a newer one, of t₀′, only shows one of
+the worlds that the older one, of t₀, allowed: v (τ − t₀) = v (t₀′ − t₀) + v (τ − t₀′). What this rests on is what the
+scene says of the world: that nothing is faster than its `uncertainty.speed`, that the joints are within
+`robot.tracking` of the command, and that nothing that was in no picture comes into reach before a motion ends. What
+comes to a robot that stands is not its contact.
+
+Ways are looked for beside the steps (`outlook`), and only say where to go. They are not trusted.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.replanning.command import Command, Mode
+from hdplan.planner.replanning.failsafe import FailsafeMotions
+from hdplan.planner.replanning.held import Grid, Held
+from hdplan.planner.replanning.nominal import Course, Nominal, Rows
+from hdplan.planner.replanning.outlook import Answer, Question, outlook
+from hdplan.planner.replanning.picture import Picture, Sightings
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.tracking import tracking
+from hdplan.scenes.arrays import joint_numbers
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.deadline import time_limit
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.obstacles import Obstacle, Seen
+from hdplan.scenes.poses import AnyPose
+from hdplan.scenes.scene import Scene, derived
+from hdplan.scenes.shapes import Solid
+from hdplan.scenes.targets import AnyGoal, JointTarget
+from hdplan.scenes.values import Number, checked, functions, instance
+
+ROWS = 2  # of the grid in a period
+OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
+AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
+FIRST_HORIZON = 0.5  # [s] until one was measured
+AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
+FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
+AGAIN = 0.5  # [s] after a way was not found, until one is looked for again
+SHARE = 0.8  # of a period, for the proofs of a step
+
+
+class Replanner:
+    """Moves a robot to its goal in a world that is seen again and again, never without a proven stop.
+
+        replanner = hdplan.Replanner(scene)
+        replanner.update(obstacles=seen, at=t_of_the_picture)     # from the camera's thread
+        replanner.state(q, dq)                                    # what was measured
+        command = replanner.step(t)                               # every period; safe to execute to its end
+
+    All times are on one clock, such as `time.monotonic()`. `update`, `state`, `aim` and `step` may be called from
+    several threads.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        robot: Robot | None = None,
+        *,
+        at: float = 0.0,
+        period: float = 0.04,
+        latency: float = 0.01,
+        settling: float = 0.0,
+        clock: Callable[[], float] | None = None,
+        executor: Executor | None = None,
+    ) -> None:
+        """Prepare it; the robot stands at the scene's start, and its goal is the scene's.
+
+        Args:
+            scene: robot, limits, sizes, what stands around it for ever, start and goal. `limits.acceleration` is
+                needed, as it says how fast the robot may slow down; no `timing.duration`.
+            robot: the scene's robot, if it is already loaded.
+            at: when the scene's own obstacles were where it says [s].
+            period: [s] between two steps. A step that takes longer holds what was proven before.
+            latency: [s] after a step until the robot executes its command.
+            settling: [s] for which joints may still move, within `robot.tracking`, once the command stands.
+            clock: tells the time [s]; by default time goes on from a step's `t` as the processor's does.
+            executor: where ways are looked for; by default a thread of the replanner's own.
+
+        Raises InputError for errors in the scene or robot, and for a scene that says when its motion has to end.
+        """
+        instance(scene, Scene, "scene")
+        self._period = checked(Number(1e-3, 1.0, unit="s"), period, "period")
+        self._latency = checked(Number(0.0, 1.0, unit="s"), latency, "latency")
+        self._settling = checked(Number(0.0, 10.0, unit="s"), settling, "settling")
+        if clock is not None:
+            functions(clock=clock)
+        at = _moment(at, "at")
+        if scene.limits.acceleration is None:
+            raise InputError(
+                f"{scene.source}: limits.acceleration: is missing, which says how fast the robot may slow down"
+            )
+        if scene.timing is not None and scene.timing.duration is not None:
+            raise InputError(
+                f"{scene.source}: timing.duration: is of one motion, and here there are many: leave it out"
+            )
+        setup = Setup.of(scene, robot)
+        setup.refuse_moving_ends("a replanner begins and ends at rest")
+        self.robot = setup.robot
+        start = self.robot.configuration(scene.start, scene.from_request)
+        self._scene, self._clock = setup.asked, clock
+        self._grid = Grid(at, self._period / ROWS)
+        self._lags = tracking(scene, self.robot)
+        self._speeds = setup.limits["velocity"] + tracking(scene, self.robot, "velocity")
+        self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS + 1)
+        self._held = Held.standing(self._grid, 0, start)
+        self._course: Course | None = None
+        self._reaches = True  # whether it leads to the goal
+        self._no_way = ""  # why none was found
+        self._now = -math.inf  # of the last step
+        self._off = ""  # how the robot is not where it is to be
+        self._hopeful = True  # whether the last step could prove a motion
+        self._clearance: float | None = None
+        self._proven_at, self._horizon = at, FIRST_HORIZON
+        self._executor, self._own = executor, executor is None
+        self._asked: Future[Answer] | None = None
+        self._asked_of: Sightings | None = None
+        self._asked_at, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
+        self._waiting: Answer | None = None  # a way that is not driven yet
+        self._seen = Sightings.of(setup.scene, at)
+        self._steps, self._updates = threading.RLock(), threading.RLock()
+        self._picture = Picture(self._seen, self.robot, start)
+
+    def __repr__(self) -> str:
+        """Say for which robot it is."""
+        return f"<Replanner of {self.robot.name}: every {self._period:g} s>"
+
+    def __enter__(self) -> Replanner:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End its thread."""
+        self.close()
+
+    def close(self) -> None:
+        """End the thread of its own; the last command stays safe."""
+        with self._steps:
+            if self._own and self._executor is not None:
+                self._executor.shutdown(wait=True, cancel_futures=True)
+                self._executor = None
+
+    def update(
+        self,
+        obstacles: Sequence[Obstacle | Solid | Seen] | None = None,
+        cloud: Cloud | Obstacle | None = None,
+        poses: Mapping[str, AnyPose] | None = None,
+        *,
+        at: float,
+    ) -> None:
+        """Take a picture of the world, of any of three kinds; what is left out stays as it was seen before.
+
+        Args:
+            obstacles: all that is there beside the scene's own obstacles, in the place of what was seen before; one
+                with the name of one of the scene's stands in for it. `motion` may hold a steady velocity and spin that
+                were measured, and `uncertainty` how far it may be off, and how fast it may leave from `at` on.
+            cloud: what a camera sees, in the place of the last cloud.
+            poses: where known obstacles are, by name.
+            at: when the picture was taken [s], not when it arrives.
+
+        What it takes is done here and not in a step, so call it in the camera's thread. Raises InputError for obstacles
+        that no scene can have, unknown names, and a picture that is older than the last one; nothing has changed then.
+        """
+        at = _moment(at, "at")
+        with self._updates:
+            seen = self._seen.updated(at, obstacles, cloud, poses)
+            picture = Picture(seen, self.robot, self._held.at(at)[0])
+            self._seen, self._picture = seen, picture
+
+    def aim(self, goal: AnyGoal) -> None:
+        """Take another goal, in any form that a scene's has. The robot keeps to its way until one to the new goal is
+        found. Raises InputError for a goal that does not fit the robot."""
+        scene = self._scene.with_goal(goal)
+        scene = derived(self._scene, goal=scene.goal)
+        setup = Setup.of(scene, self.robot)
+        setup.refuse_moving_ends("a replanner begins and ends at rest")
+        if isinstance(scene.goal, JointTarget):
+            self.robot.configuration(scene.goal)
+        with self._steps:
+            self._scene, self._asked, self._waiting = setup.asked, None, None
+            self._reaches, self._not_before = False, -math.inf
+
+    def state(self, q: ArrayLike, dq: ArrayLike, at: float | None = None) -> None:
+        """Take what was measured of the joints: positions q and velocities dq (n,), at a time [s], by default that of
+        the last step.
+
+        A robot that is not within `robot.tracking` of its motion brakes along it, and goes on from where it then
+        stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the motion
+        that is held stays as it is.
+        """
+        joints = self.robot.joint_names
+        found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
+        over = np.maximum(self.robot.lower - found, found - self.robot.upper) - self._lags - OFF
+        if (i := int(over.argmax())) >= 0 and over[i] > 0.0:
+            low, high = self.robot.lower[i], self.robot.upper[i]
+            raise InputError(f"q: joint '{joints[i]}' is at {found[i]:g}, its range is [{low:g}, {high:g}]")
+        over = np.abs(rates) - self._speeds * (1.0 + OFF) - OFF
+        if over[i := int(over.argmax())] > 0.0:
+            raise InputError(f"dq: joint '{joints[i]}' is at {rates[i]:g}, its limit is {self._speeds[i]:g}")
+        with self._steps:
+            when = max(self._now, self._grid.origin) if at is None else _moment(at, "at")
+            away = np.abs(found - self._held.at(when)[0]) - self._lags - OFF
+            i = int(away.argmax())
+            self._off = ""
+            if away[i] > 0.0:
+                off, allowed = away[i] + self._lags[i], self._lags[i]
+                self._off = f"joint '{joints[i]}' is {off:.3g} off its motion, robot.tracking.position is {allowed:g}"
+                if when >= self._grid.time(self._held.last) and np.abs(rates).max() <= AT_REST:
+                    inside = np.clip(found, self.robot.lower, self.robot.upper)
+                    self._held = Held.standing(self._grid, self._grid.after(when), inside)
+                    self._course, self._waiting, self._asked, self._off = None, None, None, ""
+
+    def step(self, t: float) -> Command:
+        """Return what the robot is to do from t [s] on: the motion that is held, longer by a piece if that could be
+        proven.
+
+        Raises InputError for a time that is not a number, or before the last step's.
+        """
+        began = time.perf_counter()
+        t = _moment(t, "t")
+        with self._steps:
+            if t < self._now:
+                raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
+            self._now = t
+            picture, row = self._picture, self._grid.after(t + self._period + self._latency)
+            why = self._hindrance(picture, t)
+            taken = ""
+            if not why:
+                self._hear(row)
+                taken, why = self._go_on(picture, row, t, began)
+            self._ask(row, bool(taken))
+            return self._command(t, taken, why, time.perf_counter() - began)
+
+    # --- a step -------------------------------------------------------------------------------------------------------
+
+    def _hindrance(self, picture: Picture, t: float) -> str:
+        """Say why nothing can be proven in this step; nothing if something may."""
+        if self._off:
+            return self._off
+        if picture.at > t:
+            return f"the picture was taken at {picture.at:.6g} s, after this step"
+        if picture.lost:
+            return f"'{picture.lost[0]}' was not seen for so long that it may be anywhere"
+        return ""
+
+    def _hear(self, row: int) -> None:
+        """Take the answer about the way, if there is one, and drop a way that can no longer be joined."""
+        if self._asked is not None and self._asked.done():
+            answer, self._asked = self._asked.result(), None
+            took = max(self._now - self._asked_at, 0.0)
+            self._lead = min(max(AHEAD, 0.7 * self._lead, 1.3 * took), MOST_AHEAD)
+            if answer.way is not None:
+                self._waiting = answer
+            elif answer.why:
+                self._not_before = self._now + AGAIN
+                self._no_way = answer.why
+        if self._waiting is not None and self._joined(self._waiting, row) is None:
+            self._waiting = None
+        if self._waiting is not None and (course := self._joined(self._waiting, row)) is not None:
+            keeps = self._waiting.question.standing is not None
+            if keeps or (self._course is not None and self._course.law[-1, 0] <= self._begins(self._waiting)):
+                self._course, self._waiting, self._reaches = course, None, True  # H does not depend on it
+
+    @staticmethod
+    def _begins(answer: Answer) -> float:
+        """The s at which a way takes over from the nominal motion."""
+        nominal = answer.question.nominal
+        assert nominal is not None
+        assert nominal.motion.times is not None
+        return float(nominal.motion.times[answer.question.row])
+
+    def _joined(self, answer: Answer, row: int) -> Course | None:
+        """Return the course that a way makes from a row of the clock on; None if the robot is past its beginning."""
+        question, way = answer.question, answer.way
+        assert way is not None
+        if question.standing is not None:
+            if row < self._held.last or not np.array_equal(self._held.stop, question.standing):
+                return None
+            return Course(way, row, np.array([[way.begins, 0.0, 0.0]]))
+        course = self._course
+        if course is None or course.nominal is not question.nominal:
+            return None
+        s = float(course.at(row)[0])
+        if s > self._begins(answer):
+            return None
+        return Course(course.nominal.continued(s, question.row, way), course.first, course.law)
+
+    def _go_on(self, picture: Picture, row: int, t: float, began: float) -> tuple[str, str]:
+        """Prove a motion from a row of the clock on, and hold it. Return what was done, and why nothing was."""
+        if self._course is None:
+            return "", self._no_way or "no way was found yet"
+        courses = [self._course]
+        if self._waiting is not None and (course := self._joined(self._waiting, row)) is not None:
+            courses.insert(0, course)
+        elif self._course.arrives and row >= self._held.last:
+            return "", ""
+        why, hopeful, self._hopeful = "", self._hopeful, False
+        for course in courses:
+            for motion in self._motions.of(course.nominal, course.at(row), hopeful):
+                if not motion.moves:
+                    return "", ""
+                certificate = self._proof(picture, row, motion.rows, course.nominal, began)
+                stands = self._grid.time(row + len(motion.law) - 1) + self._settling
+                self._horizon = max(stands - picture.at, FORGETS * self._horizon)
+                if isinstance(certificate, str) or not certificate.certified:
+                    why = certificate if isinstance(certificate, str) else certificate.text
+                    continue
+                if self._late(t, began):
+                    return "", "the step took longer than its period"
+                if course is not self._course:
+                    self._waiting, self._reaches = None, True
+                self._held, self._course = self._held.joined(row, motion.rows), Course(course.nominal, row, motion.law)
+                self._clearance, self._proven_at, self._hopeful = certificate.clearance, picture.at, True
+                return "moves", ""
+        return "", why or "no motion along the way keeps the limits"
+
+    def _proof(self, picture: Picture, row: int, rows: Rows, nominal: Nominal, began: float) -> Certificate | str:
+        """Return the certificate of a motion that begins at a row, or why there was no time for it."""
+        left = None if self._clock is not None else SHARE * self._period - (time.perf_counter() - began)
+        if left is not None and left <= 0.0:
+            return "the step took longer than its period"
+        try:
+            with time_limit(left):
+                return picture.prove(rows, self._grid.time(row), self._grid.h, self._settling, nominal.required)
+        except HdplanError as error:
+            return str(error)
+
+    def _late(self, t: float, began: float) -> bool:
+        """True if a step takes so long that what it proves would be executed too late."""
+        now = self._clock() if self._clock is not None else t + time.perf_counter() - began
+        return not now <= t + self._period
+
+    def _ask(self, row: int, moves: bool) -> None:
+        """Ask about the way, if nothing is on its way already and there is something to hear."""
+        course, held, now = self._course, self._held, self._now
+        if self._asked is not None or self._waiting is not None or now < self._not_before or self._off:
+            return
+        if course is not None and self._reaches:
+            old = self._seen is self._asked_of and not (now >= self._asked_at + AGAIN and not moves)
+            if course.arrives or old:
+                return
+        standing, at = None, 0
+        if course is None or not moves:
+            standing = held.stop
+            at = 0 if course is None else course.nominal.row_after(float(course.law[-1, 0]))
+        else:
+            at = course.nominal.row_after(float(course.at(row)[0]) + self._lead)
+        nominal, anew = (None, True) if course is None else (course.nominal, not self._reaches)
+        question = Question(
+            self._scene, self.robot, self._seen, now, self._horizon, nominal, anew, at, standing, stuck=not moves
+        )
+        if self._executor is None:
+            self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
+        self._asked, self._asked_at, self._asked_of = self._executor.submit(outlook, question), now, self._seen
+
+    def _command(self, t: float, taken: str, why: str, seconds: float) -> Command:
+        position, velocity, acceleration = self._held.at(t)
+        stands = t >= self._grid.time(self._held.last)
+        arrived = self._course is not None and self._reaches and self._course.arrives
+        mode = Mode.MOVING if not stands else Mode.ARRIVED if arrived else Mode.STANDING
+        if mode is Mode.MOVING and why:
+            mode = Mode.BRAKING
+        return Command(
+            t,
+            position,
+            velocity,
+            acceleration,
+            self._held.ahead(self.robot, t),
+            mode,
+            why,
+            None if stands else self._clearance,
+            self._proven_at,
+            seconds,
+        )
+
+
+def _moment(t: float, name: str) -> float:
+    """Return a time on the clock. Raises InputError for anything else."""
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not math.isfinite(t):
+        raise InputError(f"{name}: must be a finite time [s], found {t!r}")
+    return float(t)
