@@ -66,7 +66,7 @@ class World:
             q = robot.configuration(scene.start)
         named = {joint: robot.locked[joint] for joint in scene.start.by_name or () if joint in robot.locked}
         arm = tuple(zip(robot.joint_names, q.tolist(), strict=True))
-        return cls(scene, arm, tuple(named.items()), _as_seen(setup), scene.attached, setup.ignored)
+        return cls(scene, arm, tuple(named.items()), _as_seen(setup), scene.attached, notes=setup.ignored)
 
     @property
     def things(self) -> dict[str, Obstacle | Attached]:
