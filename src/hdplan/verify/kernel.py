@@ -338,12 +338,12 @@ def least_distances(world: World, head: dict[str, Any]) -> Any:
     """The distance (P,) that a proof claims for each pair; of obstacles with a clearance of their own at least that."""
     kinds = ("clearance", "self_clearance")
     claimed = {key: number(head[key], key) for key in kinds if head[key] is not None}
-    kind = [kinds[int(x)] for x in world.within]
-    need({*kind} == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
+    said = {kinds[int(x)] for x in np.unique(world.within)}
+    need(said == {*claimed} and min(claimed.values(), default=1.0) > 0, "clearances are missing, or not above 0")
     usual = world.usual if "clearance" in head["claims"] else 0.0  # of obstacles without one of their own
-    others = [world.pieces[b].name for b in world.pairs[:, 1]]
-    own = [0.0 if x else world.clearances.get(name, usual) for x, name in zip(world.within, others, strict=True)]
-    return np.maximum([claimed[k] for k in kind], own)
+    own = np.array([world.clearances.get(x.name, usual) * (x.kind == "obstacle") for x in world.pieces])
+    between, beside = (claimed.get(key, 0.0) for key in reversed(kinds))
+    return np.maximum(np.where(world.within, between, beside), own[world.pairs[:, 1]])
 
 
 def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:

@@ -32,8 +32,8 @@ class RobotFiles:
         scheme, told, rest = address.partition("://")
         packaged = bool(told) and scheme in ("package", "model")
         name = rest.lstrip("/") if packaged else rest or scheme
-        inner, beside = name.partition("/")[2], (self.urdf.parent / name, self.folder / name)
-        places = [x / y for x in self.folders for y in (name, inner)] if packaged else beside
+        inner, beside = name.partition("/")[2], (x / name for x in (self.urdf.parent, self.folder))
+        places = (x / y for x in self.folders for y in (name, inner)) if packaged else beside
         found = next((x for x in places if x.is_file()), None)
         need(found, f"{where}: mesh '{name}' is not found")
         return Path(found or "")

@@ -383,7 +383,7 @@ class World:
         apart = ~(still[:own, None] & still & (self.leaving == 0))
         apart[:, :own] = ~excused[robots[:, None], robots]
         self.pairs = np.argwhere(np.triu(apart, 1))
-        met = [(pieces[a], pieces[b]) for a, b in self.pairs.tolist() if self.surfaces]
+        met = [(pieces[a], pieces[b]) for a, b in self.pairs.tolist()] if self.surfaces else []
         near = sorted({(a.body, b.body) for a, b in met if not a.kind == b.kind == "link"})  # of links it is assumed
         ways = [way for a, b in near for way in ((a, b), (b, a)) if way[0] in self.surfaces]
         self.outside = [(mesh, each) for mesh, other in ways for each in self.connected(other)]
