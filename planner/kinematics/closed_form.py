@@ -45,6 +45,13 @@ class Kind(enum.IntEnum):
     MEETING = 2  # its last two axes meet
 
 
+WORDS = {
+    Kind.WRIST: "by three axes that meet in a point",
+    Kind.PARALLEL: "by three parallel axes",
+    Kind.MEETING: "by two axes that meet, along one angle by search",
+}
+
+
 class Joints(NamedTuple):
     """A chain of k joints, all at 0, and the link at its end."""
 
@@ -100,6 +107,12 @@ class ClosedForm(NamedTuple):
     def redundant(self) -> bool:
         """True if joints are held: the arm has families of configurations."""
         return bool(self.ways[0].held)
+
+    def words(self, robot: Robot) -> str:
+        """Say how configurations are found."""
+        way = self.ways[0]
+        names = " and ".join(robot.joint_names[self.planned[joint]] for joint in way.held)
+        return f"in closed form, {WORDS[way.kind]}" + f"; {names} at values around the seed's" * bool(names)
 
     def branches(self, robot: Robot, target: PoseTarget, seed: Array) -> Array:
         """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else

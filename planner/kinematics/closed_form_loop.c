@@ -10,7 +10,7 @@
 #include "../../distance/compiled/vectors.h"
 
 /* axes, configurations, tries; angles of a conic on half a circle, and what they make */
-enum { SIX = 6, MOST = 16, TRIED = 192, PER_HALF = 10, FEW = 2 * PER_HALF };
+enum { SIX = 6, MOST = 16, TRIED = 256, PER_HALF = 10, FEW = 2 * PER_HALF };
 enum { WRIST, PARALLEL, MEETING, KINDS };         /* axes 4, 5, 6 meet; 2, 3, 4 are parallel; 5 and 6 meet, no more */
 
 static const double CLOSE = 1e-3;     /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
@@ -20,6 +20,7 @@ static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration 
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double FAR = 0.3;         /* [rad] beyond a limit of what the last steps need not bring back */
 static const double HOPELESS = 1e-3;   /* [m] and [rad] still missed after half of the steps */
+static const double SINGULAR = 0.02;   /* [m] and [rad] for 1 rad, least: below it two configurations may be close by */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
 static const double DAMPING = 1e-12;  /* λ² of the last steps */
 static const double PI = 3.14159265358979323846;
@@ -580,30 +581,59 @@ static void look(const axis* axes, const double* tip, const double* wanted, cons
 
 static double missed_by(const double* error) { return fmax(norm(error), norm(error + 3)); }
 
+/* way = Jᵀ (J Jᵀ + λ² I)⁻¹ error; error is lost. Returns whether it could be done. */
+static int step_of(const double* jacobian, double* error, double* way) {
+  double square[SIX * SIX];
+  for (int c = 0; c < SIX; ++c)
+    for (int r = c; r < SIX; ++r) {
+      double sum = r == c ? DAMPING : 0.0;
+      for (int k = 0; k < SIX; ++k) sum += jacobian[SIX * r + k] * jacobian[SIX * c + k];
+      square[SIX * c + r - c] = sum;
+    }
+  if (!solved(SIX, SIX, square, error)) return 0;
+  for (int j = 0; j < SIX; ++j) {
+    way[j] = 0.0;
+    for (int i = 0; i < SIX; ++i) way[j] += jacobian[SIX * i + j] * error[i];
+  }
+  return 1;
+}
+
 /* Newton's steps from angles that almost place the link. Returns whether they do in the end. */
 static int refine(const axis* axes, const double* tip, const double* wanted, int steps, double* q) {
-  double error[SIX], jacobian[SIX * SIX], square[SIX * SIX];
+  double error[SIX], jacobian[SIX * SIX], way[SIX];
   for (int step = 0;; ++step) {
     look(axes, tip, wanted, q, error, jacobian);
     const double missed = missed_by(error);
     if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= EXACT;
     if (2 * step >= steps && missed > HOPELESS) return 0;
-    for (int c = 0; c < SIX; ++c)
-      for (int r = c; r < SIX; ++r) {
-        double sum = r == c ? DAMPING : 0.0;
-        for (int k = 0; k < SIX; ++k) sum += jacobian[SIX * r + k] * jacobian[SIX * c + k];
-        square[SIX * c + r - c] = sum;
-      }
-    if (!solved(SIX, SIX, square, error)) return missed <= EXACT;
-    double most = 0.0, way[SIX];
-    for (int j = 0; j < SIX; ++j) {
-      way[j] = 0.0;
-      for (int i = 0; i < SIX; ++i) way[j] += jacobian[SIX * i + j] * error[i];
-      most = fmax(most, fabs(way[j]));
-    }
+    if (!step_of(jacobian, error, way)) return missed <= EXACT;
+    double most = 0.0;
+    for (int j = 0; j < SIX; ++j) most = fmax(most, fabs(way[j]));
     for (int j = 0; j < SIX; ++j) q[j] += way[j] * (most > 0.3 ? 0.3 / most : 1.0);
     if (missed <= EXACT && most <= 1e-13) return 1;
   }
+}
+
+/* The direction (a unit vector) in which angles move the link least, and how little, per unit: by inverse iteration. */
+static double least_moving(const axis* axes, const double* tip, const double* wanted, const double* q, double* way) {
+  double error[SIX], jacobian[SIX * SIX], moved = 0.0;
+  look(axes, tip, wanted, q, error, jacobian);
+  for (int i = 0; i < SIX; ++i) error[i] = 1.0 + 0.1 * i;
+  for (int again = 0; again < 3; ++again) {
+    if (!step_of(jacobian, error, way)) return 1.0;
+    double size = 0.0;
+    for (int j = 0; j < SIX; ++j) size += way[j] * way[j];
+    for (int j = 0; j < SIX; ++j) way[j] /= sqrt(size);
+    for (int i = 0; i < SIX; ++i) {
+      error[i] = 0.0;
+      for (int j = 0; j < SIX; ++j) error[i] += jacobian[SIX * i + j] * way[j];
+    }
+    moved = 0.0;
+    for (int i = 0; i < SIX; ++i) moved += error[i] * error[i];
+    moved = sqrt(moved);
+    for (int i = 0; i < SIX; ++i) error[i] /= fmax(moved, 1e-300);
+  }
+  return moved;
 }
 
 /* The same angle a whole number of turns on, nearest to `seed` within the limits; not a number where there is none. */
@@ -615,6 +645,18 @@ static double within(double value, int turns, double seed, double lower, double 
   }
   if (!(value <= upper + AT_LIMIT && value >= lower - AT_LIMIT)) return NAN;
   return fmin(fmax(value, lower), upper);
+}
+
+/* Add a configuration, if there is none like it and room is left. Returns how many there are then. */
+static int add_root(const double* q, double (*roots)[SIX], int count) {
+  if (count == MOST) return count;
+  for (int i = 0; i < count; ++i) {
+    double most = 0.0;
+    for (int j = 0; j < SIX; ++j) most = fmax(most, apart(q[j], roots[i][j]));
+    if (most <= SAME) return count;
+  }
+  for (int j = 0; j < SIX; ++j) roots[count][j] = q[j];
+  return count + 1;
 }
 
 /* Configurations (MOST, n), in number returned, with what is held at `values`. */
@@ -662,28 +704,36 @@ static int branches(const chain* arm, const double* wanted, const double* values
     count = by_parallel(seen, asked, turned_seed, angles);
   else
     count = by_search(seen, asked, turned_seed, angles);
-  for (int k = 0; k < count && kept < MOST; ++k) {
-    double q[SIX], *row = found + arm->n * kept;
-    for (int j = 0; j < SIX; ++j) q[order[j]] = arm->backwards ? -angles[k][j] : angles[k][j];
+  const int steps = arm->kind == MEETING ? 20 : 8;
+  double roots[MOST][SIX], q[SIX], way[SIX];
+  int rooted = 0;
+  for (int k = 0; k < count; ++k) {
     int inside = 1;
+    for (int j = 0; j < SIX; ++j) q[order[j]] = arm->backwards ? -angles[k][j] : angles[k][j];
     for (int j = 0; j < SIX; ++j) { /* far beyond a limit no step leads back */
       const long long joint = arm->solved[j];
       const double value = within(q[j], 1, seed[joint], arm->lower[joint] - FAR, arm->upper[joint] + FAR);
       inside = inside && value == value;
     }
-    if (!inside || !refine(axes, tip, wanted, arm->kind == MEETING ? 20 : 8, q)) continue;
+    if (inside && refine(axes, tip, wanted, steps, q)) rooted = add_root(q, roots, rooted);
+  }
+  for (int k = 0; k < rooted; ++k) { /* almost singular, another one is close by, on the other side of where it would be */
+    const double least = least_moving(axes, tip, wanted, roots[k], way);
+    for (int each = 0; least < SINGULAR && each < 6; ++each) {
+      const double length = fmin((each < 2 ? 8.0 : each < 4 ? 20.0 : 50.0) * least, 0.4) * (each % 2 ? -1.0 : 1.0);
+      for (int j = 0; j < SIX; ++j) q[j] = roots[k][j] + length * way[j];
+      if (refine(axes, tip, wanted, steps, q)) rooted = add_root(q, roots, rooted);
+    }
+  }
+  for (int k = 0; k < rooted; ++k) {
+    double* row = found + arm->n * kept;
+    int inside = 1;
     for (long long j = 0, s = 0, held = 0; j < arm->n; ++j) {
       const int is_solved = s < SIX && arm->solved[s] == j;
-      row[j] = within(is_solved ? q[s] : values[held], arm->turns[j] != 0, seed[j], arm->lower[j], arm->upper[j]);
+      row[j] = within(is_solved ? roots[k][s] : values[held], arm->turns[j] != 0, seed[j], arm->lower[j], arm->upper[j]);
       s += is_solved;
       held += !is_solved;
       inside = inside && row[j] == row[j];
-    }
-    for (int i = 0; inside && i < kept; ++i) {
-      double most = 0.0;
-      for (long long j = 0; j < arm->n; ++j)
-        most = fmax(most, arm->turns[j] ? apart(row[j], found[arm->n * i + j]) : fabs(row[j] - found[arm->n * i + j]));
-      inside = most > SAME;
     }
     kept += inside;
   }

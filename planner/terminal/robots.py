@@ -9,11 +9,15 @@ import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.link_bodies import fit_report
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.kinematics.closed_form import closed_form
+from hdplan.planner.robot.link_frame import end_effector
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import stamps_of
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import RobotFiles, robot_names
 from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import read_robot
 
 Rows = list[dict[str, Any]]
@@ -112,7 +116,7 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
         }
         for row in fit_report(robot)
     ]
-    notes = list(robot.notes)
+    notes = [*robot.notes, *_inverse_kinematics(robot)]
     if bodies:
         notes.append(
             "outer bodies: their volume over that of the link's hull; how far their surface lies outside it, on "
@@ -129,6 +133,16 @@ def describe(name: str | RobotSpec) -> dict[str, Rows]:
         "outer_bodies": bodies,
         "notes": [{"note": note} for note in notes],
     }
+
+
+def _inverse_kinematics(robot: Robot) -> list[str]:
+    """Say how configurations of the end effector, if there is one, are found."""
+    try:
+        target = PoseTarget(end_effector(robot, "link"), Pose())
+    except InputError:
+        return []
+    form = closed_form(robot, target)
+    return [f"inverse kinematics of {target.link}: {form.words(robot) if form else 'by search from many starts'}"]
 
 
 def _limit(value: float) -> float | str:

@@ -14,6 +14,7 @@ from hdplan.planner.kinematics.closed_form import ClosedForm, Kind, closed_form
 from hdplan.planner.robot.link_frame import link_frame, link_poses
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics, reaching
+from hdplan.planner.terminal.robots import describe
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import PoseTarget
@@ -91,7 +92,7 @@ KINDS = {
     "jaco2": Kind.MEETING,
     "xarm6": Kind.MEETING,
 }
-SEARCHED = {"jaco2", "xarm6"}  # along an angle, which may miss branches that almost are one
+SEARCHED = {"jaco2", "xarm6"}  # along an angle, on which a branch may be found within a thousandth of a turn alone
 Load = Callable[..., Robot]
 
 
@@ -192,7 +193,7 @@ def test_what_a_search_finds_is_among_them(name: str, load: Load) -> None:
         total += len(others)
         missed += sum(apart(robot, found, other) > 1e-3 for other in others)
     assert total >= 16
-    assert missed <= (1 if name in SEARCHED else 0)
+    assert missed <= (2 if name in SEARCHED else 0)
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda", "jaco2"])
@@ -265,5 +266,7 @@ def test_what_has_no_closed_form_is_searched(load: Load) -> None:
     q = planar.draw(np.random.default_rng(0), 1)[0]
     assert closed_form(planar, goal(planar, q)) is None
     assert len(inverse_kinematics(planar, goal(planar, q).pose, last_link(planar), seed=q + 0.05)) == 1
+    for name, said in (("so100", "by search"), ("ur5", "by three parallel axes"), ("panda", "panda_joint5 at values")):
+        assert any(said in row["note"] for row in describe(name)["notes"])
     place = PoseTarget("tool0", Pose((0.4, 0.1, 0.4)), 1e-3, free_rotation="all")
     assert closed_form(arm, place) is None
