@@ -3,7 +3,8 @@
 Job k depends on k alone. Six objects (a can, a bottle, a carton, a brick, a ball and a bracket, which is a mesh that is
 not convex) stand on a table and on two boards of a shelf, at random places and turns. An arm (a Panda with fingers, a
 UR5 and an xArm 7 with suction) takes one by any of several grasps, from above or from the side, lifts it straight,
-carries it, a bottle upright, sets it down somewhere else in any of several turns, lets go, and backs out.
+carries it, a bottle upright, sets it down somewhere else in any of several turns, lets go, and backs out. Things and
+places are drawn until there is a grasp with which the arm, were nothing in its way, reaches all that it has to.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
-from picks_recheck import RefutedError, recheck
+from picks_recheck import DATA, ROBOTS, RefutedError, recheck
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -28,8 +30,10 @@ LOOSE = 1e-3  # [m] above its board, in which an object is let go
 GAP = 3e-3  # [m] between a suction cup and what it takes
 ROOM = 0.05  # [m] at least between two objects
 THICK = 0.02  # [m] of boards
-PLACES = 400  # that are tried for an object
 BRACKET = "bracket.obj"
+SHUFFLED = 6  # grasps with which a job is tried when it is drawn
+TRIES, STEPS = 12, 40  # of inverse kinematics
+INNER = 0.05  # [rad] from the limits of joints
 
 
 @dataclass(frozen=True)
@@ -184,16 +188,15 @@ def _obstacle(name: str, size: list[float], place: list[float]) -> dict[str, Any
 
 def _spot(
     rng: np.random.Generator, boards: list[Board], away: float, taken: list[tuple[np.ndarray, float]]
-) -> tuple[Board, np.ndarray] | None:
+) -> tuple[Board, np.ndarray]:
     """Return a random place on a random board, away from what is there."""
-    for _ in range(PLACES):
+    while True:
         board = boards[int(rng.integers(len(boards)))]
         free = 0.5 * np.array(board.size) - away - 0.03
         place = board.place(*rng.uniform(-free, free))
         apart = [np.linalg.norm(place[:2] - other[:2]) - away - far for other, far in taken if _same(place, other)]
         if min(apart, default=1.0) > ROOM:
             return board, place
-    return None
 
 
 def _same(place: np.ndarray, other: np.ndarray) -> bool:
@@ -233,26 +236,23 @@ def job(number: int) -> dict[str, Any]:
     """Return the scene of a job."""
     rng = np.random.default_rng([36, number])
     name = list(ARMS)[number % len(ARMS)]
-    arm = ARMS[name]
-    obstacles, boards = _furniture(rng, arm)
-    taken: list[tuple[np.ndarray, float]] = []
-    stand: dict[str, tuple[Board, np.ndarray, float]] = {}
-    for each, kind in KINDS.items():
-        found = _spot(rng, boards, kind.away, taken)
-        assert found is not None
-        board, place = found
-        yaw = board.yaw + (rng.uniform(-0.4, 0.4) if board.covered else rng.uniform(-math.pi, math.pi))
-        taken.append((place, kind.away))
-        stand[each] = board, place + [0.0, 0.0, LOOSE + 0.5 * kind.height], yaw
-        pose = {"position": stand[each][1].tolist(), "rpy": [0.0, 0.0, yaw]}
-        obstacles.append({"name": each, "shape": kind.shape, "pose": pose})
-    what = list(KINDS)[rng.integers(len(KINDS))]
-    kind, (source, at, yaw) = KINDS[what], stand[what]
-    found = _spot(rng, boards, kind.away, taken)
-    assert found is not None
-    target, place = found
-    place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
-    turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]
+    arm, reach = ARMS[name], Reach(name, ARMS[name].link)
+    while True:
+        obstacles, boards = _furniture(rng, arm)
+        stand = _standing(rng, boards)
+        what = list(KINDS)[int(rng.integers(len(KINDS)))]
+        kind, (source, at, yaw) = KINDS[what], stand[what]
+        target, place = _spot(rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()])
+        place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
+        grasps = list(_grasps(arm, kind, (source.covered, target.covered)))
+        turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]
+        rng.shuffle(grasps)
+        if any(_reaches(reach, arm, grasp, (at, yaw), (place, turns)) for grasp in grasps[:SHUFFLED]):
+            break
+    obstacles += [
+        {"name": each, "shape": KINDS[each].shape, "pose": {"position": there.tolist(), "rpy": [0.0, 0.0, turned]}}
+        for each, (_, there, turned) in stand.items()
+    ]
     here = Rotation.from_euler("z", yaw)
     poses = []
     for offset, turn in _grasps(arm, kind, (source.covered, target.covered)):
@@ -264,7 +264,33 @@ def job(number: int) -> dict[str, Any]:
         {"link": what, **_pose(place + [0.0, 0.0, RAISED], Rotation.from_euler("z", turn)), **free}
         for turn in (turns[:1] if kind.round_ else turns)
     ]
-    toward = arm.tool.as_matrix()[:, 2]
+    return {
+        "hdplan": 1,
+        "robot": arm.robot,
+        "obstacles": obstacles,
+        "start": arm.start,
+        "limits": {"velocity": "urdf", "acceleration": arm.acceleration, "jerk": 500},
+        "job": _stages(arm, what, poses, goals, source, target),
+    }
+
+
+def _standing(rng: np.random.Generator, boards: list[Board]) -> dict[str, tuple[Board, np.ndarray, float]]:
+    """Return where all objects stand: on which board, their middles, and how they are turned."""
+    taken: list[tuple[np.ndarray, float]] = []
+    stand = {}
+    for each, kind in KINDS.items():
+        board, place = _spot(rng, boards, kind.away, taken)
+        yaw = board.yaw + (rng.uniform(-0.4, 0.4) if board.covered else rng.uniform(-math.pi, math.pi))
+        taken.append((place, kind.away))
+        stand[each] = board, place + [0.0, 0.0, LOOSE + 0.5 * kind.height], yaw
+    return stand
+
+
+def _stages(
+    arm: Arm, what: str, poses: list[dict[str, Any]], goals: list[dict[str, Any]], source: Board, target: Board
+) -> list[dict[str, Any]]:
+    """Return the stages of a job."""
+    toward, kind = arm.tool.as_matrix()[:, 2], KINDS[what]
     closed = dict.fromkeys(arm.fingers, 0.5 * kind.width)
     touching = [[what, list(arm.touching)]]
     upright = {"path": {"upright": {"link": what, "axis": "z", "tolerance": 0.35}}} if what == "bottle" else {}
@@ -276,7 +302,7 @@ def job(number: int) -> dict[str, Any]:
     def rise(length: float, board: Board) -> dict[str, Any]:
         return {"line": {"by": [0.0, 0.0, length], "link": what}, "touch": [[what, board.name]]}
 
-    stages = [
+    return [
         {"name": "before it", "move": {"poses": poses}},
         {"name": "to it", **line(BEFORE, **away)},
         {"name": "take it", "grip": _hand(arm, what, closed, link=arm.link), "touch": touching},
@@ -286,14 +312,56 @@ def job(number: int) -> dict[str, Any]:
         {"name": "let go", "release": _hand(arm, what, arm.opened)},
         {"name": "back out", **line(-BACK, **away)},
     ]
-    return {
-        "hdplan": 1,
-        "robot": arm.robot,
-        "obstacles": obstacles,
-        "start": arm.start,
-        "limits": {"velocity": "urdf", "acceleration": arm.acceleration, "jerk": 500},
-        "job": stages,
-    }
+
+
+def _reaches(
+    reach: Reach,
+    arm: Arm,
+    grasp: tuple[np.ndarray, Rotation],
+    stands: tuple[np.ndarray, float],
+    goes: tuple[np.ndarray, list[float]],
+) -> bool:
+    """True if a tool reaches an object by a grasp, and sets it down by it, if nothing is in its way."""
+    offset, turn = grasp
+
+    def tool(place: np.ndarray, yaw: float, back: float, up: float) -> bool:
+        here = Rotation.from_euler("z", yaw)
+        whole = here * turn
+        at = place + here.apply(offset) - back * whole.as_matrix()[:, 2] + [0.0, 0.0, up]
+        return reach(at, whole * arm.tool.inv())
+
+    def all_of(place: np.ndarray, yaw: float, back: float) -> bool:
+        return tool(place, yaw, 0.0, 0.0) and tool(place, yaw, 0.0, RAISED) and tool(place, yaw, back, 0.0)
+
+    return all_of(*stands, BEFORE) and any(all_of(goes[0], yaw, BACK) for yaw in goes[1])
+
+
+class Reach:
+    """An arm's inverse kinematics, by Pinocchio: damped least squares from random configurations."""
+
+    def __init__(self, name: str, link: str) -> None:
+        """Load the arm."""
+        self.model = pin.buildModelFromUrdf(str(DATA / ROBOTS[name][0]))
+        self.data, self.frame = self.model.createData(), self.model.getFrameId(link)
+        self.low, self.high = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        self.low, self.high = np.maximum(self.low, -math.pi) + INNER, np.minimum(self.high, math.pi) - INNER
+
+    def __call__(self, place: np.ndarray, turn: Rotation) -> bool:
+        """True if a configuration is found."""
+        rng, goal = np.random.default_rng(0), pin.SE3(turn.as_matrix(), place)
+        for _ in range(TRIES):
+            q = rng.uniform(self.low, np.maximum(self.high, self.low))
+            for _ in range(STEPS):
+                pin.computeJointJacobians(self.model, self.data, q)
+                pin.updateFramePlacement(self.model, self.data, self.frame)
+                error = pin.log6(self.data.oMf[self.frame].actInv(goal)).vector
+                if np.abs(error).max() < 1e-4:
+                    return True
+                slope = pin.getFrameJacobian(self.model, self.data, self.frame, pin.ReferenceFrame.LOCAL)
+                step = slope.T @ np.linalg.solve(slope @ slope.T + 1e-3 * np.eye(6), error)
+                step *= min(1.0, 0.4 / np.abs(step).max())
+                q = np.clip(q + step, self.low, np.maximum(self.high, self.low))
+        return False
 
 
 def _hand(arm: Arm, what: str, fingers: dict[str, float], **said: Any) -> dict[str, Any]:

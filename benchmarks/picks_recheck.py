@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import sysconfig
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,11 @@ class Scene:
         self.links.addAllCollisionPairs()
         pin.removeCollisionPairs(self.model, self.links, srdf)
         self.data = self.model.createData()
+        self.mimics = {
+            str(joint.get("name")): str(joint.find("mimic").get("joint"))
+            for joint in ElementTree.parse(urdf).getroot().findall("joint")
+            if joint.find("mimic") is not None
+        }
         named = {str(frame.name): i for i, frame in enumerate(self.model.frames) if frame.type == pin.FrameType.BODY}
         self.frames = named
         owner = {i: str(self.model.frames[item.parentFrame].name) for i, item in enumerate(self.links.geometryObjects)}
@@ -162,8 +168,10 @@ def _matrix(pose: dict[str, Any]) -> np.ndarray:
 class Motion:
     """The motion of a file."""
 
-    def __init__(self, model: pin.Model, told: dict[str, Any], fixed: dict[str, float]) -> None:
-        """Take it, and values of joints that it does not have."""
+    def __init__(self, model: pin.Model, told: dict[str, Any], fixed: dict[str, float], mimics: dict[str, str]) -> None:
+        """Take it, values of joints that it does not have, and joints that stand where others do."""
+        at = {str(name): model.joints[i].idx_q for i, name in enumerate(model.names) if i}
+        self.followers = [(at[one], at[other]) for one, other in mimics.items() if one not in told["joint_names"]]
         self.times = np.array(told["times"])
         self.q, self.v, self.a = (np.array(told[key]) for key in ("positions", "velocities", "accelerations"))
         self.names = told["joint_names"]
@@ -172,7 +180,6 @@ class Motion:
         for name, value in known.items():
             self.base[model.joints[model.getJointId(name)].idx_q] = value
         self.columns = [model.joints[model.getJointId(name)].idx_q for name in self.names]
-        self.model = model
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return positions, velocities and accelerations at some times."""
@@ -189,9 +196,11 @@ class Motion:
         return q, v, a
 
     def whole(self, q: np.ndarray) -> np.ndarray:
-        """Return the values of all joints of the model (pairs of numbers for joints without limits are none here)."""
+        """Return the values of all joints of the model; none of these robots has joints without limits."""
         found = self.base.copy()
         found[self.columns] = q
+        for follower, leader in self.followers:
+            found[follower] = found[leader]
         return found
 
 
@@ -199,7 +208,7 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
     """Look at a motion again; return the least clearance that was met [m], over all stages. Raises RefutedError."""
     told = json.loads(motion.read_text())
     bodies = Scene(scene, folder)
-    driven = Motion(bodies.model, told, scene["robot"].get("locked", {}))
+    driven = Motion(bodies.model, told, scene["robot"].get("locked", {}), bodies.mimics)
     stages, marks = scene["job"], [each["row"] for each in told["stages"]]
     claims = {each["stage"]: each["clearance_m"] or 0.0 for each in told["verdict"]["stages"]}
     if [each["name"] for each in told["stages"]] != [each["name"] for each in stages]:

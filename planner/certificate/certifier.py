@@ -341,6 +341,10 @@ class Certifier:
                 found.append((self._standing(spot), float(floor[spot.pair])))
         return tuple(sorted(found, key=lambda each: each[0].distance))
 
+    def is_clear(self, q: ArrayLike, required: float, time: float = 0.0) -> bool:
+        """True if nothing is `too_close` at a configuration."""
+        return self.sweep.is_clear(self._configuration(q), self._floor(required), time)
+
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and
         between links; None where nothing is `within` [m]."""

@@ -19,7 +19,7 @@ from hdplan.planner.certificate.part_bounds import PartBounds
 from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import TimeLimitError
 
@@ -79,6 +79,11 @@ class Sweep:
         theirs, or, with `surfaces`, that of the triangles that they contain; with `unknown`, less what that may take.
         """
         return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
+
+    def is_clear(self, q: Array, floor: Array, time: float = 0.0) -> bool:
+        """True if every pair is apart at one configuration q (n,) at a time [s], by what it must keep (P,) [m], less
+        what is unknown: what `distances` say, but no more is looked at than decides it."""
+        return self._standing(q, time).is_clear_at_start(floor)
 
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
@@ -229,6 +234,31 @@ class _Run:
                 value = max(value, self._surface(nodes, 0, pair))
             spots.append(Spot(0, 0.0, pair, value - off, value - off <= 0.0, off))
         return tuple(spots)
+
+    def is_clear_at_start(self, floor: Array) -> bool:
+        """True if all pairs are apart at the first waypoint, by what each must keep (P,)."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        if self.containment.found(nodes):
+            return False
+        items = Items.all(1, np.arange(len(self.pairs.a)))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        items = items[bound <= floor.max(initial=0.0) + ROUNDING]
+        if not len(items):
+            return True
+        values, *_ = self._exact(nodes, items)
+        less, kept, hollow = self.bounds.unknown(nodes, items), floor[items.pair], self.hollow[items.pair]
+
+        def close(apart: Array) -> Mask:
+            return np.asarray((apart - less <= 0.0) | (apart - less < kept))
+
+        doubtful = close(values)
+        if (doubtful & ~hollow).any():
+            return False
+        for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
+            values[i] = self._surface(nodes, 0, int(items.pair[i]))
+            if close(values)[i]:
+                return False
+        return True
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""

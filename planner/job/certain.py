@@ -149,7 +149,7 @@ def _between(way: Callable[[float], Array], first: float, last: float, share: fl
 
 
 def _is_free(certifier: Certifier, clearance: float, q: Array) -> bool:
-    return not certifier.too_close(q, clearance)
+    return certifier.is_clear(q, clearance)
 
 
 def _straight(setup: Setup, start: Array) -> Follow:

@@ -2,8 +2,9 @@
 cannot be done.
 
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
-after the other, the most promising first; before a motion to one is planned, the stages up to the next move of the arm
-are tried from there, which costs little. The first choice that leads to the end is taken. Lines, grips and waits leave
+after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next
+move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
+down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and waits leave
 no choice.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -27,7 +29,6 @@ from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.curve_stages import Curve
@@ -39,6 +40,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import Number, Whole, checked, functions, instance
 
 SHARE = 0.3  # of the time left, for one motion where there are others to try
+EACH = 3  # configurations of every pose that a move may lead to
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
 
 
@@ -126,7 +128,8 @@ class _Search:
         self.stages, self.seed, self.deadline = scene.job.stages, seed, deadline
         self.report, self.stop = report, stop
         self.refused: list[tuple[int, str]] = []  # the stage, and why a choice for it was given up
-        self._made: dict[int, list[tuple[World, Piece | str]]] = {}  # what leaves no choice, by stage
+        self._made: dict[int, list[tuple[World, bool, Piece | str]]] = {}  # what leaves no choice, by stage
+        self._aims: dict[int, list[tuple[World, tuple[JointTarget, ...] | str]]] = {}  # of moves, by stage
         self.certain = Certain(self.stages, seed, self._late)
 
     def run(self, world: World) -> list[Piece]:
@@ -161,12 +164,9 @@ class _Search:
             else:
                 self.refused.append((number, found))
             return
-        setup = stage_setup(world, number)
-        scene = setup.asked
-        try:
-            goals = self._goals(setup)
-        except UnsolvableError as error:
-            self.refused.append((number, _cause(error, scene)))
+        goals = self._goals(world, number)
+        if isinstance(goals, str):
+            self.refused.append((number, goals))
             return
         for goal, plainly in self._with_beginnings(world, number, goals):
             if self._late():
@@ -174,15 +174,28 @@ class _Search:
             try:
                 if len(goals) > 1:
                     self._look_ahead(world, number, goal, plainly)
-                yield self._moved(world, number, scene, goal, len(goals) > 1)
+                yield self._moved(world, number, goal, len(goals) > 1)
             except StageFailedError as failed:
                 self.refused.append((number, str(failed)))
 
-    def _goals(self, setup: Setup) -> tuple[JointTarget, ...]:
-        """Return the configurations to which a stage may lead."""
+    def _goals(self, world: World, number: int) -> tuple[JointTarget, ...] | str:
+        """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
+        are none; what was found once is kept."""
+        kept = self._aims.setdefault(number, [])
+        for before, found in kept:
+            if before == world:
+                return found
+        setup = stage_setup(world, number)
+        made: tuple[JointTarget, ...] | str
         if isinstance(setup.scene.goal, JointTarget):
-            return (setup.scene.goal,)
-        return goal_choice(Certifier(setup), self.seed).goals
+            made = (setup.scene.goal,)
+        else:
+            try:
+                made = _each_in_turn(goal_choice(Certifier(setup), self.seed, EACH).goals)
+            except UnsolvableError as error:
+                made = _cause(error, setup.asked)
+        kept.append((world, made))
+        return made
 
     def _with_beginnings(
         self, world: World, number: int, goals: Sequence[JointTarget]
@@ -204,21 +217,41 @@ class _Search:
                 self.certain.ways[number + 1, way[0].tobytes()] = way
                 yield JointTarget(goal.field, positions=tuple(way[0].tolist())), False
 
-    def _look_ahead(self, world: World, number: int, goal: JointTarget, plainly: bool) -> None:
-        """Try the stages up to the next move of the arm from a configuration. Raises StageFailedError."""
+    def _look_ahead(self, world: World, number: int, goal: JointTarget, plainly: bool, further: bool = True) -> None:
+        """Try the stages up to the next move of the arm from a configuration, and, `further`, whether that move has a
+        goal from which they can be tried in the same way. Raises StageFailedError."""
         assert goal.positions is not None
         there = after(world, number, stage_setup(world, number).robot, np.array(goal.positions))
         for following in range(number + 1, len(self.stages)):
             if isinstance(self.stages[following], Move):
-                return
-            found = self._only(there, following, plainly)
+                found = self._leads_on(there, following) if further else None
+            else:
+                found = self._only(there, following, plainly)
             if isinstance(found, str):
                 name = stage_name(self.stages[following], following)
                 raise StageFailedError(f"given up, as stage '{name}' cannot follow it: {found}")
+            if found is None:
+                return
             there = found.after
 
-    def _moved(self, world: World, number: int, scene: Scene, goal: JointTarget, others: bool) -> Piece:
+    def _leads_on(self, world: World, number: int) -> str | None:
+        """Say why no goal of a move goes on to the next one; None if one does, or time is up."""
+        goals, why = self._goals(world, number), ""
+        if isinstance(goals, str):
+            return goals
+        for goal, plainly in self._with_beginnings(world, number, goals):
+            if self._late():
+                return None
+            try:
+                self._look_ahead(world, number, goal, plainly, further=False)
+                return None
+            except StageFailedError as failed:
+                why = str(failed)
+        return why
+
+    def _moved(self, world: World, number: int, goal: JointTarget, others: bool) -> Piece:
         """Plan a move of the arm to one configuration. Raises StageFailedError."""
+        scene = stage_setup(world, number).asked
         left = max(0.0, self.deadline - time.perf_counter())
         aimed = derived(scene, goal=goal)
         try:
@@ -236,15 +269,25 @@ class _Search:
     def _only(self, world: World, number: int, plainly: bool = False) -> Piece | str:
         """Do a stage that leaves no choice, or say why it cannot be done; what was found once is kept."""
         kept = self._made.setdefault(number, [])
-        for before, found in kept:
-            if before == world:
+        for before, plain, found in kept:
+            if before == world and (isinstance(found, Piece) or plainly or not plain):
                 return found
         try:
             made: Piece | str = self.certain.done(world, number, plainly)
         except StageFailedError as failed:
             made = str(failed)
-        kept.append((world, made))
+        kept.append((world, plainly, made))
         return made
+
+
+def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
+    """Return configurations in the same order, but the first ones of all targets before the second ones."""
+    before: Counter[str] = Counter()
+    ranked = []
+    for goal in goals:
+        ranked.append((before[goal.field], goal))
+        before[goal.field] += 1
+    return tuple(goal for _, goal in sorted(ranked, key=lambda each: each[0]))
 
 
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:

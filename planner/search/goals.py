@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
+FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
 TRIED = 6  # goals that are planned to, over all targets; at least one of each
 
 
@@ -43,8 +44,10 @@ class Choice(NamedTuple):
     words: tuple[str, ...]  # notes for the user
 
 
-def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
-    """Return the configurations in which a motion of this scene may end, the most promising first.
+def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
+    """Return the configurations in which a motion of this scene may end, the most promising first: TRIED of them over
+    all targets, but at least `each` of every one that is reached freely. Of many targets each is looked at less; where
+    some are reached freely, the others are not looked at again.
 
     Raises:
         InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; the
@@ -54,14 +57,24 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
     if isinstance(scene.goal, JointTarget):
         return Choice((scene.goal,), ())
     rng = np.random.default_rng(seed)
-    most = max(1, TRIED // len(scene.goal.targets))
+    most = max(each, TRIED // len(scene.goal.targets))
     found: list[tuple[float, JointTarget]] = []
     refused, words, causes = [], [], []
     path = _path(certifier.setup)
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
-        for target in scene.goal.targets:
-            reached, nearest, free = _reached(certifier, target, start, rng, path)
+        looked: dict[int, _Reached] = {}
+        before = 0
+        for drawn in range(DRAWN):
+            starts = STARTS if drawn else max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // len(scene.goal.targets)))
+            for i, target in enumerate(scene.goal.targets):
+                if i not in looked or starts > before or len(looked[i][0]):
+                    looked[i] = _reached(certifier, target, start, rng, path, starts)
+            before, none = starts, not any(len(reached) for reached, *_ in looked.values())
+            if any(free for *_, free in looked.values()) or (none and starts == STARTS):
+                break
+        for i, target in enumerate(scene.goal.targets):
+            reached, nearest, free = looked[i]
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
             elif not free:
@@ -74,28 +87,28 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
+_Reached = tuple[Array, "tuple[Miss, ...] | None", list[tuple[float, Array]]]
+
+
 def _reached(
     certifier: Certifier,
     target: JointTarget | PoseTarget | AllOf,
     start: Array,
     rng: np.random.Generator,
     path: tuple[PathTerm, ...],
-) -> tuple[Array, tuple[Miss, ...] | None, list[tuple[float, Array]]]:
+    starts: int,
+) -> _Reached:
     """Return the configurations found, by how much a pose was missed at least, and which of them are free, with their
-    scores. Where a pose is reached but never freely, others are drawn, DRAWN times in all."""
+    scores."""
     robot = certifier.robot
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
         return reached, None, _free(certifier, reached, start)
-    for _ in range(DRAWN):
-        reached, nearest = reaching(robot, target, start, rng, path)
-        if path and not len(reached):  # to say whether the pose or the path is to blame
-            reached, nearest = reaching(robot, target, start, rng)
-        reached = robot.nearest_turn(reached, start)
-        free = _free(certifier, reached, start)
-        if free or not len(reached):
-            break
-    return reached, nearest, free
+    reached, nearest = reaching(robot, target, start, rng, path, starts)
+    if path and not len(reached):  # to say whether the pose or the path is to blame
+        reached, nearest = reaching(robot, target, start, rng, starts=starts)
+    reached = robot.nearest_turn(reached, start)
+    return reached, nearest, _free(certifier, reached, start)
 
 
 def _path(setup: Setup) -> tuple[PathTerm, ...]:
@@ -126,8 +139,8 @@ def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
 def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
     """True if a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
     with torques that the joints can bear."""
-    close = certifier.too_close(q, required, certifier.scene.end_time)
-    return not (close or certifier.off_path(q) or certifier.overload(q))
+    clear = certifier.is_clear(q, required, certifier.scene.end_time)
+    return clear and not (certifier.off_path(q) or certifier.overload(q))
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:

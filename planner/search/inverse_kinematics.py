@@ -157,12 +157,17 @@ def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generat
 
 
 def reaching(
-    robot: Robot, target: PoseTarget | AllOf, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
+    robot: Robot,
+    target: PoseTarget | AllOf,
+    start: Array,
+    rng: np.random.Generator,
+    path: tuple[PathTerm, ...] = (),
+    starts: int = STARTS,
 ) -> tuple[Array, tuple[Miss, ...]]:
     """Return configurations (K, n) that reach a pose, or poses of several links together, APART from each other and
     nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
     do not decide the result."""
-    return _reached(Aim.at(robot, target), robot.draw(rng, STARTS - 1), start, path)
+    return _reached(Aim.at(robot, target), robot.draw(rng, starts - 1), start, path)
 
 
 def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
