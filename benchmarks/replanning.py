@@ -6,8 +6,9 @@ A Panda drives to one goal after the other, for S seconds (20) in each of N seed
 every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
 takes here, and its command reaches the arm 10 ms later; the arm is up to `robot.tracking` off what is commanded. People
 (spheres and capsules) go at up to 0.5 m/s and turn at will, some of them towards the robot; they do not give way to a
-robot that moves, and turn back from one that stands; boxes come into sight at 1.5 m, stand, and leave; others lie on a conveyor. What the camera says is up
-to 1 cm off. Ways are looked for beside the steps, and come as late as the processor takes for them.
+robot that moves, and turn back from one that stands. Boxes come into sight at 1.5 m, stand, and leave; others lie on a
+conveyor. What the camera says is up to 1 cm off. Ways are looked for beside the steps, and come as late as the
+processor takes for them.
 
 Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
 while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run

@@ -25,6 +25,7 @@ class AtOnce(Executor):
     """For a clock that is simulated, as here; a replanner on a robot looks for ways in a thread of its own."""
 
     def submit(self, work, *args):
+        """Do it now."""
         future = Future()
         future.set_result(work(*args))
         return future
