@@ -5,9 +5,10 @@
 A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture
 every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
 takes here, and its command reaches the arm 10 ms later; the arm is up to `robot.tracking` off what is commanded. People
-(spheres and capsules) go at up to 0.5 m/s and turn at will, some of them towards the robot, through which they walk as
-if it were air; boxes come into sight at 1.5 m, stand, and leave; others lie on a conveyor. What the camera says is up
-to 1 cm off. Ways are looked for beside the steps, and come as late as the processor takes for them.
+(spheres and capsules) go at up to 0.5 m/s and turn at will, some of them towards the robot; they do not give way to a
+robot that moves, and turn back from one that stands. Boxes come into sight at 1.5 m, stand, and leave; others lie on a
+conveyor. What the camera says is up to 1 cm off. Ways are looked for beside the steps, and come as late as the
+processor takes for them.
 
 Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
 while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run
@@ -41,6 +42,7 @@ PICTURES, SEEN_AFTER = 0.05, (0.03, 0.08)  # [s]
 SPEED, SIGHT, OFF = 0.5, 1.5, 0.01  # [m/s] of people and boxes; [m] from the base; [m] by which pictures are off
 BELT_SPEED, BELT_OFF = 0.2, 0.02  # [m/s] of the conveyor; how much faster or slower a box on it may be
 LAG, LAG_TIME = 0.005, 0.03  # [rad] by which a joint may be off; [s] in which it follows
+NEAR = 0.03  # [m] at which a body turns back from a robot that stands
 CHECK, MOVES = 0.005, 1e-3  # [s] between two looks; [rad/s] of a joint that moves
 LIMITS = hdplan.Limits(
     velocity="urdf", acceleration=(15, 7.5, 10, 12.5, 15, 20, 20), jerk=(7500, 3750, 5000, 6250, 7500, 10000, 10000)
@@ -74,7 +76,7 @@ class Walker:
         far = SIGHT if kind == "box" else rng.uniform(0.9, 1.4)
         self.at = np.array([far * np.cos(angle), far * np.sin(angle), rng.uniform(0.2, 0.9)])
         self.turn = pin.exp3(rng.uniform(-np.pi, np.pi) * np.array([0.0, 0.0, 1.0]))
-        self.velocity, self.spin, self.until = np.zeros(3), np.zeros(3), 0.0
+        self.velocity, self.spin, self.until, self.turned = np.zeros(3), np.zeros(3), 0.0, -np.inf
         self.shape: Any
         if kind == "sphere":
             self.shape, self.lever = hdplan.Sphere(rng.uniform(0.08, 0.18)), 0.0
@@ -106,6 +108,10 @@ class Walker:
             self.decide(t, hand)
         self.at = self.at + dt * self.velocity
         self.turn = pin.exp3(dt * self.spin) @ self.turn
+
+    def turn_back(self, t: float) -> None:
+        """Go back where it came from."""
+        self.velocity, self.spin, self.until = -self.velocity, -self.spin, t + 1.0
 
     def there(self, t: float) -> bool:
         return t >= self.begins
@@ -328,6 +334,11 @@ def run(seed: int, seconds: float, empty: bool = False) -> dict[str, Any]:
             distance = judge.distance(arm.q, world.there(t))
             least = min(least, distance)
             contacts += distance <= 0.0
+        elif k % 4 == 0:
+            for each in world.there(t):
+                if not isinstance(each, Rider) and t >= each.turned + 1.0 and judge.distance(arm.q, [each]) < NEAR:
+                    each.turned = t
+                    each.turn_back(t)
         world.go(t, CHECK, hand)
     ways = beside.seconds or [0.0]
     return {

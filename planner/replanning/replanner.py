@@ -114,6 +114,8 @@ class Replanner:
             raise InputError(
                 f"{scene.source}: timing.duration: is of one motion, and here there are many: leave it out"
             )
+        if scene.path.follow is not None:
+            raise InputError(f"{scene.source}: path.follow: is of a whole motion, and a replanner may end one anywhere")
         setup = Setup.of(scene, robot)
         setup.refuse_moving_ends("a replanner begins and ends at rest")
         self.robot = setup.robot
@@ -233,8 +235,8 @@ class Replanner:
                     self._course, self._waiting, self._asked, self._off = None, None, None, ""
 
     def step(self, t: float) -> Command:
-        """Return what the robot is to do from t [s] on: the motion that is held, longer by a piece if that could be
-        proven.
+        """Return what the robot is to do from now, t [s], on: the motion that is held, longer by a piece if that could
+        be proven.
 
         Raises InputError for a time that is not a number, or before the last step's.
         """
@@ -268,7 +270,8 @@ class Replanner:
     def _hear(self, row: int) -> None:
         """Take the answer about the way, if there is one, and drop a way that can no longer be joined."""
         if self._asked is not None and self._asked.done():
-            answer, self._asked = self._asked.result(), None
+            future, self._asked = self._asked, None
+            answer = future.result()
             took = max(self._now - self._asked_at, 0.0)
             self._lead = min(max(AHEAD, 0.7 * self._lead, 1.3 * took), MOST_AHEAD)
             if answer.way is not None:
