@@ -111,6 +111,17 @@ if (!window.hdplan) {
   const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
   const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
   setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
+  const typing = (event) => event.target.closest?.('input, textarea, [contenteditable]');
+  document.addEventListener('copy', (event) => {  // of what is selected in the scene, where no words are
+    const text = document.querySelector('.hdplan-copied')?.dataset.yaml;
+    if (!text || typing(event) || String(getSelection())) return;
+    event.clipboardData.setData('text/plain', text);
+    event.preventDefault();
+  });
+  document.addEventListener('paste', (event) => {
+    const text = event.clipboardData.getData('text/plain');
+    if (!typing(event) && text) tell({do: 'paste', text});
+  });
   const share = (plot, x) => { const box = plot.getBoundingClientRect(); return (x - box.left) / box.width; };
   let pressed;  // in a plot: it and where
   document.addEventListener('pointerdown', (event) => {
@@ -127,6 +138,12 @@ if (!window.hdplan) {
   document.addEventListener('dblclick', (event) => {
     if (event.target.closest('.u-over')) tell({do: 'zoom', from: 0, to: 0});
   });
+  document.addEventListener('keydown', (event) => {
+    if (!/^(Enter| )$/.test(event.key) || !event.target.matches?.('[data-do]')) return;
+    event.preventDefault();
+    event.stopPropagation();
+    event.target.click();
+  }, true);
   document.addEventListener('click', (event) => {
     const link = event.target.closest('[data-do]');
     if (link) {
@@ -176,6 +193,16 @@ class Page:
         gate.page_field = str(self._field._impl.uuid)  # viser has no other name for it; a law notices if it goes
         draw_ground(server.scene, base, dark=False)
 
+    def build(self) -> None:
+        """Build what holds the text to be copied, in the container at hand."""
+        self._copied = self._server.gui.add_html("")
+
+    def copied(self, text: str) -> None:
+        """Let the browsers' copy take this text, where somebody has selected no other."""
+        content = f'<i class="hdplan-copied" data-yaml="{html.escape(text)}" hidden></i>'
+        if self._copied.content != content:
+            self._copied.content = content
+
     def on(self, what: str, handler: Handler) -> None:
         """Have `handler` called with the browser and what it told, when it tells `what`."""
         self._handlers[what] = handler
@@ -204,7 +231,8 @@ class Page:
 
 def link(text: str, what: str, title: str = "", **told: object) -> str:
     """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
-    return f'<span class="hd-link" data-do="{telling(what, **told)}" title="{html.escape(title)}">{text}</span>'
+    named = f'role="button" tabindex="0" title="{html.escape(title)}"'
+    return f'<span class="hd-link" {named} data-do="{telling(what, **told)}">{text}</span>'
 
 
 def telling(what: str, **told: object) -> str:
