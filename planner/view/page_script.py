@@ -54,7 +54,16 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer; touch-action: pan-y }
-.u-legend { font-size: 11px; line-height: 1.3; text-align: left !important; padding: 0 0.9em;
+label, .mantine-Slider-markLabel, .u-value { color: light-dark(#495057, #ced4da) !important }
+.mantine-Slider-markLabel, .u-legend, .u-legend * { font-size: 11px !important }
+[role="tab"][aria-selected="true"] * { color: light-dark(#0b5cad, #74c0fc) !important }
+.mantine-Button-root[data-variant="outline"] { --button-color: light-dark(#0b5cad, #74c0fc) !important }
+.mantine-Button-root:not([data-variant="outline"]) {  /* but for Plan, the one loud button */
+  --button-bg: light-dark(#e9ecef, #3b3f45) !important; --button-hover: light-dark(#dee2e6, #4b5057) !important;
+  --button-color: light-dark(#212529, #f1f3f5) !important }
+div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outline"]) {
+  --button-bg: #0067a3 !important; --button-hover: #00507f !important; --button-color: #fff !important }
+.u-legend { line-height: 1.3; text-align: left !important; padding: 0 0.9em;
   margin: 10px 0 0 !important }  /* below the numbers of the axis */
 .u-legend tr:last-child { display: none }  /* of the bar */
 .u-legend th, .u-legend td { padding: 0 0.2em !important; font-variant-numeric: tabular-nums }
