@@ -33,7 +33,8 @@ FAINT = """() => {
     if (!seen || style(each).visibility === 'hidden') continue;
     const ground = up(each).reverse().reduce((under, e) => over(parts(style(e).backgroundColor), under), white);
     const ink = parts(style(each).color), color = over([...ink.slice(0, 3), (ink[3] ?? 1) * seen], ground);
-    const [dark, bright] = [light(color), light(ground)].sort((a, b) => a - b), size = parseFloat(style(each).fontSize);
+    const [dark, bright] = [light(color), light(ground)].sort((a, b) => a - b);
+    const size = parseFloat(style(each).fontSize);
     const ratio = (bright + 0.05) / (dark + 0.05);
     if (ratio < 4.5 || size < 11) found.push(`${text.slice(0, 40)}: ${ratio.toFixed(2)} : 1, ${size} px`);
   }
@@ -60,7 +61,5 @@ def test_every_word_can_be_read(tab: Tabs, viewer: Viewer) -> None:
             tab_of(page, name)
             page.wait_for_timeout(500)
             assert page.evaluate(FAINT) == [], (theme, name)
-    alone = (
-        "[...document.querySelectorAll('[data-do]')].filter(e => e.tagName !== 'SUMMARY' && e.tabIndex !== 0).length"
-    )
+    alone = "[...document.querySelectorAll('[data-do]')].filter(e => e.tagName !== 'SUMMARY' && e.tabIndex).length"
     assert page.evaluate(alone) == 0
