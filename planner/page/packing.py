@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hdplan.planner.view.drawing.skins import Color, Skin
 from hdplan.scenes.array_types import Array
 
-MOST_TRIANGLES = 140_000  # of what is drawn of a robot: about 1.4 MB
+MOST_TRIANGLES, MOST_OF_GHOSTS = 140_000, 30_000  # of what is drawn of a robot: about 1.4 and 0.3 MB
 FINEST, COARSER = 0.0005, 1.3  # [m] edge of the cells in which points are merged at first, and by how much it grows
 FACINGS = 2.0  # steps between a normal's numbers -1 and 1, halved, of points that are merged: edges stay sharp
 
@@ -26,9 +26,9 @@ class Packed:
         self._parts: list[bytes] = []
         self._size = 0
 
-    def add_all(self, skins: Sequence[Skin]) -> list[int]:
-        """Add skins, and return their numbers."""
-        return [self.add(skin.vertices, skin.triangles, skin.color, skin.joint) for skin in thinned(skins)]
+    def add_all(self, skins: Sequence[Skin], most: int = MOST_TRIANGLES) -> list[int]:
+        """Add skins, of at most so many triangles together, and return their numbers."""
+        return [self.add(skin.vertices, skin.triangles, skin.color, skin.joint) for skin in thinned(skins, most)]
 
     def add(self, vertices: NDArray[Any], triangles: NDArray[Any], color: Color, joint: int = 0) -> int:
         """Add a mesh, and return its number."""
@@ -52,7 +52,7 @@ class Packed:
         return at
 
 
-def thinned(skins: Sequence[Skin], most: int = MOST_TRIANGLES) -> Sequence[Skin]:
+def thinned(skins: Sequence[Skin], most: int) -> Sequence[Skin]:
     """Return skins with at most so many triangles together, or as they are if they have no more: points in one cell
     that face alike become one."""
     found, cell = skins, FINEST

@@ -24,7 +24,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.page.gliding import gliding_planes
-from hdplan.planner.page.packing import Packed
+from hdplan.planner.page.packing import MOST_OF_GHOSTS, Packed
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -92,7 +92,7 @@ def page_of(
     except InputError as error:
         seen, left_out = (), (str(error),)
     skins = told_apart(robot, seen or collision_skins(robot))
-    ghost = packed.add_all([skin for skin in collision_skins(robot) if skin.joint] or skins)
+    ghost = packed.add_all([skin for skin in collision_skins(robot) if skin.joint] or skins, MOST_OF_GHOSTS)
     ends = _poses(robot, first.joints[[0, -1]])
     pairs = [near(now) for now in when.tolist()]
     parameters = [timeline.parameter(first.curve, now) for now in when.tolist()]

@@ -46,7 +46,7 @@ class Key(NamedTuple):
     key: str  # as viser names it
     does: str
     act: Callable[[Any], object]  # called with viser's client
-    shift: bool = False
+    modifier: str | None = None
 
 
 class Keys:
@@ -62,7 +62,9 @@ class Keys:
         self._keys = self._all()
         button.on_click(lambda event: self._list(event.client))
         for each in self._keys:
-            modifier: Any = "shift" if each.shift else None
+            if not each.key:  # the browser's own, which `page_script` hears
+                continue
+            modifier: Any = each.modifier
             hotkey: Any = each.key  # viser's list lacks the question mark
             command = gui.add_command(each.does, hotkey=hotkey, modifier=modifier)
             command.on_trigger(lambda event, act=each.act: act(event.client))
@@ -95,12 +97,20 @@ class Keys:
             Key("end", "end", "Go to the goal", lambda _: viewer.panel.player.step(1.0)),
             Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
             Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
-            Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), shift=True),
+            Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), "shift"),
+            Key("del", "delete", "Delete the obstacle that is selected", partial(self._ask, "delete")),
+            Key("ctrl D", "D", "Duplicate it", partial(self._ask, "duplicate"), "cmd/ctrl"),
+            Key("ctrl C, V", "", "Copy it as a scene writes it; paste obstacles", self._list),
             Key("esc", "escape", "Select nothing", lambda _: viewer.panel.handles.deselect()),
             Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
             *layers,
-            *(Key("?", "?", "List the keys", self._list, shift) for shift in (True, False)),  # not so on all keyboards
+            *(
+                Key("?", "?", "List the keys", self._list, shift) for shift in ("shift", None)
+            ),  # not so on all keyboards
         )
+
+    def _ask(self, what: str, _: Any) -> None:
+        self._viewer.panel.obstacles.ask(what)
 
     def _toggle(self, layer: str, _: Any) -> None:
         self._viewer.panel.layers.toggle(layer)

@@ -12,6 +12,7 @@ from hdplan.planner.view.body_boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
+from hdplan.planner.view.marks import Frames, Names, Trail
 from hdplan.planner.view.planes import PlaneLayer
 from hdplan.scenes.array_types import Array
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 OPACITY = 0.45
 PLANE, LEFT_OUT, BOXES = "separating plane", "points left out", "boxes of obstacles"
+TRAIL, FRAMES, NAMES = "trail", "frames of joints", "names of obstacles"
 HEIGHT, CLEARANCE = "height", "clearance"
 COLORED = "of clouds: by height, or by about how close the active motion comes to each point"
 LAYERS = {  # name: initially on, description
@@ -34,6 +36,9 @@ LAYERS = {  # name: initially on, description
     PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
     BOXES: (False, "around what the planner takes standing obstacles apart into: cells of clouds, pieces of meshes"),
+    TRAIL: (False, "the robot at equal steps along the active motion, seen through"),
+    FRAMES: (False, "x red, y green, z blue; joints of a URDF turn about an axis of theirs"),
+    NAMES: (False, "where they are"),
 }
 
 
@@ -50,6 +55,7 @@ class Layers:
         self._color.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
         self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
+        self.trail, self.frames, self.names = Trail(viewer), Frames(viewer), Names(viewer)
 
     def on(self, name: str) -> bool:
         """True if a layer is on."""
@@ -75,6 +81,9 @@ class Layers:
             if self.on(name):
                 nodes.show(q)
         self.boxes.show(self.on(BOXES))
+        self.trail.show(self.on(TRAIL))
+        self.frames.show(self.on(FRAMES), q)
+        self.names.show(self.on(NAMES) and self.on("obstacles"))
         viewer = self._viewer
         clouds, active = viewer.stage.clouds, viewer.motions.active
         if self._color.visible != bool(clouds):

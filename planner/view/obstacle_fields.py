@@ -16,12 +16,16 @@ from hdplan.planner.view.uploads import MESHES
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.shapes import Mesh, Shape
+from hdplan.scenes.yaml_format.reader import read_obstacles
 from hdplan.scenes.yaml_format.shape_fields import SHAPE_KEYS
+from hdplan.scenes.yaml_format.writer import obstacle_text
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
+PASTED = "pasted.yaml"
 STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
+SNAPS = f"snap: to whole centimetres and {scene_edits.SNAP_TURN:g}°"
 NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
 
 
@@ -34,13 +38,18 @@ class ObstacleFields:
         gui = viewer.server.gui
         new = gui.add_button_group("add", tuple(scene_edits.NEW), hint="an obstacle, where there is room within reach")
         mesh = gui.add_upload_button("Add a mesh", icon=viser.Icon.UPLOAD, mime_type=",".join(MESHES))
-        self._buttons = gui.add_button_group("obstacle", ("duplicate", "delete"), visible=False)
+        self._buttons = gui.add_button_group("obstacle", ("duplicate", "snap", "delete"), visible=False, hint=SNAPS)
         self._folder = gui.add_folder("obstacle", visible=False)
         new.on_click(lambda event: self._editing.do(partial(self.add, str(event.target.value))))
         mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
-        self._buttons.on_click(lambda event: self._editing.do(getattr(self, str(event.target.value))))
+        self._buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._fields = Fields(self._editing, lambda: viewer.panel.handles.turn)
         self._kind: object = None  # of obstacle whose fields there are
+
+    def ask(self, what: str) -> None:
+        """Have the selected obstacle duplicated, snapped or deleted. By any thread."""
+        ways = {"duplicate": self.duplicate, "snap": self.snap, "delete": self.delete}
+        self._editing.do(ways.get(what, lambda: None))  # a browser may send anything
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -58,6 +67,18 @@ class ObstacleFields:
         """Put a second one beside the selected obstacle, and select it."""
         edited, thing = scene_edits.duplicated(self._viewer.edited, self._selected.name)
         self._editing.apply("duplicate", lambda _: edited)
+        self._viewer.panel.handles.select(thing)
+
+    def snap(self) -> None:
+        """Move the selected obstacle to whole centimetres and degrees."""
+        name = self._selected.name
+        self._editing.apply("snap", lambda edited: scene_edits.snapped(edited, name))
+
+    def paste(self, text: str) -> None:
+        """Add obstacles that are written as in a scene, and select the last. Raises InputError for any other text."""
+        file = self._viewer.uploads.take(PASTED, as_section(text).encode(), (PASTED,))
+        edited, thing = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
+        self._editing.apply("paste", lambda _: edited)
         self._viewer.panel.handles.select(thing)
 
     def delete(self) -> None:
@@ -83,6 +104,12 @@ class ObstacleFields:
         self._fields.update()
 
     @property
+    def text(self) -> str:
+        """The selected obstacle as a scene writes it; "" if none is."""
+        thing = self._viewer.panel.handles.selected
+        return "" if thing is None or thing.kind != "obstacle" else obstacle_text(self._selected)
+
+    @property
     def _selected(self) -> Obstacle:
         thing = self._viewer.panel.handles.selected
         if thing is None or thing.kind != "obstacle":
@@ -101,6 +128,11 @@ class ObstacleFields:
         named = gui.add_text("name", "")
         self._fields.add("name", named, lambda: self._selected.name, self._renamed)
         self._vector("position [m]", lambda: self._selected.pose.position, scene_edits.placed)
+        self._vector("turn [°]", lambda: scene_edits.turn_of(self._selected.pose), scene_edits.turned)
+        quaternion = gui.add_text("quaternion", "", hint="x y z w, normalized")
+        self._fields.add(
+            "quaternion", quaternion, lambda: _spaced(self._selected.pose.quaternion_xyzw), self._with_quaternion
+        )
         word = type(obstacle.shape).__name__.lower()
         for key in SHAPE_KEYS.get(word, ()):  # what was seen has no sizes
             if key == "file":
@@ -162,6 +194,10 @@ class ObstacleFields:
         self._viewer.panel.handles.selected = Thing("obstacle", new)
         return renamed
 
+    def _with_quaternion(self, edited: Edited, text: str) -> Edited:
+        numbers = [number_in(word) for word in text.replace(",", " ").split()]
+        return scene_edits.oriented(edited, self._selected.name, numbers)
+
     def _size(self, key: str) -> Any:
         return getattr(self._selected.shape, key)
 
@@ -173,6 +209,18 @@ class ObstacleFields:
             [number_in(word) for word in line.replace(",", " ").split()] for line in text.splitlines() if line.strip()
         ]
         return scene_edits.resized(edited, self._selected.name, points=rows)
+
+
+def as_section(text: str) -> str:
+    """Return obstacles that are written one below the other, or a single one, as a section of a scene."""
+    bare = text.strip()
+    if not bare.startswith("-"):
+        bare = "- " + bare.replace("\n", "\n  ")
+    return f"obstacles:\n{bare}\n"
+
+
+def _spaced(numbers: tuple[float, ...]) -> str:
+    return " ".join(f"{number:.6g}" for number in numbers)
 
 
 def _lines(shape: Any) -> str:

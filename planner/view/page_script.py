@@ -54,7 +54,16 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer; touch-action: pan-y }
-.u-legend { font-size: 11px; line-height: 1.3; text-align: left !important; padding: 0 0.9em;
+label, .mantine-Slider-markLabel, .u-value { color: light-dark(#495057, #ced4da) !important }
+.mantine-Slider-markLabel, .u-legend, .u-legend * { font-size: 11px !important }
+[role="tab"][aria-selected="true"] * { color: light-dark(#0b5cad, #74c0fc) !important }
+.mantine-Button-root[data-variant="outline"] { --button-color: light-dark(#0b5cad, #74c0fc) !important }
+.mantine-Button-root:not([data-variant="outline"]) {  /* but for Plan, the one loud button */
+  --button-bg: light-dark(#e9ecef, #3b3f45) !important; --button-hover: light-dark(#dee2e6, #4b5057) !important;
+  --button-color: light-dark(#212529, #f1f3f5) !important }
+div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outline"]) {
+  --button-bg: #0067a3 !important; --button-hover: #00507f !important; --button-color: #fff !important }
+.u-legend { line-height: 1.3; text-align: left !important; padding: 0 0.9em;
   margin: 10px 0 0 !important }  /* below the numbers of the axis */
 .u-legend tr:last-child { display: none }  /* of the bar */
 .u-legend th, .u-legend td { padding: 0 0.2em !important; font-variant-numeric: tabular-nums }
@@ -111,6 +120,17 @@ if (!window.hdplan) {
   const show = (alive) => document.documentElement.classList.toggle('hdplan-ended', !alive);
   const asked = location.pathname.replace(/\\/?$/, '/ALIVE');
   setInterval(() => fetch(asked).then((answer) => show(answer.ok), () => show(false)), 3000);
+  const typing = (event) => event.target.closest?.('input, textarea, [contenteditable]');
+  document.addEventListener('copy', (event) => {  // of what is selected in the scene, where no words are
+    const text = document.querySelector('.hdplan-copied')?.dataset.yaml;
+    if (!text || typing(event) || String(getSelection())) return;
+    event.clipboardData.setData('text/plain', text);
+    event.preventDefault();
+  });
+  document.addEventListener('paste', (event) => {
+    const text = event.clipboardData.getData('text/plain');
+    if (!typing(event) && text) tell({do: 'paste', text});
+  });
   const share = (plot, x) => { const box = plot.getBoundingClientRect(); return (x - box.left) / box.width; };
   let pressed;  // in a plot: it and where
   document.addEventListener('pointerdown', (event) => {
@@ -127,6 +147,12 @@ if (!window.hdplan) {
   document.addEventListener('dblclick', (event) => {
     if (event.target.closest('.u-over')) tell({do: 'zoom', from: 0, to: 0});
   });
+  document.addEventListener('keydown', (event) => {
+    if (!/^(Enter| )$/.test(event.key) || !event.target.matches?.('[data-do]')) return;
+    event.preventDefault();
+    event.stopPropagation();
+    event.target.click();
+  }, true);
   document.addEventListener('click', (event) => {
     const link = event.target.closest('[data-do]');
     if (link) {
@@ -176,6 +202,16 @@ class Page:
         gate.page_field = str(self._field._impl.uuid)  # viser has no other name for it; a law notices if it goes
         draw_ground(server.scene, base, dark=False)
 
+    def build(self) -> None:
+        """Build what holds the text to be copied, in the container at hand."""
+        self._copied = self._server.gui.add_html("")
+
+    def copied(self, text: str) -> None:
+        """Let the browsers' copy take this text, where somebody has selected no other."""
+        content = f'<i class="hdplan-copied" data-yaml="{html.escape(text)}" hidden></i>'
+        if self._copied.content != content:
+            self._copied.content = content
+
     def on(self, what: str, handler: Handler) -> None:
         """Have `handler` called with the browser and what it told, when it tells `what`."""
         self._handlers[what] = handler
@@ -204,7 +240,8 @@ class Page:
 
 def link(text: str, what: str, title: str = "", **told: object) -> str:
     """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
-    return f'<span class="hd-link" data-do="{telling(what, **told)}" title="{html.escape(title)}">{text}</span>'
+    named = f'role="button" tabindex="0" title="{html.escape(title)}"'
+    return f'<span class="hd-link" {named} data-do="{telling(what, **told)}">{text}</span>'
 
 
 def telling(what: str, **told: object) -> str:

@@ -34,8 +34,9 @@ from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
+from hdplan.planner.view.tree import Tree
 from hdplan.planner.view.uploads import LONGEST_NAME, check_size
-from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, whats_next
+from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, tip_words, whats_next
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
@@ -61,6 +62,7 @@ class Panel:
         self.live = Live(viewer)
         self.looking = Looking(viewer)
         self._legend = gui.add_html("")
+        self.page.build()
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
@@ -70,6 +72,7 @@ class Panel:
             self.jogging = Jogging(viewer, self.editing)
         with self.tabs.add_tab("Scene", viser.Icon.CUBE):
             self.handles = Handles(viewer)
+            self.tree = Tree(viewer, self.page, self.editing)
             self.obstacles = ObstacleFields(viewer, self.editing)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
@@ -84,6 +87,7 @@ class Panel:
         self.keys = Keys(viewer)
         self._followed = 0.0
         self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
+        self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
         self.page.on("exponent", lambda *_: self.editing.do(_refuse_exponent))
         self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
@@ -121,13 +125,16 @@ class Panel:
 
     def show_values(self) -> None:
         """Show the values of the scene in all fields but those in which somebody types."""
+        self.tree.update()
         self.obstacles.update()
         self.jogging.update()
         self.settings.update()
 
     def select(self, thing: Thing | None) -> None:
-        """Show the values of what is selected now."""
+        """Show the values of what is selected now, and have its text at hand to be copied."""
+        self.tree.update()
         self.obstacles.update()
+        self.page.copied(self.obstacles.text)
         self.jogging.follow(thing)
 
     def plot(self, timeline: Timeline) -> None:
@@ -162,7 +169,8 @@ class Panel:
         robot = self._viewer.robot
         whose = "" if report is None else f'<div class="hd">{report.words}:</div>'
         self._clearance.content = whose + clearance_words(self.player.timeline.words(now), pairs)
-        self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper)
+        tip = tip_words(self._viewer.stage.tip.placement(q))
+        self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper) + tip
         if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
             self._plots.follow(now)
             self._followed = time.perf_counter()

@@ -62,6 +62,8 @@ class Rows:
         )
         if holds and not certificate.certified and shown.origin is not self._viewer.scene:
             said = f"of an older scene: {said}"
+        if holds:  # beside the colour, which not everybody sees
+            said = f"{'✓' if certificate.certified else '✕'} {said}"
         links = (
             link("●" if shown.visible else "○", "hide", "hide or show", motion=number)
             + link("✎", "rename", "rename", motion=number, ask="name of this motion", answer=motion.name)

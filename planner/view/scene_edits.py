@@ -6,12 +6,14 @@ obstacle and the field, for what no file could say.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.view.drawing.motion import Tip
@@ -36,6 +38,7 @@ NEW: Mapping[str, Shape] = MappingProxyType(  # what is added by a word; meshes 
         "points": Points(((-0.06, -0.05, -0.05), (0.06, -0.05, -0.05), (0.0, 0.06, -0.05), (0.0, 0.0, 0.07))),
     }
 )
+SNAP, SNAP_TURN = 0.01, 15.0  # [m], [°]
 AROUND = 12  # places around the robot at which a new obstacle may appear
 ROOMY = 0.6  # of the most room there is that serves as well
 DUPLICATE_SHIFT = 1.2  # times its width from an obstacle to its duplicate
@@ -52,11 +55,22 @@ def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> 
 
 def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
     """The scene with a second obstacle of the same shape, clearance and motion, beside the first."""
-    first = obstacle_of(edited, Thing("obstacle", name))
-    width = float(obstacle_mesh(with_content(first, "obstacles")).extents[1])
-    place = first.pose.matrix[:3, 3] + DUPLICATE_SHIFT * width * first.pose.matrix[:3, 1]
-    second = moved(replace(first, name=free_name(edited, name)), replace(first.pose, position=tuple(place.tolist())))
-    return edited.changed(obstacles=(*edited.scene.obstacles, second)), Thing("obstacle", second.name)
+    return pasted(edited, (obstacle_of(edited, Thing("obstacle", name)),))
+
+
+def pasted(edited: Edited, obstacles: Sequence[Obstacle]) -> tuple[Edited, Thing]:
+    """The scene with more obstacles, at least one: under names of their own, beside what has their names. The last of
+    them is returned, too."""
+    if not obstacles:
+        raise InputError("obstacles: none are pasted")
+    for each in obstacles:
+        name = free_name(edited, each.name)
+        if name != each.name:
+            width = float(obstacle_mesh(with_content(each, "obstacles")).extents[1])
+            place = each.pose.matrix[:3, 3] + DUPLICATE_SHIFT * width * each.pose.matrix[:3, 1]
+            each = moved(replace(each, name=name), replace(each.pose, position=tuple(place.tolist())))
+        edited = edited.changed(obstacles=(*edited.scene.obstacles, each))
+    return edited, Thing("obstacle", name)
 
 
 def deleted(edited: Edited, name: str) -> Edited:
@@ -82,6 +96,45 @@ def placed(edited: Edited, name: str, position: tuple[float, float, float]) -> E
     with naming(f"obstacle {name}"):
         other = moved(obstacle, replace(obstacle.pose, position=position))
     return _exchanged(edited, name, other)
+
+
+def turned(edited: Edited, name: str, degrees: tuple[float, float, float]) -> Edited:
+    """The scene with an obstacle turned by roll, pitch and yaw [°], about the world's axes in this order, at 0 s."""
+    obstacle = obstacle_of(edited, Thing("obstacle", name))
+    with naming(f"obstacle {name}"):
+        quaternion = tuple(Rotation.from_euler("xyz", degrees, degrees=True).as_quat().tolist())
+        other = moved(obstacle, replace(obstacle.pose, quaternion_xyzw=quaternion))
+    return _exchanged(edited, name, other)
+
+
+def oriented(edited: Edited, name: str, quaternion: Sequence[float]) -> Edited:
+    """The scene with an obstacle turned as a quaternion x y z w says, which is normalized, at 0 s."""
+    obstacle = obstacle_of(edited, Thing("obstacle", name))
+    with naming(f"obstacle {name}"):
+        length = float(np.linalg.norm(quaternion)) if len(quaternion) == 4 else 0.0
+        if not 1e-6 < length < np.inf:
+            raise InputError(
+                f"quaternion: must be four numbers, not all 0, found {len(quaternion)} of length {length:g}"
+            )
+        unit = tuple((np.asarray(quaternion) / length).tolist())
+        other = moved(obstacle, replace(obstacle.pose, quaternion_xyzw=unit))
+    return _exchanged(edited, name, other)
+
+
+def turn_of(pose: Pose) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [°] of a pose."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at a pitch of 90° one of two may be chosen, and is
+        roll, pitch, yaw = Rotation.from_quat(pose.quaternion_xyzw).as_euler("xyz", degrees=True).tolist()
+    return roll, pitch, yaw
+
+
+def snapped(edited: Edited, name: str) -> Edited:
+    """The scene with an obstacle at a whole centimetre and turned by whole steps of SNAP_TURN."""
+    pose = obstacle_of(edited, Thing("obstacle", name)).pose
+    x, y, z = (round(value / SNAP) * SNAP for value in pose.position)
+    roll, pitch, yaw = (round(value / SNAP_TURN) * SNAP_TURN for value in turn_of(pose))
+    return turned(placed(edited, name, (round(x, 6), round(y, 6), round(z, 6))), name, (roll, pitch, yaw))
 
 
 def kept_clear(edited: Edited, name: str, clearance: float | None) -> Edited:

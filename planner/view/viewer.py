@@ -157,6 +157,7 @@ class Viewer:
         """Show another scene of the same robot: a step that can be undone, or a part of the last one. Motions stay as
         they are, and what was said of them falls until they are measured again, except of the active one on request: it
         is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
+        self.panel.tree.check(self.edited, edited)
         _ = edited.contacts  # refused before anything is shown
         if step:
             self.step()

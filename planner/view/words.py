@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status
@@ -43,6 +44,17 @@ def _pair(what: str, pair: Any) -> str:
     text = f"<b>{millimetres(pair.distance)}</b> {html.escape(pair.link)} – {html.escape(pair.other)}"
     full = html.escape(f"closest {what} at the moment that is shown, exact: {pair.link} and {pair.other}")
     return f'<div class="hd-line" title="{full}">closest {what}: {text}</div>'
+
+
+def tip_words(place: pin.SE3) -> str:
+    """Say where the tip is, in the world: position, roll, pitch and yaw, quaternion."""
+    x, y, z = place.translation
+    roll, pitch, yaw = np.degrees(pin.rpy.matrixToRpy(place.rotation))
+    quaternion = " ".join(f"{each:+.3f}" for each in pin.Quaternion(place.rotation).coeffs())
+    return (
+        f'<div class="hd">tip [m]: {x:+.3f} {y:+.3f} {z:+.3f}<br/>'
+        f"roll, pitch, yaw [°]: {roll:+.1f} {pitch:+.1f} {yaw:+.1f}<br/>x y z w: {quaternion}</div>"
+    )
 
 
 SHORT = {  # of a verdict, on a motion's line

@@ -114,6 +114,13 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     return _with_notes(_read_hdplan(top, spec), notes)
 
 
+def read_obstacles(path: FilePath) -> tuple[Obstacle, ...]:
+    """Read the section `obstacles` of a file that may hold nothing else of a scene. Raises InputError as
+    `load_scene`."""
+    keys = read_document(checked(path_of, path, "path")).mapping(("obstacles",), required=["obstacles"])
+    return _obstacles(keys["obstacles"])
+
+
 def shipped_scenes() -> dict[str, Path]:
     """Return the scenes of single motions shipped with hdplan, by their bare names."""
     return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped").glob("*.yaml"))}

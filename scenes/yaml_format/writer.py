@@ -125,6 +125,11 @@ def scene_text(scene: Scene) -> str:
     return "\n".join(lines) + "\n"
 
 
+def obstacle_text(obstacle: Obstacle) -> str:
+    """Return an obstacle as a line of a scene's section `obstacles`."""
+    return f"- {flow_style(_obstacle(obstacle))}"
+
+
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": obstacle.name}
     if isinstance(obstacle.shape, Seen):

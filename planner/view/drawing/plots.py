@@ -228,8 +228,9 @@ def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> s
         rows.append(
             f"<tr><td>{html.escape(name)}</td>"
             f'<td style="text-align:right;font-variant-numeric:tabular-nums">{value:+.3f}</td>'
-            f'<td style="width:34%"><div style="position:relative;height:0.5em;background:#ddd;border-radius:3px">'
+            '<td style="width:34%"><div style="position:relative;height:0.5em;border-radius:3px;'
+            'background:light-dark(#ddd,#4a4d52)">'
             f'<div style="position:absolute;left:calc({share:.1f}% - 2px);width:4px;height:0.5em;background:{mark}">'
-            f'</div></div></td><td style="color:#777;white-space:nowrap">{limits}</td></tr>'
+            f'</div></div></td><td style="color:light-dark(#5f6368,#b5b5b5);white-space:nowrap">{limits}</td></tr>'
         )
-    return f'<table style="font-size:0.75em;width:100%;padding:0 0.9em;border-spacing:4px 1px">{"".join(rows)}</table>'
+    return f'<table style="font-size:0.8em;width:100%;padding:0 0.9em;border-spacing:4px 1px">{"".join(rows)}</table>'

@@ -143,6 +143,8 @@ def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 @pytest.mark.slow
 def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
     page = tab(address(served))
+    page.get_by_text("certified: at least").first.wait_for()
+    page.wait_for_timeout(2000)  # until the plots have their curves, for which they are made anew
     over = page.locator(".u-over").first
     over.scroll_into_view_if_needed()
     box, plots = over.bounding_box(), served.panel._plots

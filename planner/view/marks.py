@@ -1,0 +1,118 @@
+"""Layers that are drawn on request: the active motion's postures as a trail, frames of the joints, obstacles' names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from hdplan.planner.view.drawing.colors import START
+from hdplan.planner.view.drawing.motion import ShownMotion, shortened
+from hdplan.planner.view.drawing.nodes import wxyz_of
+from hdplan.planner.view.drawing.skins import collision_skins
+from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+POSTURES = 7  # of a trail
+FAINT = 0.12  # opacity of a posture
+AXIS, RADIUS = 0.12, 0.004  # [m] of a frame
+LONGEST = 40  # characters of an obstacle's name
+
+
+class Trail:
+    """The robot at equal steps along a motion, seen through."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Draw nothing yet."""
+        self._viewer = viewer
+        self._of: ShownMotion | None = None
+        self.nodes: list[Any] = []
+
+    def show(self, on: bool) -> None:
+        """Show the trail of the active motion, if there is one, or nothing."""
+        active = self._viewer.motions.active
+        motion = active.motion if on and active is not None else None
+        if motion is self._of:
+            return
+        for node in self.nodes:
+            node.remove()
+        self.nodes, self._of = [] if motion is None else self._drawn(motion.joints), motion
+
+    def _drawn(self, joints: Array) -> list[Any]:
+        robot, scene = self._viewer.robot, self._viewer.server.scene
+        inner = np.linspace(0, len(joints) - 1, POSTURES + 2).round().astype(int)[1:-1]  # both ends are ghosts
+        places: list[list[pin.SE3]] = []
+        for q in robot.pin_q(joints[inner]):
+            data = robot.model.createData()
+            pin.forwardKinematics(robot.model, data, q)
+            places.append(list(data.oMi))
+        return [
+            scene.add_batched_meshes_simple(
+                f"/trail/{number}",
+                skin.vertices,
+                skin.triangles,
+                np.array([wxyz_of(every[skin.joint].rotation) for every in places]),
+                np.array([every[skin.joint].translation for every in places]),
+                batched_colors=START,
+                opacity=FAINT,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for number, skin in enumerate(collision_skins(robot))
+            if skin.joint
+        ]
+
+
+class Frames:
+    """The frames of the joints, red, green and blue along x, y and z."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Draw nothing yet."""
+        self._viewer = viewer
+        self.node: Any = None
+
+    def show(self, on: bool, q: Array) -> None:
+        """Show the frames at configuration `q` (n,), or nothing."""
+        if not on:
+            if self.node is not None:
+                self.node.remove()
+                self.node = None
+            return
+        robot = self._viewer.robot
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, robot.pin_q(q))
+        places = list(data.oMi)[1:]
+        turns, points = np.array([wxyz_of(p.rotation) for p in places]), np.array([p.translation for p in places])
+        if self.node is None:
+            self.node = self._viewer.server.scene.add_batched_axes(
+                "/frames", turns, points, axes_length=AXIS, axes_radius=RADIUS
+            )
+        else:
+            self.node.batched_wxyzs, self.node.batched_positions = turns, points
+
+
+class Names:
+    """The obstacles' names, where they are."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Draw nothing yet."""
+        self._viewer = viewer
+        self.labels: dict[str, tuple[Any, Any]] = {}  # by node's name: label, and the node
+
+    def show(self, on: bool) -> None:
+        """Show the names of the scene as it is now, or none."""
+        wanted = {node.frame.name: node for node in self._viewer.stage.obstacles} if on else {}
+        for gone in self.labels.keys() - wanted.keys():
+            label, node = self.labels.pop(gone)
+            if node in self._viewer.stage.obstacles:  # or it has gone with its node
+                label.remove()
+        for name, node in wanted.items():
+            text = shortened(node.obstacle.name, LONGEST)
+            if name not in self.labels:
+                add = self._viewer.server.scene.add_label
+                self.labels[name] = add(f"{name}/name", text, font_screen_scale=0.8), node
+            elif self.labels[name][0].text != text:
+                self.labels[name][0].text = text
