@@ -5,8 +5,9 @@
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
 mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it: three are planned with
-ten seeds each, and of each kind of random ones there are 100, of which --every and --from choose. Prints a row per set: how many have ends that are free, how many of these are certified and in which
-time, and, with --proofs, of how many a proof was written and accepted whole; to the error stream, a line per problem.
+ten seeds each, and of each kind of random ones there are 100, of which --every and --from choose. Prints a row per set:
+how many have ends that are free, how many of these are certified and in which time, and, with --proofs, of how many a
+proof was written and accepted whole; to the error stream, a line per problem.
 With --ompl, planners of OMPL, which has to be installed, get the same time for any way by hdplan's own checker
 (`peer_exact.py`), and what they alone solve is counted.
 """

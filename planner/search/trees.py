@@ -1,12 +1,12 @@
 """Ways through narrow places: two trees of free straight lines, from both ends, that grow until they meet.
 
 They begin with the ways back from narrow ends, as far as these are free, so that most of what is drawn leads on from
-where there is room. They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be
-free, by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a
-motion without contacts already, if not a smooth one; but for links whose bodies overlap so often that their pair is
-left to the certificate (`CollisionModel.unresolved`), which may refuse it. One seeded generator
-makes all random draws: the same seed gives the same ways. Without a C compiler there are none, and the roadmap's
-guesses have to do.
+where there is room. They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every
+line is proven to be free, by the gap in the middle of an interval and how far anything can move until its ends. So what
+they find is a motion without contacts already, if not a smooth one; but for links whose bodies overlap so often that
+their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it. One seeded generator makes all
+random draws: the same seed gives the same ways. Without a C compiler there are none, and the roadmap's guesses have to
+do.
 """
 
 from __future__ import annotations

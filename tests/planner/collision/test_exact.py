@@ -74,7 +74,7 @@ def test_it_is_the_oracles_on_random_bodies() -> None:
 def test_clusters_of_large_hulls_find_what_a_look_at_all_vertices_does(
     count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Points on a ball, on the two rims of a plate, and on a grid, where many are equally far; against each other, too."""
+    """Points on a ball, on the two rims of a plate, and on a grid, where many are equally far; each with another."""
     rng, none = np.random.default_rng(count), np.empty((0, 3))
     ball = rng.normal(size=(count, 3))
     ball *= 0.1 / np.linalg.norm(ball, axis=1, keepdims=True)
