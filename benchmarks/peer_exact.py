@@ -15,11 +15,13 @@ from peer_ompl import asked, path_of
 
 import hdplan
 from hdplan.distance.compiled.loops import Record, library
-from hdplan.planner.build import build
+from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.goals import settled
 from hdplan.planner.search.trees import free_space
 from hdplan.scenes.array_types import Array
 
@@ -33,9 +35,9 @@ def solve(scene: hdplan.Scene, planner: str, seed: int, time_limit: float) -> tu
     Returns "certified", or why not, and the time [s] from the scene to the certificate.
     """
     began = time.perf_counter()
-    problem = exactly(build(scene))
-    certifier = Certifier(problem.setup)
-    required, _ = reachable_clearance(problem.setup, certifier)
+    chosen = settled(Setup.of(scene))  # of several goals the most promising one
+    problem, certifier = exactly(problem_of(chosen)), Certifier(chosen)
+    required, _ = reachable_clearance(chosen, certifier)
     space = free_space(problem, required)
     assert space is not None
     ends = np.stack([problem.start, problem.goal])

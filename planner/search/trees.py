@@ -1,11 +1,12 @@
 """Ways through narrow places: two trees of free straight lines, from both ends, that grow until they meet.
 
-They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every line is proven to be
-free, by the gap in the middle of an interval and how far anything can move until its ends. So what they find is a
-motion without contacts already, if not a smooth one; but for links whose bodies overlap so often that their pair is
-left to the certificate (`CollisionModel.unresolved`), which may refuse it. One seeded generator
-makes all random draws: the same seed gives the same ways. Without a C compiler there are none, and the roadmap's
-guesses have to do.
+They begin with the ways back from narrow ends, as far as these are free, so that most of what is drawn leads on from
+where there is room. They are grown on the exact distances of the links' hulls (`free_loop.c`, `trees_loop.c`): every
+line is proven to be free, by the gap in the middle of an interval and how far anything can move until its ends. So what
+they find is a motion without contacts already, if not a smooth one; but for links whose bodies overlap so often that
+their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it. One seeded generator makes all
+random draws: the same seed gives the same ways. Without a C compiler there are none, and the roadmap's guesses have to
+do.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have 
 KEPT = 0.5  # share of what the ends have to spare that is kept
 FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
 LONGEST = 0.5  # of a line between two nodes [rad or m]
-TURN = 64  # targets of the trees, before another guess has its turn
+TURN = 128  # targets of the trees, before another guess has its turn
 AT_ONCE = 4  # of them between two looks at whether time is up; even, as the trees grow in turn
 MOST = 64  # nodes of each tree for a target, at most
 SHORTCUTS = 24  # lines that are tried between two places of a way

@@ -18,7 +18,7 @@ from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.exact import ExactPairs
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.problem import clearance
@@ -67,6 +67,35 @@ def test_it_is_the_oracles_on_random_bodies() -> None:
     np.testing.assert_allclose(np.linalg.norm(wrench[..., :3], axis=-1), 1.0, atol=1e-9)
     assert (distance < -0.01).sum() > 100
     assert (distance > 0.01).sum() > 100
+
+
+@needs_loops
+@pytest.mark.parametrize("count", [257, 1000, 4096])
+def test_clusters_of_large_hulls_find_what_a_look_at_all_vertices_does(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Points on a ball, on the two rims of a plate, and on a grid, where many are equally far; each with another."""
+    rng, none = np.random.default_rng(count), np.empty((0, 3))
+    ball = rng.normal(size=(count, 3))
+    ball *= 0.1 / np.linalg.norm(ball, axis=1, keepdims=True)
+    turn, side = rng.uniform(0.0, 2.0 * np.pi, count), np.linspace(-0.1, 0.1, int(np.ceil(count ** (1 / 3))))
+    plate = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0.01 * rng.choice([-1.0, 1.0], count)], axis=1)
+    grid = np.stack(np.meshgrid(*3 * [side]), axis=-1).reshape(-1, 3)
+    hulls = [ConvexBody(each, none, none, np.empty(0), 0.003) for each in (ball, plate, grid)]
+    bodies = [LinkBody("link", 1, hull) for hull in 2 * hulls]
+    planes = [from_link_body("link", 0, hull) for hull in hulls[1:] + hulls[:1]]
+    others, at = [*clutter(3, count, spread=0.2), *planes], poses(60, count, spread=0.3)
+    found = []
+    for many in (exact_pairs.MANY, 10 * count):
+        monkeypatch.setattr(exact_pairs, "MANY", many)
+        exact_pairs._held.cache_clear()
+        pairs = ExactPairs(body_pairs(bodies, others, [(k, k) for k in range(6)], WIDE, NO_JOINTS), bodies, others)
+        assert (pairs.record.fields[3][:6] > 0).all() == (many < count)
+        found.append(everything(pairs, at)[0])
+    exact_pairs._held.cache_clear()
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-9)
+    assert (found[0] < 0.0).any()
+    assert (found[0] > 0.0).any()
 
 
 @needs_loops

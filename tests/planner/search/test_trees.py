@@ -16,7 +16,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.end_clearance import reachable_clearance
-from hdplan.planner.search.trees import Trees, free_space, shortened, through, tree_ways
+from hdplan.planner.search.escape import escapes, ways_back
+from hdplan.planner.search.trees import Trees, free_part, free_space, shortened, through, tree_ways
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -119,6 +120,26 @@ def test_the_clearance_is_kept_that_the_ends_allow() -> None:
     way = next(found for found in tree_ways(problem, required, 0) if found is not None)
     motion = Trajectory(problem.robot.joint_names, way, problem.robot.locked)
     assert certifier.certify(motion, required=required).certified
+
+
+def test_trees_begin_with_the_ways_back_as_far_as_they_are_free() -> None:
+    """A way is cut before its first line that is not free, and every node but the first hangs on the one before it."""
+    problem, rng = exact("panda_grasp"), np.random.default_rng(2)
+    space, ways = space_of(problem), ways_back(problem)
+    assert max(map(len, ways)) > 3
+    for way, end, corners in zip(ways, (problem.start, problem.goal), escapes(problem), strict=True):
+        np.testing.assert_array_equal(way[0], end)
+        assert all((way == corner).all(axis=1).any() for corner in corners)
+    drawn = np.array([problem.start, *problem.robot.draw(rng, 20)])
+    for way in (*ways, drawn):
+        part = free_part(space, way)
+        np.testing.assert_array_equal(part, way[: len(part)])
+        assert all(is_free(space, *line) for line in itertools.pairwise(part))
+        assert len(part) == len(way) or not is_free(space, *way[len(part) - 1 : len(part) + 1])
+    assert len(free_part(space, drawn)) < len(drawn)
+    trees = Trees(problem, space, rng, [free_part(space, way) for way in ways])
+    for nodes, parents in zip(trees.nodes, trees.parents, strict=True):
+        np.testing.assert_array_equal(parents, np.arange(len(nodes)) - 1)
 
 
 def test_trees_stay_within_the_limits() -> None:
