@@ -204,7 +204,7 @@ def blended(first: Leg, second: Leg, radius: float) -> Blend:
 
 
 def corner_after(job: Job, number: int) -> Corner | None:
-    """Where a stage that is blended into the next one would have ended; none between two moves."""
+    """The end of a stage that is blended into the next one, had it not been; none between two moves."""
     stage, goes = job.stages[number], job.stages[number + 1]
     if not (stage.curve or goes.curve):
         return None
