@@ -28,6 +28,7 @@ NODES = 4  # of an interval
 AHEAD, BESIDE = 2.0, 1.0  # of the link's own way, in tolerances, and beside it: so far the next place is looked for
 FINEST = 0.05  # [rad] of turn between two poses: longer ways are divided
 CLOSE = 2.0**-36  # of an interval: nodes that are closer to a pose than that are not needed
+BEFORE = 1e-6  # of a tolerance
 LOG = 1e-11  # [rad] by which a rotation vector may be wrong
 MOST_POSES = 200_000
 
@@ -84,15 +85,20 @@ class Curve:
         first, last = (self.part[vertex] + x * self.width[vertex] for x in inner)
         return self.segment[vertex], (first + last) / 2, (last - first) / 2
 
-    def beyond(self, radius: float) -> float:
-        """The way along the curve on which it first is so far from its beginning, or a little before."""
-        off = norm((self.places - self.places[0]).size) > radius
-        return float(self.ways[max(int(off.argmax()) - 1, 0)]) if off.any() else float(self.ways[-1])
-
-    def backwards_beyond(self, radius: float) -> float:
-        """The way along the curve on which it last is so far from its end, or a little more."""
-        off = norm((self.places - self.places[-1]).size) > radius
-        return float(self.ways[min(len(off) - int(off[::-1].argmax()), len(off) - 1)]) if off.any() else 0.0
+    def beyond(self, radius: float, backwards: bool = False) -> float:
+        """The way from the curve's beginning to where it first is so far from there, or a very little before; from its
+        end, if `backwards`."""
+        at, ways = self.places.mid, self.ways
+        at, ways = (at[::-1], ways[-1] - ways[::-1]) if backwards else (at, ways)
+        off = at - at[0]
+        far = lengths(off) > radius
+        if not far.any():
+            return float(ways[-1])
+        k = max(int(far.argmax()), 1)
+        one, step = off[k - 1], off[k] - off[k - 1]
+        a, b, c = step @ step, one @ step, one @ one - radius**2  # a x^2 + 2 b x + c = 0
+        share = np.clip((np.sqrt(max(b * b - a * c, 0.0)) - b) / max(a, 1e-300), 0.0, 1.0)
+        return max(float(ways[k - 1] + share * (ways[k] - ways[k - 1])) - BEFORE, 0.0)
 
 
 class Followed:
@@ -210,7 +216,7 @@ class Followed:
             i = int(np.searchsorted(self.ways, way, side="right")) - 1
             low = low if i < 0 else float(self.nodes[i])
         if curve.end is not None:
-            way = curve.backwards_beyond(curve.end - curve.far)
+            way = curve.ways[-1] - curve.beyond(curve.end - curve.far, backwards=True)
             i = int(np.searchsorted(self.ways, way))
             high = high if i == len(self.ways) else float(self.nodes[i])
         return spans_of(low, high) if low < high else spans_of(0.0, float(len(self.world.control.mid)))

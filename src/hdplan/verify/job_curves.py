@@ -169,6 +169,7 @@ def following(job: Job, number: int) -> dict[str, Any]:
     need(first <= last, "blend: its radius and that of the stage before it overlap")
     share, more = leg.chords(first if before else 0.0, last if behind else 1.0, far)
     lost = max(lost, more)
+    share = share[bool(before) : len(share) - bool(behind)]  # where blends end they have a pose of their own
     places, turns = (np.concatenate(x) for x in zip(*before, leg.poses(share), *behind, strict=True))
     kept = np.append(apart(places, turns), True)
     ends = scenes.frame((Ball(turns[-1], ROUNDED), Ball(places[-1], ROUNDED)))
@@ -203,7 +204,7 @@ def blended(first: Leg, second: Leg, radius: float) -> Blend:
 
 
 def corner_after(job: Job, number: int) -> Corner | None:
-    """Where a stage that is blended into the next one would have ended; none between two moves."""
+    """The end of a stage that is blended into the next one, had it not been; none between two moves."""
     stage, goes = job.stages[number], job.stages[number + 1]
     if not (stage.curve or goes.curve):
         return None
