@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.moving_ends import MovingEnds
 
 
-FEWEST_ROWS, FEWEST_PARTS = 2, 4  # in the narrowest window; beside the window
+FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
 LITTLE = 1e-3  # relative stretch of a motion that its window is wide enough for
 MOST_STRETCH = 3.0  # [–] beyond it, the stretch of the narrowest window says nothing of a wider one
