@@ -23,7 +23,7 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
-from hdplan.planner.search.polish import polish
+from hdplan.planner.search.polish import Stages, first_motion, polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left, whole_limit
@@ -132,10 +132,13 @@ def plan(
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
     attempts, interrupted = None, False
     try:
+        stages, improved = Stages(searches), None
+        if scene.objective == "time" and scene.polish and guess is None:
+            improved = first_motion(searches, stages, seed)
         search_in_turn(searches, seed, warm)
         attempts = _attempts(searches)
         if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
-            polish(searches, taken, scene.polish, seed)
+            polish(searches, taken, stages, seed, improved)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise

@@ -245,6 +245,13 @@ class Search:
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
         return None
 
+    def led(self, positions: Array, weight: float) -> tuple[Array, SolverStatus]:
+        """Solve from a guess (N, n); return where it leads (N, n) and why the solver stopped. Its steps are counted."""
+        _, solution = self._solve(self.problem.resampled(positions), positions, weight)
+        self._took(solution)
+        self.last = replace(solution, steps=())
+        return solution.trajectory.positions, solution.status
+
     def timed(self, path: Array, value: float) -> Sequence[Trajectory]:
         """Give times to a path (N, n) where the scene asks for them, the quickest motion first; none if it can have
         none, or costs `value` or more."""
