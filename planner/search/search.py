@@ -162,6 +162,12 @@ class Search:
             return self.attempt(first, value)
         return False
 
+    def follows(self, first: Guess) -> bool:
+        """True if a warm start leads at once to a certified motion like the last one, without any search."""
+        self.begin()
+        warm = first.last < math.inf and self.problem.scene.polish > 0
+        return warm and self._once_more(first) and self.settled
+
     def _once_more(self, first: Guess) -> bool:
         """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
         solution = once_more(self, first.positions)
