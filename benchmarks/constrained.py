@@ -4,10 +4,10 @@
 
 Each request has a robot (Panda, UR5) among random boxes, ends that are free and allowed, a tolerance, a box or a load
 and torque limits of its own, and is drawn with its number as the seed. Half of the goals are poses, and half of the
-motions with path constraints are timed. Each is planned within --limit seconds; what is not certified then gets a dense
-search (`dense_search.py`) of --dense seconds to each configuration that may be its goal, and what that finds is certified
-as it is, or planned from as a guess. Requests that are certified only so are those that planning missed; where the
-dense search finds none either, nothing is known of them. Prints a row for each kind, and the missed ones by number.
+motions with path constraints are timed. Each is planned within --limit seconds; what is not certified then gets a
+dense search (`dense_search.py`) of --dense seconds to the configurations that may be its goal, and what that finds is
+certified as it is, or planned from as a guess. Requests that are certified only so are those that planning missed;
+where the dense search finds none either, nothing is known of them. Prints a row for each kind, and the missed ones by number.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def row(kind: str, found: list[Outcome]) -> dict[str, Cell]:
         "certified": sum(each.certified for each in found),
         "with the guess, processor time median / p95 / worst [ms]": _spread(warm),
         "without [ms]": _spread(cold),
-        "cost beside that without a guess, mean / worst [%]": f"{100 * np.nanmean(cost):.1f} / {100 * np.nanmax(cost):.0f}",
+        "cost, of that without [%], mean / worst": f"{100 * np.nanmean(cost):.1f} / {100 * np.nanmax(cost):.0f}",
     }
 
 

@@ -71,10 +71,11 @@ def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array
         search.begin()
         path, status = search.led(next(seeds(search.problem, seed)), FIRST_WEIGHT)
         interrupted = status is SolverStatus.INTERRUPTED
-        if status is SolverStatus.CLEAR and search.objective.least_along(path) < value:
-            if motions := search.timed(path, value):
-                value = search.objective.value(path, motions[0])
-                found.append((value, i, path, motions))
+        if status is not SolverStatus.CLEAR or search.objective.least_along(path) >= value:
+            continue
+        if motions := search.timed(path, value):
+            value = search.objective.value(path, motions[0])
+            found.append((value, i, path, motions))
     improved = None
     for value, i, path, motions in reversed(found):
         if not interrupted and value > (1.0 + NOTHING_LEFT) * least and _improve(searches[i], stages[i], path, value):

@@ -183,8 +183,8 @@ class Retimer:
             if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
             if not _stands(path):
-                quickest = self._quickest(path, spline)
-                return self._timed(path, spline, quickest.law, duration, quickest.rows)
+                fastest = self._quickest(path, spline)
+                return self._timed(path, spline, fastest.law, duration, fastest.rows)
         quickest = self._quickest(path, spline, than)
         return None if quickest is None else self._timed(path, spline, *quickest[:3])
 

@@ -24,7 +24,6 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-
 FEWEST = 3  # rows of a law without its window
 
 
@@ -98,11 +97,12 @@ class Averaged:
         if count - 1 - window < FEWEST:
             return MinimumJerk(1.0).rows(count)
         step, width = 1.0 / (count - 1), self.law.duration / (count - 1 - window)
-        rate = self.law.path_speeds_at(width * np.arange(-window, count)) * (width / step)
+        rate = self.law.path_speeds_at(np.arange(-window, count, dtype=np.float64) * width) * (width / step)
         bend = (rate[window:] - rate[:-window]) / (window * step)
         slope = _summed(step / 2 * (bend[1:] + bend[:-1]))
         u = _summed(step * slope[:-1] + step**2 / 6 * (2 * bend[:-1] + bend[1:]))
-        return np.stack([u, slope, bend]) / u[-1]
+        rows: Array = np.stack([u, slope, bend]) / u[-1]
+        return rows
 
 
 def _summed(parts: Array) -> Array:
