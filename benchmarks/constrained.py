@@ -6,8 +6,8 @@ Each request has a robot (Panda, UR5) among random boxes, ends that are free and
 and torque limits of its own, and is drawn with its number as the seed. Half of the goals are poses, and half of the
 motions with path constraints are timed. Each is planned within --limit seconds; what is not certified then gets a
 dense search (`dense_search.py`) of --dense seconds to the configurations that may be its goal, and what that finds is
-certified as it is, or planned from as a guess. Requests that are certified only so are those that planning missed;
-where the dense search finds none either, nothing is known of them. Prints a row for each kind, and the missed ones by number.
+certified as it is, or planned from as a guess. Requests that are certified only so are those that planning missed; of
+those without a way nothing is known. Prints a row for each kind, and the missed ones by number.
 """
 
 from __future__ import annotations
