@@ -1,12 +1,12 @@
 """How good motions are under limits of rates: their time, length, jerk and energy, on MotionBenchMaker's problems.
 
-    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...] [--payload KG]
-    [--csv F]
+    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...]
+    [--payload KG ...] [--csv F]
 
-Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³; with --payload, a mass GRASP before the hand, and
-the URDF's torques are limits too. With `pose`, the goal is the pose to which the
-request's joints bring the hand. Prints a row for every kind of goal and every number of rounds of polishing (the
-scene's default without --polish): certified problems; mean time of the motion and mean length of its path; the largest
+Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³; with a payload, a mass GRASP before the hand, the
+URDF's torques are limits too. With `pose`, the goal is the pose to which the request's joints bring the hand. Prints a
+row for every kind of goal, every number of rounds of polishing (the scene's default without --polish) and every
+payload: certified problems; mean time of the motion and mean length of its path; the largest
 jerk of all, as proven; the mean energy ∫ Σ|τ q̇| dt, where the robot has masses; what planning and proving took by the
 clock; and both together in processor time, which tells more on a machine that others use too. One core.
 
@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import itertools
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -159,6 +160,7 @@ def row(outcomes: list[Outcome]) -> dict[str, Cell]:
     ran = [outcome for outcome in outcomes if np.isfinite(outcome.plan)]
     return {
         "goals, rounds": f"{outcomes[0].goals}, {outcomes[0].rounds}",
+        "payload [kg]": f"{outcomes[0].payload:g}",
         "problems": len(outcomes),
         "certified": len(good),
         "motion time mean [s]": f"{_mean([o.motion for o in good]):.3f}",
@@ -192,7 +194,7 @@ def main() -> None:
     parser.add_argument("--goals", nargs="*", choices=("pose", "joints"), default=["pose", "joints"])
     parser.add_argument("--polish", nargs="*", type=int, help="rounds; the default's without it")
     parser.add_argument(
-        "--payload", type=float, default=0.0, help="[kg] in the hand, with the URDF's torques as limits"
+        "--payload", nargs="*", type=float, default=[0.0], help="[kg] in the hand, with the URDF's torques as limits"
     )
     parser.add_argument("--time-limit", type=float, default=30.0)
     parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
@@ -203,20 +205,20 @@ def main() -> None:
     known = read(options.csv)
 
     def planned() -> Iterator[Outcome]:
-        for goals, rounds in kinds:
-            todo = [p for p in problems if (p.robot, goals, rounds, options.payload, p.set, p.number) not in known]
+        for kind in kinds:
+            todo = [p for p in problems if (p.robot, *kind, p.set, p.number) not in known]
             for problem in todo[:1]:
-                run(problem, goals, rounds, options.payload, options.time_limit)  # warm
+                run(problem, *kind, options.time_limit)  # warm
             for problem in todo:
-                yield run(problem, goals, rounds, options.payload, options.time_limit)
+                yield run(problem, *kind, options.time_limit)
 
     polish = options.polish or [posed(problems[0], "joints", None, 0.0).polish]
-    kinds = [(goals, rounds) for goals in options.goals for rounds in polish]
+    kinds = list(itertools.product(options.goals, polish, options.payload))
     with threadpool_limits(1):
         for outcome in kept(options.csv, list(known.values()), planned()):
             known[outcome.key] = outcome
             print(line(outcome), file=sys.stderr)
-    asked = [[known[p.robot, *kind, options.payload, p.set, p.number] for p in problems] for kind in kinds]
+    asked = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
     print(markdown_text([row(outcomes) for outcomes in asked]))
 
 

@@ -21,6 +21,7 @@ from problems import real_problems
 
 import hdplan
 from hdplan.planner.solvers import SOLVERS
+from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -34,6 +35,7 @@ class Outcome:
     first: bool  # by the first guess
     seconds: float
     smoothness: float
+    length: float  # of the path in joint space
 
 
 def main() -> None:
@@ -72,6 +74,7 @@ def planned(name: str, scene: hdplan.Scene, solvers: Sequence[str], time_limit: 
             result.attempts == 1,
             seconds,
             result.steps[-1].smoothness,
+            path_length(result.trajectory),
         )
         print(name, solver, *vars(found[solver]).values(), file=sys.stderr)
     return found
@@ -83,11 +86,15 @@ def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str
     for solver in outcomes[0]:
         own = [found[solver] for found in outcomes]
         seconds = [outcome.seconds for outcome in own]
-        ratios = [
-            found[solver].smoothness / min(other.smoothness for other in found.values() if other.certified)
-            for found in outcomes
-            if found[solver].certified
-        ]
+        ratios, lengths = (
+            [
+                getattr(found[solver], what)
+                / max(min(getattr(each, what) for each in found.values() if each.certified), 1e-9)
+                for found in outcomes
+                if found[solver].certified
+            ]
+            for what in ("smoothness", "length")
+        )
         spread = (*np.quantile(seconds, [0.5, 0.95]), max(seconds))
         rows.append(
             {
@@ -99,6 +106,7 @@ def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str
                 "smoothness over the least of all, median / p95": (
                     " / ".join(f"{each:.2f}" for each in np.quantile(ratios, [0.5, 0.95])) if ratios else None
                 ),
+                "length over the shortest of all, mean": f"{np.mean(lengths):.3f}" if lengths else None,
             }
         )
     return rows

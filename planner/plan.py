@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,9 +23,10 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
-from hdplan.planner.search.polish import polish
+from hdplan.planner.search.polish import Stages, first_motion, polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left, whole_limit
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.scene import Scene
@@ -99,47 +100,57 @@ def plan(
     loaded = time.perf_counter()
     certifier = Certifier(setup)
     rows = None if guess is None else rows_of(guess, robot)
-    goals, found = _goals(certifier, seed)
-    aims = [setup.aiming_at(goal) for goal in goals]
-    clearances = [reachable_clearance(aim, certifier) for aim in aims]  # refuses ends in collision before any fitting
     retimer = _retimer(setup, certifier)
-    with compile_time() as stopwatch:
-        queries = [retimer.standing(aim.query) if retimer else aim.query for aim in aims]
-        before = began + min(time_limit, FOR_MESHES * seconds_left())
-        problems = [assemble(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
-        problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
-    if retimer is not None:
-        hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
-        if all(hurried):
-            raise UnsolvableError(f"{scene.source}: {hurried[0]}", "too_hurried")
-    built = time.perf_counter()
+    for goals, found, alone in _choices(certifier, seed, rows):
+        aims = [setup.aiming_at(goal) for goal in goals]
+        # refuses ends in collision before any fitting
+        clearances = [reachable_clearance(aim, certifier) for aim in aims]
+        with compile_time() as stopwatch:
+            queries = [retimer.standing(aim.query) if retimer else aim.query for aim in aims]
+            before = began + min(time_limit, FOR_MESHES * seconds_left())
+            problems = [assemble(aim, query, before) for aim, query in zip(aims, queries, strict=True)]
+            problems = [functools.reduce(Problem.with_term, terms, problem) for problem in problems]
+        if retimer is not None:
+            hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
+            if all(hurried) and not alone:
+                raise UnsolvableError(f"{scene.source}: {hurried[0]}", "too_hurried")
+        built = time.perf_counter()
 
-    check_time("building the problem")
-    left = seconds_left()  # of the deadline, which covers more than this search
-    deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
-    searches = [
-        Search(problem, certifier, retimer, run, required, deadline, report, stop, _slide(certifier, goal, required))
-        for problem, goal, (required, _) in zip(problems, goals, clearances, strict=True)
-    ]
-    warm: list[Guess | None] = [None] * len(problems)
-    if guess is not None and rows is not None:
-        rows = begun_at(rows, problems[0].start, robot)
-        nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
-        motion = guess if isinstance(guess, Trajectory) and guess.times is not None else None
-        begin, moved = warm_start(problems[nearest], rows, motion is not None)
-        warm[nearest] = Guess(begin, as_it_is=True, last=searches[nearest].objective.last(begin, motion))
-        if moved > MOVED:
-            found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
-    attempts, interrupted = None, False
-    try:
-        search_in_turn(searches, seed, warm)
-        attempts = _attempts(searches)
-        if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
-            polish(searches, taken, scene.polish, seed)
-    except KeyboardInterrupt:
-        if not any(search.best is not None or search.certify_last() for search in searches):
-            raise
-        interrupted = True
+        check_time("building the problem")
+        left = seconds_left()  # of the deadline, which covers more than this search
+        deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
+        searches = [
+            Search(
+                problem, certifier, retimer, run, required, deadline, report, stop, _slide(certifier, goal, required)
+            )
+            for problem, goal, (required, _) in zip(problems, goals, clearances, strict=True)
+        ]
+        warm: list[Guess | None] = [None] * len(problems)
+        if guess is not None and rows is not None:
+            rows = begun_at(rows, problems[0].start, robot)
+            nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
+            motion = guess if isinstance(guess, Trajectory) and guess.times is not None else None
+            begin, moved = warm_start(problems[nearest], rows, motion is not None)
+            warm[nearest] = Guess(begin, as_it_is=True, last=searches[nearest].objective.last(begin, motion))
+            if moved > MOVED:
+                found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
+        attempts, interrupted = None, False
+        try:
+            if alone and not (warm[0] and searches[0].follows(warm[0])):
+                continue
+            stages, improved = Stages(searches), None
+            if scene.objective == "time" and scene.polish and guess is None:
+                improved = first_motion(searches, stages, seed)
+            if not alone:
+                search_in_turn(searches, seed, warm)
+            attempts = _attempts(searches)
+            if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
+                polish(searches, taken, stages, seed, improved)
+        except KeyboardInterrupt:
+            if not any(search.best is not None or search.certify_last() for search in searches):
+                raise
+            interrupted = True
+        break
     taken = _best(searches)
     assert taken is not None
     late = time.perf_counter() > deadline and not interrupted and not stop()
@@ -194,6 +205,22 @@ def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
 def _best(searches: Sequence[Search]) -> int | None:
     """Return the search with the best motion; None if no search has any."""
     return min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank(), default=None)
+
+
+def _choices(
+    certifier: Certifier, seed: int, rows: Array | None
+) -> Iterator[tuple[tuple[JointTarget, ...], tuple[str, ...], bool]]:
+    """Yield the configurations to plan to, with notes: where a guess of waypoints (R, n) ends, alone, if the scene's
+    goal is met and a motion may end there; then all that the scene leaves."""
+    setup, goal = certifier.setup, certifier.scene.goal
+    if rows is not None and isinstance(goal, Goals) and len(goal.targets) == 1:
+        from hdplan.planner.search.goals import may_end
+
+        (target,) = goal.targets
+        end = begun_at(rows, setup.robot.configuration(setup.scene.start, setup.scene.from_request), setup.robot)[-1]
+        if certifier.ends.off_goal(end) is None and may_end(certifier, end):
+            yield (JointTarget(target.field, tuple(end.tolist())),), (), True
+    yield *_goals(certifier, seed), False
 
 
 def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:

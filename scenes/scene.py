@@ -247,9 +247,9 @@ class Scene(Checked):
     @property
     def polish(self) -> int:
         """How many rounds try to better the first motion: `planner.polish`, or else as many as make most of the
-        difference: three where time is the objective, one for smoothness, and none for energy."""
+        difference: two where time is the objective, one for smoothness, and none for energy."""
         rounds = self.planner.polish
-        return {"time": 3, "smoothness": 1, "energy": 0}[self.objective] if rounds is None else rounds
+        return {"time": 2, "smoothness": 1, "energy": 0}[self.objective] if rounds is None else rounds
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:

@@ -17,7 +17,7 @@ class Timing(Checked):
 
     duration: Annotated[float, Number(above=0.0, unit="s")] | None = None  # of the whole motion [s]; None: the fastest
     scale: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # fraction of the speed that the limits allow
-    rate: Annotated[float, Number(1.0, 1e4, unit="1/s")] = 100.0  # rows of the result per second [1/s]
+    rate: Annotated[float, Number(1.0, 1e4, unit="1/s")] = 100.0  # rows of the result per second, at least [1/s]
 
     def _check_whole(self) -> None:
         if self.duration is None:

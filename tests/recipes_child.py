@@ -58,9 +58,6 @@ class TorqueRateLimit:
     def rows(self, spline):
         return None
 
-    def stretch_of_law(self, samples):
-        return np.zeros(len(samples.u))
-
     def stretch(self, curve):
         from hdplan.planner.certificate.torque_rate_check import TorqueRateCheck
 

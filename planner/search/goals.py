@@ -17,6 +17,7 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import Miss
 from hdplan.planner.kinematics.forward import kinematics_of
+from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
@@ -104,11 +105,15 @@ def _reached(
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
         return reached, None, _free(certifier, reached, start)
-    reached, nearest = reaching(robot, target, start, rng, path, starts)
-    if path and not len(reached):  # to say whether the pose or the path is to blame
-        reached, nearest = reaching(robot, target, start, rng, starts=starts)
-    reached = robot.nearest_turn(reached, start)
-    return reached, nearest, _free(certifier, reached, start)
+    for _ in range(DRAWN):
+        reached, nearest = reaching(robot, target, start, rng, path, starts)
+        if path and not len(reached):  # to say whether the pose or the path is to blame
+            reached, nearest = reaching(robot, target, start, rng, starts=starts)
+        reached = robot.nearest_turn(reached, start)
+        free = _free(certifier, reached, start, target)
+        if free or not len(reached):
+            break
+    return reached, nearest, free
 
 
 def _path(setup: Setup) -> tuple[PathTerm, ...]:
@@ -143,13 +148,22 @@ def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
     return clear and not (certifier.off_path(q) or certifier.overload(q))
 
 
-def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
+def _free(
+    certifier: Certifier, reached: Array, start: Array, target: PoseTarget | AllOf | None = None
+) -> list[tuple[float, Array]]:
     """The PICKED nearest configurations without contact that satisfy the path constraints, each with its score, best
-    first."""
+    first. Where time counts, each is one that the slowest joint reaches sooner, if that is free, too."""
     scored = []
-    time = certifier.scene.end_time
-    fit = (q for q in reached if may_end(certifier, q))
-    for q in itertools.islice(fit, PICKED):
+    time, scene = certifier.scene.end_time, certifier.scene
+    families = reached[:, None]
+    if target is not None and len(reached) and scene.objective == "time" and scene.path == PathConstraints():
+        from hdplan.planner.search.sooner import sooner
+
+        better = sooner(Aim.at(certifier.robot, target), reached, start, certifier.setup.limits)
+        families = np.stack([better, reached], axis=1)
+        families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
+    fit = (next((q for q in family if may_end(certifier, q)), None) for family in families)
+    for q in itertools.islice((q for q in fit if q is not None), PICKED):
         place, _ = certifier.nearest(q, CLOSE_GOAL, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))

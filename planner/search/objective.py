@@ -28,7 +28,7 @@ from hdplan.scenes.array_types import Array
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
-STEP = 2e-3  # [s] between samples of power, at most
+STEP = 1e-3  # [s] between samples of power, at most
 SLOWEST_IMPROVED = 1.1  # a motion whose fastest law takes longer than another motion by this factor is not improved
 
 

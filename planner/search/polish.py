@@ -1,7 +1,7 @@
-"""Better motions after the first certified one, in rounds: each improves one motion, and its result is kept only if it
-is certified and better.
+"""Better motions, in rounds: each improves one motion, and its result is kept only if it is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; the
+Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is, where
+time counts before its certificate, which is for what comes of it (`first_motion`); the
 second, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
 before (SAME_WAY): perhaps there is a better way around, or a better goal; each that follows, the most promising of what
 is left and MORE others. To improve a motion is to solve until it has converged, with the
@@ -25,7 +25,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
 from hdplan.planner.search.touches import NOTHING_LEFT
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus
 from hdplan.scenes.array_types import Array
 
 CLOSER = (0.5, 0.2)  # of the activation
@@ -39,30 +39,72 @@ SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
 WAYS, MORE = 8, 4  # that are compared in a round, before the most promising one is improved
 
 
-def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> None:
-    """Better the certified motion of search `taken`, one of several to different goals: the search with the best motion
-    has another one then, or another search a better one."""
+class Stages:
+    """Problems to each goal whose penalties set in ever closer to obstacles."""
 
-    @functools.cache
-    def stages(i: int) -> tuple[Problem, ...]:
-        search = searches[i]
-        activation = search.problem.scene.planner.activation
-        chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
-        return tuple(closer(search.problem, each, search.objective.name == "time") for each in chosen)
+    def __init__(self, searches: Sequence[Search]) -> None:
+        """Take the searches; a problem is laid out once it is asked for."""
+        self.searches = searches
+        self._made: dict[int, tuple[Problem, ...]] = {}
 
+    def __getitem__(self, i: int) -> tuple[Problem, ...]:
+        """Those of search i."""
+        if i not in self._made:
+            search = self.searches[i]
+            activation = search.problem.scene.planner.activation
+            chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
+            self._made[i] = tuple(closer(search.problem, each, search.objective.name == "time") for each in chosen)
+        return self._made[i]
+
+
+def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array | None:
+    """Where time counts, solve from the first guess to each goal that may be reached sooner than those before it, and
+    certify what the quickest of these motions is improved to, or else itself, or else the next. Return the one (N, n)
+    that was improved; None where none was, or none is certified.
+
+    Raises KeyboardInterrupt as the user does, once what was found is certified."""
+    found, value, interrupted = [], np.inf, False
+    least = min(search.objective.least(search.problem) for search in searches)
+    for i, search in enumerate(searches):
+        if search.over or interrupted or search.objective.least(search.problem) >= value:
+            continue
+        search.begin()
+        path, status = search.led(next(seeds(search.problem, seed)), FIRST_WEIGHT)
+        interrupted = status is SolverStatus.INTERRUPTED
+        if status is not SolverStatus.CLEAR or search.objective.least_along(path) >= value:
+            continue
+        if motions := search.timed(path, value):
+            value = search.objective.value(path, motions[0])
+            found.append((value, i, path, motions))
+    improved = None
+    for value, i, path, motions in reversed(found):
+        if not interrupted and value > (1.0 + NOTHING_LEFT) * least and _improve(searches[i], stages[i], path, value):
+            improved = path
+            break
+        if searches[i].keep(path, motions):
+            break
+    if interrupted and not searches[0].stop():
+        raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
+    return improved
+
+
+def polish(searches: Sequence[Search], taken: int, stages: Stages, seed: int, improved: Array | None = None) -> None:
+    """Better the certified motion of search `taken`, one of several to different goals, in the scene's rounds: the
+    search with the best motion has another one then, or another search a better one. Where it was `improved` from
+    waypoints (N, n), or had its last touches, that was the first round."""
     further: Iterator[tuple[int, Callable[[], Guess]]] | None = None
-    improved: list[Array] = []  # the ways (N, n) that were, as they were before
+    ways: list[Array] = []  # those (N, n) that were improved, as they were before
     found: list[tuple[float, int, Array]] = []  # those that were not yet, with what they promise
-    for _ in range(rounds):
+    for _ in range(searches[taken].problem.scene.polish):
         best, value = searches[taken].best, searches[taken].value
         assert best is not None
         least = min(search.objective.least(search.problem) for search in searches)
         if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
         if further is None:
-            improved.append(best.path)
-            if not searches[taken].touched:
-                _improve(searches[taken], stages(taken), best.path, value)
+            ways.append(best.path if improved is None else improved)
+            if improved is None and not searches[taken].touched:
+                _improve(searches[taken], stages[taken], best.path, value)
             further = _further(searches, seed)
             continue
         for i, draw in itertools.islice(further, MORE if found else WAYS):
@@ -74,12 +116,12 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
             if solution := search.clear(search.problem, guess.positions, guess.weight):
                 path = solution.trajectory.positions
                 found.append((search.objective.least_along(path), i, path))
-        found = [each for each in found if all(np.abs(each[2] - other).max() > SAME_WAY for other in improved)]
+        found = [each for each in found if all(np.abs(each[2] - other).max() > SAME_WAY for other in ways)]
         if found:
             most = min(range(len(found)), key=lambda k: found[k][:2])
             least, i, path = found.pop(most)
-            improved.append(path)
-            if not searches[i].objective.unimprovable(least, value) and _improve(searches[i], stages(i), path, value):
+            ways.append(path)
+            if not searches[i].objective.unimprovable(least, value) and _improve(searches[i], stages[i], path, value):
                 taken = i
 
 

@@ -162,6 +162,12 @@ class Search:
             return self.attempt(first, value)
         return False
 
+    def follows(self, first: Guess) -> bool:
+        """True if a warm start leads at once to a certified motion like the last one, without any search."""
+        self.begin()
+        warm = first.last < math.inf and self.problem.scene.polish > 0
+        return warm and self._once_more(first) and self.settled
+
     def _once_more(self, first: Guess) -> bool:
         """Certify what a warm start leads to at once, as the last motion was bettered already; True if that holds."""
         solution = once_more(self, first.positions)
@@ -244,6 +250,13 @@ class Search:
         if solution.status is SolverStatus.INTERRUPTED and not self.stop():
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
         return None
+
+    def led(self, positions: Array, weight: float) -> tuple[Array, SolverStatus]:
+        """Solve from a guess (N, n); return where it leads (N, n) and why the solver stopped. Its steps are counted."""
+        _, solution = self._solve(self.problem.resampled(positions), positions, weight)
+        self._took(solution)
+        self.last = replace(solution, steps=())
+        return solution.trajectory.positions, solution.status
 
     def timed(self, path: Array, value: float) -> Sequence[Trajectory]:
         """Give times to a path (N, n) where the scene asks for them, the quickest motion first; none if it can have

@@ -55,6 +55,13 @@ QUALITY = """\
 The best certified motion after a time, in % of the first one's, geometric mean over {scenes} scenes, while rounds of
 `planner.polish` go on; within the scene's limits of rates, or those of cuRobo's published results.
 """
+GUESSES = """\
+## What guesses cost in time
+
+With the defaults: scenes that are certified by so many first guesses at most, and what those plans take on the
+processor, median / largest.
+"""
+MORE_GUESSES = 2  # factor from one row of that table to the next
 
 
 @dataclass(frozen=True)
@@ -116,8 +123,12 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
     legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR_CONTACT, little=LITTLE)
-    tables = {"one setting changed at a time": [_short_row(summary) for summary in rows]}
-    parts = ["# What accuracy costs in time, for planning\n", told, legend, *map(markdown_text, tables.values())]
+    tables = {
+        "one setting changed at a time": [_short_row(summary) for summary in rows],
+        "what guesses cost in time": by_guesses(found.of(found.variants[0])),
+    }
+    first, second = map(markdown_text, tables.values())
+    parts = ["# What accuracy costs in time, for planning\n", told, legend, first, GUESSES, second]
     pictures: list[str | bytes] = [png(planning_sheet(rows, complete))]
     if curves:
         tables["what quality costs in time"] = shares(curves)
@@ -126,6 +137,19 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     contents = [csv_text([_row(run) for run in found.runs]), "\n".join(parts), *pictures]
     write_report(paths := paths[: len(contents)], contents)
     return Report(tables, notes, paths, complete)
+
+
+def by_guesses(runs: Sequence[Run]) -> list[dict[str, Cell]]:
+    """Return the table: of runs with one setting, how many are certified by how many guesses, and in which time."""
+    rows: list[dict[str, Cell]] = []
+    most, before = 1, -1
+    while before < sum(run.certified for run in runs):
+        seconds = [run.seconds for run in runs if run.certified and run.attempts <= most]
+        if len(seconds) > before:
+            times = f"{short(1e3 * float(np.median(seconds)))} / {short(1e3 * max(seconds))}" if seconds else ""
+            rows.append({"guesses": most, "certified": f"{len(seconds)} of {len(runs)}", "time [ms]": times})
+        most, before = MORE_GUESSES * most, len(seconds)
+    return rows
 
 
 def label(variant: Variant) -> str:

@@ -23,11 +23,11 @@ ENDLESS = 1e12  # in place of a limit that is not there, in its unit times this 
 
 
 def least_times(way: Array, limits: Mapping[str, Array]) -> Array:
-    """Return the least time [s] of each joint for a way (n,) within limits (n,) by name; those that are not there, and
-    those of other quantities, bound nothing. A lower bound, exact for one joint alone."""
+    """Return the least time [s] of each joint for ways (..., n) within limits (n,) by name; those that are not there,
+    and those of other quantities, bound nothing. A lower bound, exact for one joint alone."""
     distance = np.abs(way)
     v, a, j = (
-        np.minimum(limits.get(name, np.inf), ENDLESS**order) * np.ones(len(way))
+        np.minimum(limits.get(name, np.inf), ENDLESS**order) * np.ones(way.shape[-1])
         for order, name in enumerate(("velocity", "acceleration", "jerk"), 1)
     )
     a = np.minimum(a, np.sqrt(v * j))

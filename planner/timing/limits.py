@@ -5,7 +5,7 @@ When a motion is stretched in time by k, velocities fall by k, accelerations by 
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -19,24 +19,11 @@ from hdplan.scenes.array_types import Array
 MARGIN = 1e-6  # [–] of a limit that is left unused
 
 
-class PathSamples(NamedTuple):
-    """Samples of a path q(u) under a time law u(t), at k times."""
-
-    path: PathSpline
-    u: Array  # (k,)
-    slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
-    rates: tuple[Array, Array, Array]  # first to third derivative of u by time (k, 1)
-
-
 class TimingLimit(Protocol):
     """One limit of a scene."""
 
     def rows(self, spline: PathSpline) -> PathRows | None:
         """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
-        ...
-
-    def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Return by how much a time law must be stretched for the limit to hold at each sample (k,)."""
         ...
 
     def stretch(self, curve: Curve) -> float:
@@ -62,22 +49,6 @@ class RateLimit:
         with np.errstate(divide="ignore"):
             most = np.minimum(self.limit / np.abs(slope), MOST).min(axis=1, keepdims=True) ** 2
         return PathRows(np.zeros_like(most), np.ones_like(most), most)
-
-    def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Compute it by the chain rule."""
-        slope, bend, twist = samples.slopes
-        first, second, third = samples.rates
-        match self.order:
-            case 1:
-                rate = slope * first
-            case 2:
-                rate = bend * first**2 + slope * second
-            case 3:
-                rate = twist * first**3 + 3 * bend * first * second + slope * third
-            case order:
-                raise LookupError(f"no time law keeps limits of the derivative of order {order}")
-        share: Array = np.abs(rate / self.limit).max(axis=1)
-        return share ** (1 / self.order)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from a bound on the whole curve, not from samples."""

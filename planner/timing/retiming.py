@@ -7,10 +7,11 @@ rows are executed and certified.
 points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing approximation):
 twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
 
-*The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window,
-then stretched in time until every limit holds on the executed curve (`limits`). Of several windows the one with the
-shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
-obstacle moves, it is the fastest law, stretched to the duration.
+*The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window of
+whole rows, then stretched in time until every limit holds on the executed curve (`limits`), which takes one look, as a
+stretch changes no shape. Of several windows the one with the shortest motion is chosen. With `timing.duration` it is
+the minimum-jerk law; only if that violates a limit and no obstacle moves, it is the fastest law, stretched to the
+duration.
 
 *Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
 (`moving_ends`).
@@ -29,7 +30,7 @@ from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
-from hdplan.planner.timing.limits import PathSamples, timing_limits
+from hdplan.planner.timing.limits import timing_limits
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.planner.timing.time_optimal import time_optimal
@@ -41,16 +42,16 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.moving_ends import MovingEnds
 
 
-WINDOWS = 20  # lengths of the averaging window that are tried
-FIRST_TRIED = 3  # the first of so many are tried at first
-LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
-FEWEST_ROWS = 2  # in a window
-SAMPLES = 400  # of a law, to compare windows
-STRETCHES = 20  # at most, each a little longer than needed
-TRIED = 8  # shorter durations that are tried
-TIGHT_STRETCH = 0.99  # [–] a motion that needs a greater stretch than this is not shortened further
+FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
+WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
+LITTLE = 1e-3  # relative stretch of a motion that its window is wide enough for
+MOST_STRETCH = 3.0  # [–] beyond it, the stretch of the narrowest window says nothing of a wider one
+DENSER = 5  # times that a motion, stretched, gets more rows
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
+
+
+Rows = tuple[Array, Array, Array]  # positions, velocities and accelerations (rows, n)
 
 
 class Timed(NamedTuple):
@@ -63,7 +64,16 @@ class Timed(NamedTuple):
         """Return the interval between rows that holds a place on the planned path, and the fraction of it."""
         row = int(np.clip(np.searchsorted(self.parameter, wanted, side="right") - 1, 0, len(self.parameter) - 2))
         begins, ends = self.parameter[row : row + 2]
-        return row, float((wanted - begins) / (ends - begins))
+        return row, float((wanted - begins) / (ends - begins)) if ends > begins else 0.0
+
+
+class Quickest(NamedTuple):
+    """A law along a path, how long it takes [s], and in how many rows."""
+
+    law: TimeLaw
+    duration: float
+    rows: int
+    stretch: float = 1.0  # of the law, which the duration includes
 
 
 class Retimer:
@@ -123,8 +133,7 @@ class Retimer:
 
     def along(self, path: Trajectory, spline: PathSpline) -> Timed:
         """Return the quickest motion from rest to rest along a spline over [0, 1] that is drawn through a path."""
-        law, duration = self._quickest(path, spline)
-        return self._timed(path, spline, law, duration)
+        return self._timed(path, spline, *self._quickest(path, spline)[:3])
 
     def ways(self, path: Trajectory, than: float = math.inf) -> Iterator[Timed]:
         """Yield the timed motion along a path, unless it takes `than` [s] or longer; where the robot does not begin and
@@ -148,8 +157,12 @@ class Retimer:
         if self.timing.duration is not None:
             return lambda count: cast(Timed, self._from_rest(path, count / self.rate)), 0
         spline = smooth(self._inset(path.positions))
-        law, duration = self._quickest(path, spline)
-        return lambda count: self._timed(path, spline, law, count / self.rate), row_count(duration, self.rate) - 1
+        law, duration, *_ = self._quickest(path, spline)
+        least = row_count(duration, self.rate) - 1
+        while self._stretch(self._curve(spline, law, least / self.rate, least + 1)) > 1.0:
+            least += 1
+            self._check_rows(least / self.rate)
+        return lambda count: self._timed(path, spline, law, count / self.rate), least
 
     def _joined(self, own: Timed, lead: int, trail: int) -> Timed:
         """Return a motion from rest to rest, joined to the scene's ends with so many rows before and after."""
@@ -170,24 +183,31 @@ class Retimer:
             if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
             if not _stands(path):
-                return self._timed(path, spline, self._laws(spline, math.inf)[0][1], duration)
-        law, duration = self._quickest(path, spline, than)
-        return None if law is None else self._timed(path, spline, law, duration)
+                fastest = self._quickest(path, spline)
+                return self._timed(path, spline, fastest.law, duration, fastest.rows)
+        quickest = self._quickest(path, spline, than)
+        return None if quickest is None else self._timed(path, spline, *quickest[:3])
 
     @overload
-    def _quickest(self, path: Trajectory, spline: PathSpline) -> tuple[TimeLaw, float]: ...
+    def _quickest(self, path: Trajectory, spline: PathSpline) -> Quickest: ...
 
     @overload
-    def _quickest(self, path: Trajectory, spline: PathSpline, than: float) -> tuple[TimeLaw | None, float]: ...
+    def _quickest(self, path: Trajectory, spline: PathSpline, than: float) -> Quickest | None: ...
 
-    def _quickest(self, path: Trajectory, spline: PathSpline, than: float = math.inf) -> tuple[TimeLaw | None, float]:
-        """Return the law of the quickest motion along a path, from rest to rest, and its duration; no law if it takes
-        `than` [s] or longer."""
+    def _quickest(self, path: Trajectory, spline: PathSpline, than: float = math.inf) -> Quickest | None:
+        """Return the law of the quickest motion along a path, from rest to rest, with its duration and its rows; None
+        if it takes `than` [s] or longer."""
         if _stands(path):
-            return MinimumJerk(1.0 / self.rate), 1.0 / self.rate
-        most = than * self.timing.scale
-        law, duration = self._fastest(spline, self._laws(spline, most), most)
-        return law if duration < most else None, duration / self.timing.scale
+            return Quickest(MinimumJerk(1.0 / self.rate), 1.0 / self.rate, 2)
+        law, most = self._time_optimal(spline), than * self.timing.scale
+        if law.duration + FEWEST_ROWS / self.rate >= most:
+            return None
+        found = self._windowed(spline, law)
+        if not math.isfinite(found.duration):
+            raise HdplanError("no time law was found within the limits on the executed curve")
+        duration = found.duration / self.timing.scale
+        self._check_rows(duration)
+        return None if duration >= than else found._replace(duration=duration)
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -196,89 +216,76 @@ class Retimer:
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 
-    def _timed(self, path: Trajectory, spline: PathSpline, law: TimeLaw, duration: float) -> Timed:
-        """Return the motion with a law stretched to a duration."""
+    def _timed(
+        self, path: Trajectory, spline: PathSpline, law: TimeLaw, duration: float, count: int | None = None
+    ) -> Timed:
+        """Return the motion with a law stretched to a duration, in as few rows as the rate allows; or as the curve that
+        is executed in `count` rows, in these or, where they are too few, whole parts of what is between them."""
         self._check_rows(duration)
-        times, parameter, rows = _rows(spline, law, duration, self.rate)
+        fewest = row_count(duration, self.rate)
+        count = fewest if count is None else count
+        parameter, rows = _rows(spline, law, duration, count)
+        parts = -(-(fewest - 1) // (count - 1))
+        if parts > 1:
+            parameter, rows = _divided(parameter, rows, duration, parts)
+        times = duration * np.linspace(0.0, 1.0, len(parameter))
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
-    def _fastest(
-        self, spline: PathSpline, laws: list[tuple[float, Averaged]], most: float
-    ) -> tuple[Averaged | None, float]:
-        """Return the law that is shortest on the executed curve, and its duration there; no law if at samples all take
-        `most` or longer.
-
-        The quintics between rows exceed a jerk that changes within a row, by more or less as the rows happen to lie: a
-        longer window may make a shorter motion, and so may a few rows less.
-        """
-        fastest, least, best = None, 0.0, np.inf
-        for shortest, law in laws:
-            if shortest >= min(best, most):
+    def _windowed(self, spline: PathSpline, law: Stepwise) -> Quickest:
+        """Return the shortest motion of those with a few windows. The stretch that the narrowest needs calls for a
+        wider one, if it is for the law's jerk, which falls with the window. What follows is wider, where the motion is
+        stretched, or else narrower, as long as that may gain much: no motion is shorter than its law and its window. At
+        last a window lies between two numbers of rows, with more rows to it."""
+        parts, row = math.ceil(law.duration * self.rate - 1e-9), 1.0 / self.rate
+        self._check_rows(law.duration)
+        stretch = self._stretched(spline, law, FEWEST_ROWS, max(parts, FEWEST_PARTS))[1]
+        window = max(round(FEWEST_ROWS * stretch**3), FEWEST_ROWS) if stretch < MOST_STRETCH else FEWEST_ROWS
+        found = self._averaged(spline, law, window, row)
+        for _ in range(WINDOWS):
+            wider = found.stretch > 1.0 + LITTLE
+            other = window + (1 if wider else -1) * max(window // 4, 1)
+            least = law.duration + (window + (0.25 if wider else -0.75) * max(window // 4, 1)) * row
+            if other < FEWEST_ROWS or found.duration <= (1.0 + GAIN) * least:
                 break
-            duration = self._allowed(spline, law, shortest)
-            if duration < best:
-                fastest, least, best = law, shortest, duration
-        if fastest is None:
-            return None, best
-        tried = np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.rate)) / self.rate
-        shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
-        return fastest, next(shorter, best)
+            next_ = self._averaged(spline, law, other, row)
+            if next_.duration >= found.duration:
+                between = self._averaged(
+                    spline, law, max(window, other), 0.5 * (window + other) / max(window, other) * row
+                )
+                return between if between.duration <= (1.0 - GAIN) * found.duration else found
+            window, found = other, next_
+        return found
 
-    def _laws(self, spline: PathSpline, most: float) -> list[tuple[float, Averaged]]:
-        """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
-        shortest first. Empty where the fastest law of all takes `most` or longer."""
-        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.rate
-        if law.knots[-1] + shortest >= most:
-            return []
-        tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
-        laws = [Averaged(law, float(window)) for window in np.unique(tried)]
-        found: dict[int, float] = {}
-        chosen = set(range(0, len(laws), FIRST_TRIED))
-        while missing := sorted(chosen - set(found)):  # few of them at first, then those between the best ones
-            found |= zip(missing, self._durations_at_samples(spline, [laws[i] for i in missing]), strict=True)
-            best = min(found, key=found.__getitem__)
-            chosen = set(range(max(best - FIRST_TRIED + 1, 0), min(best + FIRST_TRIED, len(laws))))
-        return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
+    def _averaged(self, spline: PathSpline, law: Stepwise, window: int, row: float) -> Quickest:
+        """Return the motion with a law averaged over a window, in rows of it, stretched as far as the limits on the
+        executed curve need; rows lie `row` apart, or closer, so that they still do where they are stretched."""
+        parts = max(math.ceil(law.duration / row - 1e-9), FEWEST_PARTS)
+        for _ in range(DENSER):
+            self._check_rows(law.duration / parts * (parts + window))
+            found, stretch = self._stretched(spline, law, window, parts)
+            if stretch * law.duration <= (1.0 + 1e-12) * parts * row:
+                return found
+            if not math.isfinite(stretch):
+                break
+            parts = max(math.ceil(stretch * law.duration / row - 1e-9), parts + 1)
+        return found._replace(duration=math.inf)
+
+    def _stretched(self, spline: PathSpline, law: Stepwise, window: int, parts: int) -> tuple[Quickest, float]:
+        """Return the motion with a law of so many parts averaged over a window of so many more, and its stretch."""
+        count, whole = parts + window + 1, law.duration * (parts + window) / parts
+        averaged = Averaged(law, window / (count - 1))
+        stretch = max(self._stretch(self._curve(spline, averaged, whole, count)), law.duration / whole)
+        return Quickest(averaged, stretch * whole, count, stretch), stretch
+
+    def _curve(self, spline: PathSpline, law: TimeLaw, duration: float, count: int) -> Curve:
+        """Return the executed curve of a law stretched to a duration, in so many rows."""
+        _, values = _rows(spline, law, duration, count)
+        return Curve.through(values[0], duration * np.linspace(0.0, 1.0, count), values[1], values[2])
 
     def _time_optimal(self, spline: PathSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
         asked = [limit.rows(spline) for limit in self.limits]
         return time_optimal([rows for rows in asked if rows is not None])
-
-    def _durations_at_samples(self, spline: PathSpline, laws: list[Averaged]) -> list[float]:
-        """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""
-        share = np.linspace(0.0, 1.0, SAMPLES)
-        u, *rates = np.concatenate([law(law.duration * share) for law in laws], axis=1)
-        first, second, third = (rate[:, None] for rate in rates)
-        slope, bend, twist = (spline(u, order) for order in (1, 2, 3))
-        samples = PathSamples(spline, u, (slope, bend, twist), (first, second, third))
-        stretch = np.max([limit.stretch_of_law(samples) for limit in self.limits], axis=0)
-        longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
-        return [law.duration * most for law, most in zip(laws, longest, strict=True)]
-
-    def _allowed(self, spline: PathSpline, law: TimeLaw, duration: float) -> float:
-        """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
-        than needed; from one at which they hold at samples."""
-        best = np.inf
-        for _ in range(STRETCHES):
-            self._check_rows(duration)
-            duration = (row_count(duration, self.rate) - 1) / self.rate
-            if duration >= best:
-                break
-            stretch = self._executed(spline, law, duration)
-            if stretch <= 1.0:
-                best = duration
-                if stretch > TIGHT_STRETCH:
-                    break
-            duration *= stretch
-        if not np.isfinite(best):
-            raise HdplanError("no time law was found within the limits on the executed curve")
-        return best
-
-    def _executed(self, spline: PathSpline, law: TimeLaw, duration: float) -> float:
-        """Return by how much a law stretched to a duration must be stretched further for its limits to hold."""
-        times, _, rows = _rows(spline, law, duration, self.rate)
-        return self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
 
     def _check_rows(self, duration: float) -> None:
         """Refuse a motion with more rows than are allowed, before computing them."""
@@ -300,7 +307,7 @@ def _stands(path: Trajectory) -> bool:
     return bool(np.ptp(path.positions, axis=0).max() < STANDS)
 
 
-def _rows_of(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+def _rows_of(trajectory: Trajectory) -> Rows:
     assert trajectory.velocities is not None
     assert trajectory.accelerations is not None
     return trajectory.positions, trajectory.velocities, trajectory.accelerations
@@ -318,17 +325,23 @@ def smooth(waypoints: Array) -> PathSpline:
     return PathSpline(knots, control, degree)
 
 
-def _rows(
-    spline: PathSpline, law: TimeLaw, duration: float, rate: float
-) -> tuple[Array, Array, tuple[Array, Array, Array]]:
-    """Return times, parameters (rows,) and positions, velocities, accelerations (rows, n) of a law stretched to a
+def _rows(spline: PathSpline, law: TimeLaw, duration: float, count: int) -> tuple[Array, Rows]:
+    """Return parameters (count,) and positions, velocities, accelerations (count, n) of a law stretched to a
     duration."""
-    count = row_count(duration, rate)
-    share = np.linspace(0.0, 1.0, count)
-    stretch = duration / law.duration
-    u, first, second, _ = law(share * law.duration)
-    u = np.clip(u, 0.0, 1.0)
+    u, first, second = law.rows(count)
+    u = np.maximum.accumulate(np.clip(u, 0.0, 1.0))
     u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does
-    first, second = first[:, None] / stretch, second[:, None] / stretch**2
+    first, second = first[:, None] / duration, second[:, None] / duration**2
     slope, bend = spline(u, 1), spline(u, 2)
-    return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
+    return u, (spline(u), slope * first, bend * first**2 + slope * second)
+
+
+def _divided(parameter: Array, rows: Rows, duration: float, parts: int) -> tuple[Array, Rows]:
+    """Return more rows of the same curve, which divide each interval into so many parts."""
+    count = len(parameter) - 1
+    curve = Curve.through(rows[0], duration * np.linspace(0.0, 1.0, count + 1), *rows[1:])
+    interval, fraction = np.repeat(np.arange(count), parts), np.tile(np.arange(parts) / parts, count)
+    within = (curve.over_time(order).at(interval, fraction) for order in range(3))
+    first, second, third = (np.vstack([new, old[-1:]]) for new, old in zip(within, rows, strict=True))
+    places = np.interp(np.linspace(0.0, count, count * parts + 1), np.arange(count + 1), parameter)
+    return places, (first, second, third)

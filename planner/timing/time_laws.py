@@ -5,32 +5,34 @@
     u = 10 x³ − 15 x⁴ + 6 x⁵
 
 *Averaged* over a window τ, a law whose acceleration may jump gets a finite jerk, and the motion begins and ends without
-acceleration:
+acceleration. Here at rows h apart, τ = m h, with an acceleration that is linear between them, so that the jerk does not
+change within a row and a quintic through the rows has no more:
 
-    ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
+    ü_k = (u̇(t_k) − u̇(t_k − τ))/τ
+
+Summed up by the trapezoidal rule, these give the mean of u̇ over the window, by the same rule: wherever u̇ is even for so
+long, to the bit, and no more than its greatest value; so no limit is exceeded that u̇ keeps. Only the way is longer or
+shorter than 1 by what the rule errs where u̇ has kinks, of the order of 10⁻⁴, and is scaled by it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from hdplan.scenes.array_types import Array
 
+FEWEST = 3  # rows of a law without its window
+
 
 class TimeLaw(Protocol):
     """A time law u(t) from 0 to 1."""
 
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        ...
-
-    def __call__(self, times: Array) -> Array:
-        """Return u and its first three derivatives (4, k) at times (k,)."""
+    def rows(self, count: int) -> Array:
+        """Return u and its first two derivatives by the share of the duration (3, count) at even times, first and last
+        included."""
         ...
 
 
@@ -51,6 +53,11 @@ class MinimumJerk:
         ]
         return np.stack([value / self.duration**order for order, value in enumerate(derivatives)])
 
+    def rows(self, count: int) -> Array:
+        """Return u and its first two derivatives by the share of the duration (3, count) at even times."""
+        scale = self.duration ** np.arange(3.0)[:, None]
+        return np.asarray(self(self.duration * np.linspace(0.0, 1.0, count))[:3] * scale)
+
     def time_at(self, parameter: Array) -> Array:
         """Return the times (k,) [s] at path parameters (k,)."""
         share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # denser near both ends, where it is slow
@@ -63,49 +70,40 @@ class Stepwise:
     """A law with constant acceleration between knots, at rest before 0 and after the last of them."""
 
     knots: Array  # (m,) [s], from 0
-    values: Array  # (m,) u there
     path_speeds: Array  # (m,) du/dt there [1/s]
-
-    def __call__(self, times: Array) -> Array:
-        """Return ∫u, u, du/dt and d²u/dt² (4, k) at times (k,)."""
-        change, before = self._pieces
-        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(change) - 1)
-        t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
-        u, path_speed, bend = self.values[row], self.path_speeds[row], change[row]
-        late = np.maximum(times - self.knots[-1], 0.0)
-        moving = (times > 0.0) & (late == 0.0)
-        return np.stack(
-            [
-                before[row] + t * (u + t * (path_speed / 2 + t * bend / 6)) + late,
-                u + t * (path_speed + t * bend / 2),
-                np.where(moving, path_speed + t * bend, 0.0),
-                np.where(moving, bend, 0.0),
-            ]
-        )
-
-    @cached_property
-    def _pieces(self) -> tuple[Array, Array]:
-        """The acceleration between knots (m − 1,), and ∫u up to each of them (m,)."""
-        widths = np.diff(self.knots)
-        change = np.diff(self.path_speeds) / widths
-        area = widths * (self.values[:-1] + widths * (self.path_speeds[:-1] / 2 + widths * change / 6))
-        return change, np.concatenate([[0.0], np.cumsum(area)])
-
-
-@dataclass(frozen=True, eq=False)
-class Averaged:
-    """A stepwise law, averaged over a window."""
-
-    law: Stepwise
-    window: float  # τ [s]
 
     @property
     def duration(self) -> float:
         """How long it takes [s]."""
-        return float(self.law.knots[-1]) + self.window
+        return float(self.knots[-1])
 
-    def __call__(self, times: Array) -> Array:
-        """Return ũ and its first three derivatives (4, k) at times (k,)."""
-        now, then = np.split(self.law(np.concatenate([times, times - self.window])), 2, axis=1)
-        difference: Array = (now - then) / self.window
-        return difference
+    def path_speeds_at(self, times: Array) -> Array:
+        """Return du/dt (k,) at times (k,): even steps of u take steps of time in which it changes evenly."""
+        return np.asarray(np.interp(times, self.knots, self.path_speeds))
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """A stepwise law, averaged over a window: a share of its own duration, the window included."""
+
+    law: Stepwise
+    share: float  # of the duration, above 0 and below 1
+
+    def rows(self, count: int) -> Array:
+        """Return u and its first two derivatives by the share of the duration (3, count) at even times; the window
+        becomes a whole number of steps between them, at least one. Few rows do not see the law: they have minimum
+        jerk."""
+        window = max(round(self.share * (count - 1)), 1)
+        if count - 1 - window < FEWEST:
+            return MinimumJerk(1.0).rows(count)
+        step, width = 1.0 / (count - 1), self.law.duration / (count - 1 - window)
+        rate = self.law.path_speeds_at(np.arange(-window, count, dtype=np.float64) * width) * (width / step)
+        bend = (rate[window:] - rate[:-window]) / (window * step)
+        slope = _summed(step / 2 * (bend[1:] + bend[:-1]))
+        u = _summed(step * slope[:-1] + step**2 / 6 * (2 * bend[:-1] + bend[1:]))
+        rows: Array = np.stack([u, slope, bend]) / u[-1]
+        return rows
+
+
+def _summed(parts: Array) -> Array:
+    return np.append(0.0, np.cumsum(parts))

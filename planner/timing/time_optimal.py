@@ -68,7 +68,7 @@ def time_optimal(limits: Sequence[PathRows]) -> Stepwise:
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
         raise HdplanError("no time law was found within the limits of velocity and acceleration")
     widths = 2.0 / GRID / (path_speeds[1:] + path_speeds[:-1])
-    return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), grid(), path_speeds)
+    return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), path_speeds)
 
 
 def _law(a: Array, b: Array, c: Array, x: Array) -> bool:

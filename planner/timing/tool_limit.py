@@ -13,7 +13,6 @@ from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.limits import PathSamples
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_optimal import PathRows, grid
 from hdplan.scenes.array_types import Array
@@ -53,12 +52,6 @@ class ToolLimit:
             found.append((one * size, one * along + other * across, INSCRIBED * self.most[2]))
         a, b, c = zip(*found, strict=True)
         return PathRows(np.stack(a, axis=1), np.stack(b, axis=1), np.tile(c, (len(size), 1)))
-
-    def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Compute it at the samples."""
-        slope, bend = self._slopes(samples.path, samples.u)
-        first, second, _ = samples.rates
-        return self._stretch(slope * first, bend * first**2 + slope * second)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""

@@ -14,9 +14,8 @@ import numpy as np
 from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.limits import PathSamples
 from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.time_optimal import GRID, PathRows, grid
+from hdplan.planner.timing.time_optimal import PathRows, grid
 from hdplan.scenes.array_types import Array
 
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
@@ -39,16 +38,6 @@ class TorqueLimit:
         and the certificate says where."""
         along = self._along(spline)
         return None if self._too_heavy(along.c) else PathRows.both(along.a, along.b, along.c, (1 - MARGIN) * self.limit)
-
-    def stretch_of_law(self, samples: PathSamples) -> Array:
-        """Compute it at the samples, from torques at the path's grid and even between them."""
-        along = self._along(samples.path)
-        where = np.clip(samples.u, 0.0, 1.0) * GRID
-        before = np.minimum(where.astype(np.int64), GRID - 1)
-        share = (where - before)[:, None]
-        a, b, c = ((1.0 - share) * each[before] + share * each[before + 1] for each in (along.a, along.b, along.c))
-        first, second, _ = samples.rates
-        return self._stretch(a * second + b * first**2, c)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""

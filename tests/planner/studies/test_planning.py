@@ -13,13 +13,14 @@ import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies import planning_runs
-from hdplan.planner.studies.planning import FILES, label, study_planning, summaries
+from hdplan.planner.studies.planning import FILES, by_guesses, label, study_planning, summaries
 from hdplan.planner.studies.planning_runs import (
     DEFAULTS,
     NEAR_CONTACT,
     VALUES,
     Run,
     Runs,
+    Variant,
     measure,
     path_length,
     squared_acceleration,
@@ -70,6 +71,14 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[Runs], None]:
 
 
 # --- what is measured ---------------------------------------------------------------------------------------------
+
+
+def test_guesses_are_counted_until_nothing_more_is_certified() -> None:
+    runs = made_up().of(Variant())
+    (first, second), none = by_guesses(runs), by_guesses([replace(run, certified=False) for run in runs])
+    assert (first["guesses"], first["certified"]) == (1, "2 of 3")
+    assert (second["guesses"], second["certified"], second["time [ms]"]) == (2, "3 of 3", "100 / 100")
+    assert [row["certified"] for row in none] == ["0 of 3"]
 
 
 def test_variants_change_one_thing_each() -> None:
@@ -171,7 +180,7 @@ def test_three_files_hold_the_whole_study(measured: Callable[[Runs], None], tmp_
     assert len(rows) == len(found.runs)
     assert [row["setting"] for row in rows[:3]] == ["defaults"] * 3
     told = report.files[1].read_text(encoding="utf-8")
-    assert told.count("\n| ") == len(variants(VALUES)) + 2
+    assert told.count("\n| ") == len(variants(VALUES)) + 2 + len(by_guesses(found.of(Variant()))) + 2
     assert "left out" in told
     assert "ipopt 2 of 3" in told, "who certifies fewer is named"
     assert report.files[2].read_bytes().startswith(b"\x89PNG")

@@ -138,39 +138,76 @@ def test_the_smooth_path_stays_within_the_hull_of_the_polyline() -> None:
         np.testing.assert_allclose(smooth(ends)([0.0, 0.25, 1.0])[:, 0], [0.0, 0.25, 1.0], atol=1e-14)
 
 
-@pytest.mark.parametrize("law", ["minimum jerk", "averaged"])
-def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
-    knots = np.cumsum([0.0, 0.3, 0.5, 0.2, 0.4])
-    path_speeds = np.array([0.0, 0.9, 1.1, 0.4, 0.0])
-    values = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (path_speeds[1:] + path_speeds[:-1]) / 2)])
-    stepwise = Stepwise(knots, values / values[-1], path_speeds / values[-1])
-    found = MinimumJerk(1.7) if law == "minimum jerk" else Averaged(stepwise, 0.25)
+def test_derivatives_of_minimum_jerk_are_those_of_its_values() -> None:
+    found = MinimumJerk(1.7)
     times = np.linspace(0.01, found.duration - 0.01, 400)
     step = 1e-6
     at = found(times)
     for order in (1, 2, 3):
         slope = (found(times + step)[order - 1] - found(times - step)[order - 1]) / (2 * step)
-        differing = np.abs(slope - at[order]) > 1e-4 * np.abs(at[order]).max()
-        assert differing.mean() < (0.0 if order < 3 else 0.03) + 1e-9  # of jerk, but for where it jumps
+        np.testing.assert_allclose(slope, at[order], rtol=0, atol=1e-4 * np.abs(at[order]).max())
     np.testing.assert_allclose(found(np.array([0.0, found.duration]))[:3], [[0, 1], [0, 0], [0, 0]], atol=1e-9)
-    if isinstance(found, MinimumJerk):
-        np.testing.assert_allclose(found(found.time_at(np.linspace(0, 1, 77)))[0], np.linspace(0, 1, 77), atol=1e-6)
+    np.testing.assert_allclose(found(found.time_at(np.linspace(0, 1, 77)))[0], np.linspace(0, 1, 77), atol=1e-6)
+    u, slopes, bends = found.rows(18)
+    np.testing.assert_allclose(np.stack([u, slopes / 1.7, bends / 1.7**2]), found(0.1 * np.arange(18))[:3], atol=1e-12)
 
 
-def test_an_averaged_law_is_the_average_of_the_law_over_its_window() -> None:
+def any_law(rng: np.random.Generator) -> Stepwise:
+    """From rest to rest over a way of 1, with jumps of acceleration."""
+    knots, path_speeds = np.cumsum([0.0, *rng.uniform(0.1, 0.5, 5)]), np.array([0.0, *rng.uniform(0.2, 2.0, 4), 0.0])
+    way = float(np.diff(knots) @ (path_speeds[1:] + path_speeds[:-1])) / 2
+    return Stepwise(knots, path_speeds / way)
+
+
+@pytest.mark.parametrize("count", [12, 150, 4000])
+def test_the_rows_of_an_averaged_law_are_those_of_a_cubic_spline_from_rest_to_rest(count: int) -> None:
+    rng = np.random.default_rng(count)
+    for share in (1e-3, 0.05, 0.4, 0.7):
+        u, slope, bend = Averaged(any_law(rng), share).rows(count)
+        step = 1.0 / (count - 1)
+        np.testing.assert_allclose([u[0], u[-1]], [0.0, 1.0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose([*slope[[0, -1]], *bend[[0, -1]]], 0.0, atol=1e-9)
+        np.testing.assert_allclose(np.diff(slope), step / 2 * (bend[1:] + bend[:-1]), atol=1e-9)
+        np.testing.assert_allclose(np.diff(u), step * slope[:-1] + step**2 / 6 * (2 * bend[:-1] + bend[1:]), atol=1e-9)
+
+
+def test_an_averaged_law_keeps_what_the_law_keeps_and_is_its_average() -> None:
+    """No faster than the law anywhere, nor more accelerated, nor with more jerk than a change of that within the
+    window; with many rows, the mean over the window."""
     rng = np.random.default_rng(8)
-    for window in (0.02, 0.3, 1.5):
-        knots, path_speeds = (
-            np.cumsum([0.0, *rng.uniform(0.1, 0.5, 5)]),
-            np.array([0.0, *rng.uniform(0.2, 2.0, 4), 0.0]),
-        )
-        values = np.cumsum([0.0, *(np.diff(knots) * (path_speeds[1:] + path_speeds[:-1]) / 2)])
-        stepwise = Stepwise(knots, values / values[-1], path_speeds / values[-1])
-        for time in rng.uniform(-0.2, knots[-1] + window + 0.2, 20):
-            within = time - window * (np.arange(20_000) + 0.5) / 20_000
-            for order in (1, 2):
-                mean = stepwise(within)[order].mean()
-                assert Averaged(stepwise, window)(np.array([time]))[order - 1, 0] == pytest.approx(mean, abs=1e-3)
+    for count, share in ((9, 0.3), (60, 0.05), (300, 0.02), (20_001, 0.1)):
+        law = any_law(rng)
+        window = max(round(share * (count - 1)), 1)
+        whole = law.duration * (count - 1) / (count - 1 - window)
+        u, slope, bend = Averaged(law, share).rows(count)
+        slope, bend, step = slope / whole, bend / whole**2, whole / (count - 1)
+        off = 1.0 + 4.0 * (step / law.duration) ** 2 * np.ptp(np.diff(law.path_speeds) / np.diff(law.knots))
+        accelerations = np.diff(law.path_speeds) / np.diff(law.knots)
+        assert slope.max() <= law.path_speeds.max() * off
+        assert np.abs(bend).max() <= np.abs(accelerations).max() * off
+        jumps = np.ptp(np.append(accelerations, 0.0))
+        assert np.abs(np.diff(bend)).max() / step <= jumps / (window * step) * off
+        assert np.diff(u).min() >= -1e-9
+        for row in (count // 3, count // 2):
+            within = row * step - window * step * (np.arange(20_000) + 0.5) / 20_000
+            mean = law.path_speeds_at(within).mean()
+            assert slope[row] == pytest.approx(mean, rel=2.0 / window**2 + 1e-3)
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0, 171.0])
+def test_a_double_s_is_met_but_for_a_few_thousandths(rate: float) -> None:
+    """One joint alone, far enough to reach its velocity and acceleration: the quickest motion is known."""
+    scene, robot = limited(Limits(velocity=2.0, acceleration=15.0, jerk=500.0), Timing(rate=rate))
+    start = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    for way in (0.8, 1.3, 2.3):
+        goal = start.copy()
+        goal[0] += way
+        retimer = Retimer(Setup.of(scene, robot))
+        motion = retimer(Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked)).trajectory
+        least = retimer.shortest(start, goal)
+        assert motion.duration is not None
+        assert least <= motion.duration <= 1.004 * (least + max(1.0 / rate - 15.0 / 500.0, 0.0))
+        assert all(use.within for use in RateCheck(Setup.of(scene, robot)).check(motion.curve).uses)
 
 
 # --- the check ----------------------------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ from toppra.interpolator import AbstractGeometricPath
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.timing import time_optimal as module
 from hdplan.planner.timing.limits import RateLimit
-from hdplan.planner.timing.retiming import BSpline, smooth
+from hdplan.planner.timing.path_spline import PathSpline
+from hdplan.planner.timing.retiming import smooth
 from hdplan.planner.timing.time_optimal import GRID, PathRows, grid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
@@ -25,12 +26,12 @@ SEIDEL = 1e-5  # [–] by which toppra's law differs: its programs have toleranc
 class Path(AbstractGeometricPath):  # type: ignore[misc]
     """A spline as toppra takes it."""
 
-    def __init__(self, spline: BSpline) -> None:
+    def __init__(self, spline: PathSpline) -> None:
         self.spline = spline
 
     @property
     def dof(self) -> int:
-        return int(self.spline.c.shape[1])
+        return int(self.len(spline(0.0)))
 
     @property
     def path_interval(self) -> Array:
@@ -54,7 +55,7 @@ class AsRows(LinearConstraint):  # type: ignore[misc]
         return found
 
 
-def any_path(rng: np.random.Generator, trial: int) -> BSpline:
+def any_path(rng: np.random.Generator, trial: int) -> PathSpline:
     n, waypoints = int(rng.integers(1, 9)), int(rng.integers(2, 30))
     path = np.cumsum(rng.normal(size=(waypoints, n)) * rng.uniform(0.01, 1.0, n), axis=0)
     if trial % 3 == 0:
@@ -64,9 +65,9 @@ def any_path(rng: np.random.Generator, trial: int) -> BSpline:
     return smooth(path)
 
 
-def as_torques(rng: np.random.Generator, spline: BSpline) -> PathRows:
+def as_torques(rng: np.random.Generator, spline: PathSpline) -> PathRows:
     """Something like torques: with a mass matrix, and gravity that takes a part of each limit."""
-    n = spline.c.shape[1]
+    n = len(spline(0.0))
     half = rng.normal(size=(n, n))
     mass, limit = half @ half.T + 0.1 * np.eye(n), rng.uniform(1.0, 50.0, n)
     gravity = rng.uniform(0.0, 0.9, n) * limit * np.sin(spline(grid()) + rng.uniform(0.0, 3.0, n))
@@ -77,7 +78,7 @@ def test_it_is_toppras_law_within_the_limits() -> None:
     rng = np.random.default_rng(17)
     for trial in range(30):
         spline = any_path(rng, trial)
-        n = spline.c.shape[1]
+        n = len(spline(0.0))
         velocity, acceleration = rng.uniform(0.5, 3.0, n), rng.uniform(0.5, 15.0, n)
         both = [np.stack([-each, each], axis=1) for each in (velocity, acceleration)]
         theirs = [constraint.JointVelocityConstraint(both[0]), constraint.JointAccelerationConstraint(both[1])]
@@ -104,7 +105,7 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
     rng = np.random.default_rng(3)
     for trial in range(12):
         spline = any_path(rng, trial)
-        n = spline.c.shape[1]
+        n = len(spline(0.0))
         given = [RateLimit(order, rng.uniform(0.5, 15.0, n)).rows(spline) for order in (1, 2)]
         given += [as_torques(rng, spline)] * (trial % 2)
         rows = [each for each in given if each is not None]
