@@ -31,7 +31,7 @@ class Path(AbstractGeometricPath):  # type: ignore[misc]
 
     @property
     def dof(self) -> int:
-        return int(self.len(spline(0.0)))
+        return len(self.spline(0.0))
 
     @property
     def path_interval(self) -> Array:
