@@ -60,8 +60,11 @@ class Planes:
     def __init__(self, world: World) -> None:
         """Take the pieces."""
         self.world = world
-        self.shapes = [_coal_shape(piece.corners.tobytes(), piece.sweep.tobytes()) for piece in world.pieces]
-        self.spans = Spans(world, [shape for shape, _ in self.shapes])
+        made = [_coal_shape(piece.corners.tobytes(), piece.sweep.tobytes()) for piece in world.pieces]
+        self.shapes = [shape for shape, _ in made]
+        self.swollen = np.array([swollen for _, swollen in made])  # (g,) [m] how much larger than the pieces
+        self.flat = np.array([isinstance(shape, coal.BVHModelBase) for shape in self.shapes], dtype=bool)
+        self.spans = Spans(world, self.shapes)
 
     def separate(self, chosen: Rows, floor: Array) -> tuple[Leaves, list[Obstruction]]:
         """Return planes that keep the chosen pairs (k,) `floor` (P,) [m] apart over the whole motion, and the pairs for
@@ -71,7 +74,7 @@ class Planes:
         parts = chosen, none, none + float(rows), np.zeros(len(chosen), dtype=np.int64), np.zeros((len(chosen), 3))
         pair, low, high, depth, normal = _halved(*parts)  # few pairs are far apart over the whole motion
         done = [(pair[:0], low[:0], depth[:0], normal[:0])]
-        lost: dict[int, Obstruction] = {}
+        lost, gone = dict[int, Obstruction](), np.zeros(len(self.world.pairs), dtype=bool)
         while len(pair):
             check_time("writing the proof")
             bound, distance = np.full(len(pair), -np.inf), np.full(len(pair), np.inf)
@@ -86,7 +89,8 @@ class Planes:
             short = ~good & (high - low <= SHORTEST_INTERVAL)
             for i in np.flatnonzero(~good & ((distance < floor[pair]) | short)).tolist():
                 lost.setdefault(int(pair[i]), Obstruction(int(pair[i]), low[i], min(distance[i], bound[i])))
-            left = ~good & ~np.isin(pair, list(lost))
+                gone[pair[i]] = True
+            left = ~good & ~gone[pair]
             parts = _halved(pair[left], low[left], high[left], depth[left], normal[left])
             if len(parts[0]) < DIVIDED_TWICE:  # a round takes a millisecond, however few are left
                 parts = _halved(*parts)
@@ -120,17 +124,13 @@ class Planes:
         where coal is to be doubted."""
         of = self.spans.pairs.a[items.pair], self.spans.pairs.b[items.pair]
         (a, row_a), (b, row_b) = ((each.tolist(), nodes.row(items.node, each).tolist()) for each in of)
-        one, two = ([self.shapes[i] for i in each] for each in (a, b))
         normal, distance = directions(
-            (x, nodes.transform(row), y, nodes.transform(other))
-            for (x, _), row, (y, _), other in zip(one, row_a, two, row_b, strict=True)
+            (self.shapes[x], nodes.transform(row), self.shapes[y], nodes.transform(other))
+            for x, row, y, other in zip(a, row_a, b, row_b, strict=True)
         )
-        distance += [swollen + more for (_, swollen), (_, more) in zip(one, two, strict=True)]
-        trees = [
-            isinstance(x, coal.BVHModelBase) or isinstance(y, coal.BVHModelBase)
-            for (x, _), (y, _) in zip(one, two, strict=True)
-        ]
-        for i in np.flatnonzero(~(distance >= floor) | trees).tolist():  # trees have no normals
+        distance += self.swollen[of[0]] + self.swollen[of[1]]
+        trees = self.flat[of[0]] | self.flat[of[1]]  # which have no normals
+        for i in np.flatnonzero(~(distance >= floor) | trees).tolist():
             normal[i], distance[i] = self._direction(nodes, a[i], b[i], row_a[i], row_b[i], floor[i])
         return normal, distance
 
@@ -142,7 +142,7 @@ class Planes:
         coal is sometimes wrong where bodies are parallel: where it says less than `doubted`, slightly turned poses are
         tried too, and the farthest gap counts.
         """
-        (one, swollen), (other, more) = self.shapes[a], self.shapes[b]
+        one, other, swollen = self.shapes[a], self.shapes[b], float(self.swollen[a] + self.swollen[b])
         turn_a, turn_b, at_a, at_b = *nodes.rotation[[row_a, row_b]], *nodes.origin[[row_a, row_b]]
         best, farthest = np.array([0.0, 0.0, 1.0]), -np.inf
         for turn in _TURNS:
@@ -150,9 +150,9 @@ class Planes:
             if turn is not _TURNS[0]:
                 place = coal.Transform3s(turn_a @ turn, at_a)
             distance = float(coal.distance(one, place, other, nodes.transform(row_b), _REQUEST, result))
-            distance += swollen + more
+            distance += swollen
             apart = np.array(result.getNearestPoint1()) - np.array(result.getNearestPoint2())
-            trees = isinstance(one, coal.BVHModelBase) or isinstance(other, coal.BVHModelBase)  # they have no normals
+            trees = self.flat[a] or self.flat[b]  # which have no normals
             normal = apart if trees and apart.any() else -np.array(result.normal)
             normal = normal / (float(np.linalg.norm(normal)) or 1.0)
             if turn is _TURNS[0] and distance >= doubted:
@@ -161,7 +161,7 @@ class Planes:
             gap = float(near - normal @ at_b) - _reach(self.world.pieces[b], normal @ turn_b)
             if gap > farthest:
                 best, farthest = normal, gap
-        return best, farthest + swollen + more
+        return best, farthest + swollen
 
 
 class _Placed:
@@ -190,8 +190,8 @@ def _halved(pair: Rows, low: Array, high: Array, depth: Rows, normal: Array) -> 
     """Return items with their intervals halved, as the kernel halves them."""
     middle = half(low, high)
     return (
-        *(np.tile(pair, 2), np.concatenate([low, middle]), np.concatenate([middle, high])),
-        *(np.tile(depth + 1, 2), np.tile(normal, (2, 1))),
+        *(np.concatenate([pair, pair]), np.concatenate([low, middle]), np.concatenate([middle, high])),
+        *(np.concatenate([depth + 1, depth + 1]), np.concatenate([normal, normal])),
     )
 
 

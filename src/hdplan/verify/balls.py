@@ -29,7 +29,7 @@ class RejectedError(Exception):
 
 def shown(line: str) -> str:
     """A line without characters by which a name in a file could look like several."""
-    return "".join(x if x.isprintable() else "?" for x in line)
+    return line if line.isprintable() else "".join(x if x.isprintable() else "?" for x in line)
 
 
 def named(name: str) -> str:

@@ -136,8 +136,9 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
             begins = event
             if type(event) is yaml.ScalarEvent:
                 value = self.scalar(event)
-                good = value is not MERGE or (len(made[-1]) % 2 == 0 and type(begun[-1]) is yaml.MappingStartEvent)
-                need(good, "YAML: the word << stands where no key does")
+                if value is MERGE:
+                    good = len(made[-1]) % 2 == 0 and type(begun[-1]) is yaml.MappingStartEvent
+                    need(good, "YAML: the word << stands where no key does")
             elif isinstance(event, yaml.CollectionStartEvent):
                 need(len(begun) <= DEEPEST, f"YAML: is nested more than {DEEPEST} levels deep")
                 need(event.tag in (None, "!", TAG + "map", TAG + "seq"), f"YAML: the tag {event.tag}")

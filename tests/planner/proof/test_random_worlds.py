@@ -173,7 +173,7 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
     assert wanted <= found <= wanted | left_out
 
     data, placed = robot.model.createData(), pin.GeometryData(robot.collision)
-    shapes, probe = Planes(world).shapes, coal.Sphere(1e-3)
+    planes, probe = Planes(world), coal.Sphere(1e-3)
     for _ in range(3):
         row, share = int(rng.integers(4)), float(rng.integers(2**10)) / 2**10
         now = np.array([curve.times[row] + share * (curve.times[row + 1] - curve.times[row])])
@@ -200,7 +200,7 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
                 if piece.name == name:
                     turn, place = moment.turn.mid[0, piece.joint], moment.at.mid[0, piece.joint]
                     turned, there = turn @ piece.pose[0].mid, turn @ piece.pose[1].mid + place
-                    own.append(away(shapes[i][0], np.column_stack([turned, there])) - shapes[i][1])
+                    own.append(away(planes.shapes[i], np.column_stack([turned, there])) - planes.swollen[i])
             assert min(own) == pytest.approx(min(away(*part) for part in parts), abs=1e-4)
 
 
