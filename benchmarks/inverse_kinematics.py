@@ -1,4 +1,4 @@
-"""Every configuration of a pose: how long it takes, and how many are found, beside ssik and EAIK where these are installed.
+"""Every configuration of a pose: the time that it takes, and how many are found, beside ssik and EAIK if installed.
 
 Arms are those that ssik ships, by its own forward kinematics; poses are those of random configurations, without limits.
 A branch of ssik's counts as missed if no configuration of ours is within 1e-4 rad of it, whole turns aside; of an arm
@@ -35,7 +35,7 @@ POSES, NEAREST, SAME = 100, 8, 1e-4
 
 
 class Found(NamedTuple):
-    """What came of some poses."""
+    """The outcome of some poses."""
 
     branches: int
     missed: int
@@ -75,7 +75,8 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
     arm = ssik.Manipulator.from_prebuilt(name)
     joints = _joints_of(arm.fk, arm.dof)
     ways, functions = choice(joints), library()
-    assert ways and functions is not None
+    assert ways
+    assert functions is not None
     free = np.full(arm.dof, np.inf)
     chains, held = [way.chain(joints, -free, free) for way in ways], list(ways[0].held)
     ours, theirs, count, missed = [], [], 0, 0
