@@ -15,7 +15,7 @@ import argparse
 import importlib
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -32,14 +32,6 @@ Array = NDArray[np.float64]
 ARMS = ("ur5", "z1", "puma560", "irb120", "kr6_r900", "jaco2", "xarm6", "franka_panda", "iiwa14", "gen3")
 ROBOTS = ("ur3", "ur5", "ur10", "z1", "kinova", "talos_left_arm", "panda", "xarm7")
 POSES, NEAREST, SAME = 100, 8, 1e-4
-
-
-class Found(NamedTuple):
-    """The outcome of some poses."""
-
-    branches: int
-    missed: int
-    ms: float
 
 
 def main() -> None:
