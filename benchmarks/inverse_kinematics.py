@@ -1,4 +1,4 @@
-"""Every configuration of a pose: how long it takes, and how many are found, beside ssik and EAIK where these are installed.
+"""Every configuration of a pose: the time that it takes, and how many are found, beside ssik and EAIK if installed.
 
 Arms are those that ssik ships, by its own forward kinematics; poses are those of random configurations, without limits.
 A branch of ssik's counts as missed if no configuration of ours is within 1e-4 rad of it, whole turns aside; of an arm
@@ -15,9 +15,10 @@ import argparse
 import importlib
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 import hdplan
@@ -33,24 +34,16 @@ ROBOTS = ("ur3", "ur5", "ur10", "z1", "kinova", "talos_left_arm", "panda", "xarm
 POSES, NEAREST, SAME = 100, 8, 1e-4
 
 
-class Found(NamedTuple):
-    """What came of some poses."""
-
-    branches: int
-    missed: int
-    ms: float
-
-
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("arms", nargs="*", default=ARMS)
     parser.add_argument("--poses", type=int, default=POSES)
     given = parser.parse_args()
-    print(markdown_text(list(proven(given.poses)), "hdplan.inverse_kinematics(…, all_branches=True)"))
+    print(f"hdplan.inverse_kinematics(…, all_branches=True)\n\n{markdown_text(list(proven(given.poses)))}")
     if ssik := _installed("ssik"):
         rows = [against(ssik, name, given.poses) for name in given.arms]
-        print(markdown_text(rows, "the loop alone, beside ssik and EAIK"))
+        print(f"The loop alone\n\n{markdown_text(rows)}")
 
 
 def proven(poses: int) -> Iterator[dict[str, Any]]:
@@ -60,7 +53,8 @@ def proven(poses: int) -> Iterator[dict[str, Any]]:
         link = end_effector(robot, "link")
         drawn, seeds, times, counts = robot.draw(rng, poses), robot.draw(rng, poses), [], []
         for place, seed in zip(link_poses(robot, drawn, link_frame(robot, link, "")), seeds, strict=True):
-            pose = hdplan.Pose.from_matrix(place)
+            turn = pin.Quaternion(place[:3, :3]).normalized().coeffs()
+            pose = hdplan.Pose(tuple(place[:3, 3].tolist()), tuple(turn.tolist()))
             before = time.process_time()
             counts.append(len(hdplan.inverse_kinematics(robot, pose, link, seed=seed, all_branches=True)))
             times.append(time.process_time() - before)
@@ -73,7 +67,8 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
     arm = ssik.Manipulator.from_prebuilt(name)
     joints = _joints_of(arm.fk, arm.dof)
     ways, functions = choice(joints), library()
-    assert ways and functions is not None
+    assert ways
+    assert functions is not None
     free = np.full(arm.dof, np.inf)
     chains, held = [way.chain(joints, -free, free) for way in ways], list(ways[0].held)
     ours, theirs, count, missed = [], [], 0, 0
@@ -88,7 +83,9 @@ def against(ssik: Any, name: str, poses: int) -> dict[str, Any]:
         count += len(others)
         for other in others if held else others[:1]:
             before = time.process_time()
-            found = np.vstack([closed_form_loop.branches(functions, x, wanted, other[None, held], other) for x in chains])
+            found = np.vstack(
+                [closed_form_loop.branches(functions, x, wanted, other[None, held], other) for x in chains]
+            )
             ours.append(time.process_time() - before)
             missed += _missed(found, [other] if held else others)
     row = {"arm": name, "solved by": ways[0].kind.name.lower(), "ssik's branches": count, "missed": missed}
@@ -121,13 +118,15 @@ def _eaik(joints: Joints, places: list[Array]) -> str:
     if len(joints.turns) != 6:
         return "-"
     steps = np.diff(np.vstack([np.zeros(3), joints.points, joints.tip[:3, 3]]), axis=0)
-    robot = module.HPRobot(joints.directions.T, steps.T, joints.tip[:3, :3])
+    robot = module.HPRobot(joints.directions, steps)
     if not robot.hasKnownDecomposition():
         return "unknown"
-    times = []
+    times, turn = [], np.eye(4)
+    turn[:3, :3] = joints.tip[:3, :3]
     for place in places:
+        wanted = place @ turn.T  # without the link's own rotation
         before = time.process_time()
-        robot.IK(place)
+        robot.IK(wanted)
         times.append(time.process_time() - before)
     return _ms(times)
 

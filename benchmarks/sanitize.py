@@ -27,6 +27,7 @@ SUITES = (
     "tests/planner/collision/test_hdsdf.py",
     "tests/planner/search/test_trees.py",
     "tests/planner/timing/test_time_optimal.py",
+    "tests/planner/kinematics/test_closed_form.py",
     "tests/planner/kinematics/test_inverse.py",
     "tests/planner/certificate/test_interval_bounds.py",
 )

@@ -1,7 +1,8 @@
 """The loops of C that hdplan was built with, `hdplan._loops`; None where it was installed without a C compiler.
 
 Every function there checks what it is given (`border.h`): an array of another type, shape or layout raises an error
-that names it. Each loop has a twin in NumPy, which serves where there are none, and to which laws hold it.
+that names it. Each loop has a twin in NumPy, which serves where there are none, and to which laws hold
+it; in the place of closed forms of inverse kinematics its search does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which arms have their configurations in closed form, and what must be held for it.
+"""Closed forms of inverse kinematics: the arms that have one, and the joints that must be held for it.
 
 Six turning joints are solved where, from one end or the other, the last two axes meet: all three of a wrist in a
 point, or three others parallel, without a search; or else by a search along one angle (`closed_form_loop`). Of a chain
@@ -38,7 +38,7 @@ PER_HELD = 16  # values of held joints that are tried
 
 
 class Kind(enum.IntEnum):
-    """What a chain of six joints is solved by."""
+    """The geometry by which six joints are solved."""
 
     WRIST = 0  # its last three axes meet in a point
     PARALLEL = 1  # its last two axes meet, and those of joints 2 to 4 are parallel
@@ -244,7 +244,7 @@ def _first_determinant(directions: Array, points: Array) -> float:
 
 
 def _kind(directions: Array, points: Array) -> Kind | None:
-    """What six axes in this order are solved by; None by nothing here."""
+    """The geometry by which six axes in this order are solved; None if there is none."""
     if _parallel(directions[4], directions[5]) or _gap(directions[4:], points[4:]) > CLOSE:
         return None
     centre = _meeting(directions[4:], points[4:])

@@ -579,7 +579,7 @@ static void look(const axis* axes, const double* tip, const double* wanted, cons
   }
 }
 
-static double missed_by(const double* error) { return fmax(norm(error), norm(error + 3)); }
+static double missed_by(const double* error) { return most_of(norm(error), norm(error + 3)); }
 
 /* way = Jᵀ (J Jᵀ + λ² I)⁻¹ error; error is lost. Returns whether it could be done. */
 static int step_of(const double* jacobian, double* error, double* way) {

@@ -1,5 +1,5 @@
-"""Inverse kinematics from many starts: the configurations that bring a link to a pose, or several links
-each to its own.
+"""Inverse kinematics: the configurations that bring a link to a pose, or several links each to its own; in closed form
+where the arm's geometry has one (`kinematics.closed_form`), or else from many starts.
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
 "Inverse kinematic solutions with singularity robustness", 1986). At first only the part of the error e beyond a share
@@ -61,11 +61,15 @@ def inverse_kinematics(
 
     For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
     the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
-    leads there, or that no other configurations exist, nearer ones included: they are found by search, from the seed,
-    from 24 starts around it and, where these lead nowhere or all branches are asked for, from 128 all over the
-    limits, which may miss some or all. Any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An
-    arm with more joints than the pose asks for has families of configurations in place of single ones; of each it
-    gives a few members. The same arguments give the same configurations.
+    leads there, or that no others exist. `hdplan robots NAME` says how they are found: in closed form, to rounding,
+    every branch of six turning joints whose last three axes meet in a point, or of whose axes three are parallel, and
+    nearly every one where two neighbours meet; or else, and where the pose is reached within its tolerances alone, by
+    search, from the seed, from 24 starts around it and, where these lead nowhere or all branches are asked for, from
+    128 all over the limits, which may miss some or all. Branches in closed form are all there are; of those that are
+    searched any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than
+    the pose asks for has families of configurations in place of single ones: some of its joints are held at values
+    around the seed's, and of each family it gives a few members, as far apart. Each joint is as near to the seed as
+    whole turns within its limits let it. The same arguments give the same configurations.
 
     Args:
         robot: what load_robot returns; or a scene, whose robot it is, with what it holds and its position limits.
@@ -99,7 +103,7 @@ def inverse_kinematics(
         if form and len(exact):
             listed = _with_families(arm, target, met, exact, start) if form.redundant else _in_order(met, exact, start)
             met = _proven(arm, target, listed if every else listed[:1])
-        else:
+        if not len(exact) or not len(met):
             met = _searched(arm, target, met, start, every)
     check_as_loaded(arm, shapes=False)
     return met if every else met[:1]

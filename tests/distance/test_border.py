@@ -105,7 +105,7 @@ def run_scenes() -> None:
     PathSpeed(np.ones(n)).value(problem.polyline())
     slope = np.ones((GRID + 1, n))
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
-    inverse_kinematics(problem.robot, [0.4, 0.1, 0.5])
+    inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
 
 
