@@ -37,12 +37,12 @@ def random_place(kind: str, number: int) -> dict[str, Any]:
     """Return a scene of one of the RANDOM kinds, as files have it: the same for the same number."""
     rng = np.random.default_rng((RANDOM.index(kind), number))
     if kind == "random_tube":
-        height = float(rng.uniform(0.3, 0.7))
+        height = float(rng.uniform(0.35, 0.65))
         tube = _tube(float(rng.uniform(0.21, 0.24)), height)
-        return _scene(tube, BACK, [float(rng.uniform(0.6, 0.72)), 0.0, height], LEVEL)
+        return _scene(tube, BACK, [float(rng.uniform(0.6, 0.7)), 0.0, height], LEVEL)
     if kind == "random_doors":
-        width, (first, second) = float(rng.uniform(0.24, 0.3)), rng.uniform(-0.2, 0.2, 2).tolist()
-        goal = [float(rng.uniform(0.68, 0.78)), second, float(rng.uniform(0.35, 0.5))]
+        width, (first, second) = float(rng.uniform(0.24, 0.3)), rng.uniform(-0.15, 0.15, 2).tolist()
+        goal = [float(rng.uniform(0.66, 0.75)), second, float(rng.uniform(0.4, 0.5))]
         return _scene(_doors(width, first, second), BACK, goal, LEVEL)
     if kind == "random_bars":
         apart = float(rng.uniform(0.095, 0.12))
@@ -116,8 +116,8 @@ def _clutter(rng: np.random.Generator) -> list[dict[str, Any]]:
             {"type": "capsule", "radius": 0.3 * a, "length": 2.0 * b},
             {"type": "sphere", "radius": 0.5 * a},
         ][int(rng.integers(4))]
-        turn, out, height = rng.uniform((-np.pi, 0.35, 0.0), (np.pi, 0.85, 1.0))
-        position = [out * float(np.cos(turn)), out * float(np.sin(turn)), float(height)]
+        turn, out, height = rng.uniform((-np.pi, 0.35, 0.0), (np.pi, 0.85, 1.0)).tolist()
+        position = [out * float(np.cos(turn)), out * float(np.sin(turn)), height]
         rpy = rng.uniform(-np.pi, np.pi, 3).tolist()
         found.append({"name": f"thing{k}", "shape": shape, "pose": {"position": position, "rpy": rpy}})
     return found

@@ -10,6 +10,7 @@ enum { SURFACES = 3, STEPS = 16 };
 
 #define LEAST 1e-3 /* least length of a line that is kept */
 #define BACK 1e-3  /* [m] that a line ends before what it meets, at most half of it */
+#define NEARER 0.8 /* share of the way to a target that is left, at most, where the other tree is to follow */
 #define AWAY 0.1   /* share of a step along a surface by which it leaves the surface */
 
 /* Nodes (capacity, n), of which `count` are there, and the row of each one's parent. */
@@ -31,15 +32,18 @@ static double product_of(long long n, const double* a, const double* b) {
   return sum;
 }
 
+/* |a − b|² */
+static double square_apart(long long n, const double* a, const double* b) {
+  double sum = 0.0;
+  for (long long i = 0; i < n; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
+
 static long long nearest(const branches* of, long long n, const double* q) {
   double least = INFINITY;
   long long found = 0;
   for (long long k = 0; k < *of->count; ++k) {
-    double square = 0.0;
-    for (long long i = 0; i < n; ++i) {
-      const double apart = of->nodes[n * k + i] - q[i];
-      square += apart * apart;
-    }
+    const double square = square_apart(n, of->nodes + n * k, q);
     if (square < least) {
       least = square;
       found = k;
@@ -113,8 +117,8 @@ static long long grow(const growth* of, branches* tree, long long from, const do
   return from;
 }
 
-/* Grow two trees, in turn, towards `count` targets, and each then the other's to what was reached, until they meet: the
-   nodes there are in `joint`, else −1. */
+/* Grow two trees, in turn, towards `count` targets, and the other one then to what was reached, where this was a good part
+   of the way, until they meet: the nodes there are in `joint`, else −1. */
 static void grow_both(const growth* of, branches* trees, long long count, const double* targets, long long* joint) {
   joint[0] = joint[1] = -1;
   for (long long k = 0; k < count; ++k) {
@@ -125,7 +129,8 @@ static void grow_both(const growth* of, branches* trees, long long count, const 
     const long long before = *one->count, from = nearest(one, of->n, target);
     const long long reached = grow(of, one, from, target, &arrived);
     if (*one->count == before) continue;
-    const double* q = one->nodes + of->n * reached;
+    const double *q = one->nodes + of->n * reached, *begun = one->nodes + of->n * from;
+    if (square_apart(of->n, q, target) > NEARER * NEARER * square_apart(of->n, begun, target)) continue;
     const long long met = grow(of, other, nearest(other, of->n, q), q, &arrived);
     if (!arrived) continue;
     joint[side] = reached;
