@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ KINDS = {
 }
 ARM = ("move", *CURVES)  # kinds that move the arm
 MOST_STAGES = 1000
+COLUMN = re.compile(r"\$(\$|[A-Za-z_][A-Za-z0-9_]*)?")  # of a table, in the texts of a repeated stage
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Stage:
 
 def stages_of(top: dict[str, Any]) -> list[Stage]:
     """The stages of a scene's job."""
-    entries = listing(top.get("job"), "job")
+    entries = [stage for entry in listing(top.get("job"), "job") for stage in repeated(entry)]
     need(0 < len(entries) <= MOST_STAGES, f"job: 1 to {MOST_STAGES} stages are expected")
     found = [stage_of(entry, i) for i, entry in enumerate(entries)]
     need(len({x.name for x in found}) == len(found), "job: two stages of one name")
@@ -62,6 +64,42 @@ def stages_of(top: dict[str, Any]) -> list[Stage]:
         same = not one.blend or one.beside.get("limits") == other.beside.get("limits")
         need(same, f"stage '{one.name}': blend: into a stage with other limits")
     return found
+
+
+def repeated(entry: Any) -> list[Any]:
+    """A stage as it stands in the list, or those that a `repeat` makes of the rows of its table: in these `$box` is the
+    value of the column `box`, in a longer text its words, and `$$` is a dollar sign. A name that says nothing of the
+    row gets its number."""
+    if not isinstance(entry, dict) or "repeat" not in entry:
+        return [entry]
+    need({*entry} == {"repeat"}, "job: repeat goes with nothing else")
+    said, made = mapping(entry["repeat"], "repeat", "over stages"), list[Any]()
+    rows, stages = (listing(said.get(key), f"repeat.{key}") for key in ("over", "stages"))
+    need(0 < len(rows) * len(stages) <= MOST_STAGES, f"repeat: makes 1 to {MOST_STAGES} stages")
+    for number, row in enumerate(rows, 1):
+        need(isinstance(row, dict) and {*row} == {*rows[0]}, "repeat.over: rows of the same columns are expected")
+        for stage in stages:
+            one = filled(stage, row)
+            same = isinstance(one, dict) and type(one.get("name")) is str and one["name"] == stage["name"]
+            made.append({**one, "name": f"{one['name']} {number}"} if same else one)
+    return made
+
+
+def filled(value: Any, row: dict[str, Any]) -> Any:
+    """A part of a stage with the values of a row in it."""
+    if isinstance(value, dict):
+        return {filled(key, row): filled(each, row) for key, each in value.items()}
+    if isinstance(value, list):
+        return [filled(each, row) for each in value]
+    if type(value) is not str:
+        return value
+
+    def column(found: re.Match[str]) -> Any:
+        need(found[1] == "$" or found[1] in row, f"repeat: there is no column '{found[1]}'")
+        return "$" if found[1] == "$" else row[found[1]]
+
+    whole = COLUMN.fullmatch(value)
+    return column(whole) if whole else COLUMN.sub(lambda found: str(column(found)), value)
 
 
 def stage_of(entry: Any, number: int) -> Stage:

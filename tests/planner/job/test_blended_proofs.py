@@ -17,6 +17,7 @@ from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.proof import prove_certified
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.curves import Blend, Leg, arc_about, arc_through
@@ -433,3 +434,14 @@ def test_arcs_are_circles(seed: int) -> None:
     radius = 0.3 * float(np.linalg.norm(begins - ends))
     off = np.linalg.norm(leg.poses(np.array([leg.leaves(radius)]))[0][0] - begins)
     assert off == pytest.approx(radius, abs=1e-9)
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("name", shipped_jobs())
+def test_shipped_jobs_have_proofs(name: str, tmp_path: Path) -> None:
+    """As `hdplan plan NAME -o job.json --proof job.proof` writes them."""
+    result = hdplan.plan_job(hdplan.load_scene(name))
+    assert result.certified, result.text
+    result.save(tmp_path / "job.json")
+    proof = prove_certified(result.certificate, name, tmp_path / "job.json")
+    assert proof.text.startswith(f"accepted: a job of {len(result.certificate.stages)} stages")

@@ -11,6 +11,9 @@ import pytest
 import hdplan
 from hdplan.planner.motion.trajectory import StageMark
 from hdplan.scenes.errors import InputError
+from hdplan.verify.balls import RejectedError
+from hdplan.verify.stages import stages_of
+from hdplan.verify.text import yaml_of
 
 HEAD = """
 hdplan: 1
@@ -109,3 +112,19 @@ def test_marks_hold_outputs_and_the_certificate_compares_them(tmp_path: Path) ->
             hdplan.Set(bad)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="one output or more"):
         hdplan.Set({})
+
+
+def test_the_checker_repeats_stages_by_itself(tmp_path: Path) -> None:
+    """The same stages as those of a saved scene, which has them one by one; and false tables are rejected."""
+    scene = read(tmp_path, TABLE)
+    scene.save(tmp_path / "saved.yaml")
+    one, other = (yaml_of((tmp_path / name).read_bytes()) for name in ("job.yaml", "saved.yaml"))
+    found, expected = stages_of(one), stages_of(other)
+    assert [(x.name, x.kind, x.touch, x.beside, x.blend) for x in found] == [
+        (x.name, x.kind, x.touch, x.beside, x.blend) for x in expected
+    ]
+    assert [x.said for x in found if x.kind != "line"] == [x.said for x in expected if x.kind != "line"]
+    assert [x.said["by"] for x in found if x.kind == "line"] == [x.said["by"] for x in expected if x.kind == "line"]
+    for old, new in (("$hole", "$where"), ("depth: [0, 0, -0.02], ", ""), ("repeat:", "name: a\n    repeat:")):
+        with pytest.raises(RejectedError):
+            stages_of(yaml_of((HEAD + TABLE).replace(old, new).encode()))
