@@ -238,7 +238,7 @@ class Replanner:
                 raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
             self._now = t
             picture, row = self._picture, self._grid.after(t + self._period + self._latency)
-            why, moves = self._hindrance(picture, t), False
+            why, moves = self._hindrance(picture, self._time(t, began)), False
             if not why:
                 self._course = self._ways.hear(t, self._held, self._course, row)
                 moves, why = self._go_on(picture, row, t, began)
@@ -248,11 +248,11 @@ class Replanner:
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
-    def _hindrance(self, picture: Picture, t: float) -> str:
+    def _hindrance(self, picture: Picture, now: float) -> str:
         """Say why nothing can be proven in this step; nothing if something may."""
         if self._off:
             return self._off
-        if picture.at > t:
+        if picture.at > now:
             return f"the picture was taken at {picture.at:.6g} s, after this step"
         if picture.lost:
             return f"'{picture.lost[0]}' was not seen for so long that it may be anywhere"
@@ -279,7 +279,7 @@ class Replanner:
                 if isinstance(certificate, str) or not certificate.certified:
                     why = certificate if isinstance(certificate, str) else certificate.text
                     continue
-                if self._late(t, began):
+                if not self._time(t, began) <= t + self._period:
                     return False, "the step took longer than its period"
                 if course is not self._course:
                     self._ways.taken()
@@ -299,10 +299,9 @@ class Replanner:
         except HdplanError as error:
             return str(error)
 
-    def _late(self, t: float, began: float) -> bool:
-        """True if a step takes so long that what it proves would be executed too late."""
-        now = self._clock() if self._clock is not None else t + time.perf_counter() - began
-        return not now <= t + self._period
+    def _time(self, t: float, began: float) -> float:
+        """Return the time [s] in a step of t that began then (time.perf_counter())."""
+        return self._clock() if self._clock is not None else t + time.perf_counter() - began
 
     def _command(self, t: float, why: str, seconds: float) -> Command:
         position, velocity, acceleration = self._held.at(t)
