@@ -158,6 +158,10 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
         lambda: world_values.plain_shape(Lidar()),  # type: ignore[arg-type]
     ),
+    ("planner/replanning/picture.py", "Sighting.frozen", "motion"): "for ways alone; pictures refuse other motions",
+    ("planner/replanning/picture.py", "Sightings.updated", "seen"): "a cloud alone is given as one",
+    ("planner/replanning/picture.py", "_named", "seen"): "a cloud alone is given as one",
+    ("planner/replanning/picture.py", "_refuse_timed", "motion"): "refuses all others",
     ("planner/robot/self_filter.py", "_solids", "seen"): (
         lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
         lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
@@ -408,6 +412,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/problem/assemble.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",
     "planner/proof/world.py": "torques alone need masses",
+    "planner/replanning/replanner.py": "needs accelerations, and compares measured velocities",
     "planner/robot/joint_limits.py": "what URDFs hold; others are refused without numbers",
     "planner/robot/loads.py": "words of an error",
     "planner/search/goals.py": "an order of goals",

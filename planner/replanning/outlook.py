@@ -47,6 +47,13 @@ class Question:
     standing: Array | None  # (n,) where the robot is going to stand, and go on from; None: it goes on at `row`
     stuck: bool  # whether the robot stands, though its way may be free
 
+    @property
+    def begins(self) -> float:
+        """The time s of the nominal motion at which another one may take the place of its rest."""
+        assert self.nominal is not None
+        assert self.nominal.motion.times is not None
+        return float(self.nominal.motion.times[self.row])
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:

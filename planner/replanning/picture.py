@@ -24,7 +24,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError, InputError, nearest
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses, obstacles_of
+from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, obstacles_of
 from hdplan.scenes.poses import AnyPose, Pose, placement
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
@@ -136,7 +136,7 @@ class Sightings:
 
 
 def _refuse_timed(obstacle: Obstacle, where: str) -> None:
-    if isinstance(obstacle.motion, TimedPoses):
+    if obstacle.motion is not None and not isinstance(obstacle.motion, SteadyMotion):
         raise InputError(
             f"{where}: motion: poses at known times are of a single motion; a replanner takes a velocity and a spin, "
             "and uncertainty.speed for what is not known of them"

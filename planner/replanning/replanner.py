@@ -23,7 +23,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor
 from types import TracebackType
 
 import numpy as np
@@ -34,8 +34,8 @@ from hdplan.planner.replanning.command import Command, Mode
 from hdplan.planner.replanning.failsafe import FailsafeMotions
 from hdplan.planner.replanning.held import Grid, Held
 from hdplan.planner.replanning.nominal import Course, Nominal, Rows
-from hdplan.planner.replanning.outlook import Answer, Question, outlook
 from hdplan.planner.replanning.picture import Picture, Sightings
+from hdplan.planner.replanning.ways import Ways
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking
@@ -54,9 +54,7 @@ ROWS = 2  # of the grid in a period
 OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
 AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
 FIRST_HORIZON = 0.5  # [s] until one was measured
-AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
 FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
-AGAIN = 0.5  # [s] after a way was not found, until one is looked for again
 SHARE = 0.8  # of a period, for the proofs of a step
 
 
@@ -127,18 +125,12 @@ class Replanner:
         self._motions = FailsafeMotions(setup.limits, self._grid.h, ROWS + 1)
         self._held = Held.standing(self._grid, 0, start)
         self._course: Course | None = None
-        self._reaches = True  # whether it leads to the goal
-        self._no_way = ""  # why none was found
+        self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
         self._off = ""  # how the robot is not where it is to be
         self._hopeful = True  # whether the last step could prove a motion
         self._clearance: float | None = None
         self._proven_at, self._horizon = at, FIRST_HORIZON
-        self._executor, self._own = executor, executor is None
-        self._asked: Future[Answer] | None = None
-        self._asked_of: Sightings | None = None
-        self._asked_at, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
-        self._waiting: Answer | None = None  # a way that is not driven yet
         self._seen = Sightings.of(setup.scene, at)
         self._steps, self._updates = threading.RLock(), threading.RLock()
         self._picture = Picture(self._seen, self.robot, start)
@@ -160,9 +152,7 @@ class Replanner:
     def close(self) -> None:
         """End the thread of its own; the last command stays safe."""
         with self._steps:
-            if self._own and self._executor is not None:
-                self._executor.shutdown(wait=True, cancel_futures=True)
-                self._executor = None
+            self._ways.close()
 
     def update(
         self,
@@ -201,8 +191,8 @@ class Replanner:
         if isinstance(scene.goal, JointTarget):
             self.robot.configuration(scene.goal)
         with self._steps:
-            self._scene, self._asked, self._waiting = setup.asked, None, None
-            self._reaches, self._not_before = False, -math.inf
+            self._scene = setup.asked
+            self._ways.forget(reaches=False)
 
     def state(self, q: ArrayLike, dq: ArrayLike, at: float | None = None) -> None:
         """Take what was measured of the joints: positions q and velocities dq (n,), at a time [s], by default that of
@@ -232,7 +222,8 @@ class Replanner:
                 if when >= self._grid.time(self._held.last) and np.abs(rates).max() <= AT_REST:
                     inside = np.clip(found, self.robot.lower, self.robot.upper)
                     self._held = Held.standing(self._grid, self._grid.after(when), inside)
-                    self._course, self._waiting, self._asked, self._off = None, None, None, ""
+                    self._course, self._off = None, ""
+                    self._ways.forget(reaches=True)
 
     def step(self, t: float) -> Command:
         """Return what the robot is to do from now, t [s], on: the motion that is held, longer by a piece if that could
@@ -247,97 +238,55 @@ class Replanner:
                 raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
             self._now = t
             picture, row = self._picture, self._grid.after(t + self._period + self._latency)
-            why = self._hindrance(picture, t)
-            taken = ""
+            why, moves = self._hindrance(picture, self._time(t, began)), False
             if not why:
-                self._hear(row)
-                taken, why = self._go_on(picture, row, t, began)
-            self._ask(row, bool(taken))
-            return self._command(t, taken, why, time.perf_counter() - began)
+                self._course = self._ways.hear(t, self._held, self._course, row)
+                moves, why = self._go_on(picture, row, t, began)
+            if not self._off:
+                self._ways.ask(self._scene, self._seen, t, self._horizon, self._held, self._course, row, moves)
+            return self._command(t, why, time.perf_counter() - began)
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
-    def _hindrance(self, picture: Picture, t: float) -> str:
+    def _hindrance(self, picture: Picture, now: float) -> str:
         """Say why nothing can be proven in this step; nothing if something may."""
         if self._off:
             return self._off
-        if picture.at > t:
+        if picture.at > now:
             return f"the picture was taken at {picture.at:.6g} s, after this step"
         if picture.lost:
             return f"'{picture.lost[0]}' was not seen for so long that it may be anywhere"
         return ""
 
-    def _hear(self, row: int) -> None:
-        """Take the answer about the way, if there is one, and drop a way that can no longer be joined."""
-        if self._asked is not None and self._asked.done():
-            future, self._asked = self._asked, None
-            answer = future.result()
-            took = max(self._now - self._asked_at, 0.0)
-            self._lead = min(max(AHEAD, 0.7 * self._lead, 1.3 * took), MOST_AHEAD)
-            if answer.way is not None:
-                self._waiting = answer
-            elif answer.why:
-                self._not_before = self._now + AGAIN
-                self._no_way = answer.why
-        if self._waiting is not None and self._joined(self._waiting, row) is None:
-            self._waiting = None
-        if self._waiting is not None and (course := self._joined(self._waiting, row)) is not None:
-            keeps = self._waiting.question.standing is not None
-            if keeps or (self._course is not None and self._course.law[-1, 0] <= self._begins(self._waiting)):
-                self._course, self._waiting, self._reaches = course, None, True  # H does not depend on it
-
-    @staticmethod
-    def _begins(answer: Answer) -> float:
-        """The s at which a way takes over from the nominal motion."""
-        nominal = answer.question.nominal
-        assert nominal is not None
-        assert nominal.motion.times is not None
-        return float(nominal.motion.times[answer.question.row])
-
-    def _joined(self, answer: Answer, row: int) -> Course | None:
-        """Return the course that a way makes from a row of the clock on; None if the robot is past its beginning."""
-        question, way = answer.question, answer.way
-        assert way is not None
-        if question.standing is not None:
-            if row < self._held.last or not np.array_equal(self._held.stop, question.standing):
-                return None
-            return Course(way, row, np.array([[way.begins, 0.0, 0.0]]))
-        course = self._course
-        if course is None or course.nominal is not question.nominal:
-            return None
-        s = float(course.at(row)[0])
-        if s > self._begins(answer):
-            return None
-        return Course(course.nominal.continued(s, question.row, way), course.first, course.law)
-
-    def _go_on(self, picture: Picture, row: int, t: float, began: float) -> tuple[str, str]:
-        """Prove a motion from a row of the clock on, and hold it. Return what was done, and why nothing was."""
+    def _go_on(self, picture: Picture, row: int, t: float, began: float) -> tuple[bool, str]:
+        """Prove a motion from a row of the clock on, and hold it. Return whether one was, and why none was, if one is
+        needed."""
         if self._course is None:
-            return "", self._no_way or "no way was found yet"
+            return False, self._ways.why or "no way was found yet"
         courses = [self._course]
-        if self._waiting is not None and (course := self._joined(self._waiting, row)) is not None:
+        if (course := self._ways.waiting(self._held, self._course, row)) is not None:
             courses.insert(0, course)
         elif self._course.arrives and row >= self._held.last:
-            return "", ""
+            return False, ""
         why, hopeful, self._hopeful = "", self._hopeful, False
         for course in courses:
             for motion in self._motions.of(course.nominal, course.at(row), hopeful):
                 if not motion.moves:
-                    return "", ""
+                    return False, ""
                 certificate = self._proof(picture, row, motion.rows, course.nominal, began)
                 stands = self._grid.time(row + len(motion.law) - 1) + self._settling
                 self._horizon = max(stands - picture.at, FORGETS * self._horizon)
                 if isinstance(certificate, str) or not certificate.certified:
                     why = certificate if isinstance(certificate, str) else certificate.text
                     continue
-                if self._late(t, began):
-                    return "", "the step took longer than its period"
+                if not self._time(t, began) <= t + self._period:
+                    return False, "the step took longer than its period"
                 if course is not self._course:
-                    self._waiting, self._reaches = None, True
+                    self._ways.taken()
                 self._held, self._course = self._held.joined(row, motion.rows), Course(course.nominal, row, motion.law)
                 self._clearance, self._proven_at, self._hopeful = certificate.clearance, picture.at, True
-                return "moves", ""
-        return "", why or "no motion along the way keeps the limits"
+                return True, ""
+        return False, why or "no motion along the way keeps the limits"
 
     def _proof(self, picture: Picture, row: int, rows: Rows, nominal: Nominal, began: float) -> Certificate | str:
         """Return the certificate of a motion that begins at a row, or why there was no time for it."""
@@ -350,39 +299,16 @@ class Replanner:
         except HdplanError as error:
             return str(error)
 
-    def _late(self, t: float, began: float) -> bool:
-        """True if a step takes so long that what it proves would be executed too late."""
-        now = self._clock() if self._clock is not None else t + time.perf_counter() - began
-        return not now <= t + self._period
+    def _time(self, t: float, began: float) -> float:
+        """Return the time [s] in a step of t that began then (time.perf_counter())."""
+        return self._clock() if self._clock is not None else t + time.perf_counter() - began
 
-    def _ask(self, row: int, moves: bool) -> None:
-        """Ask about the way, if nothing is on its way already and there is something to hear."""
-        course, held, now = self._course, self._held, self._now
-        if self._asked is not None or self._waiting is not None or now < self._not_before or self._off:
-            return
-        if course is not None and self._reaches:
-            old = self._seen is self._asked_of and not (now >= self._asked_at + AGAIN and not moves)
-            if course.arrives or old:
-                return
-        standing, at = None, 0
-        if course is None or not moves:
-            standing = held.stop
-            at = 0 if course is None else course.nominal.row_after(float(course.law[-1, 0]))
-        else:
-            at = course.nominal.row_after(float(course.at(row)[0]) + self._lead)
-        nominal, anew = (None, True) if course is None else (course.nominal, not self._reaches)
-        question = Question(
-            self._scene, self.robot, self._seen, now, self._horizon, nominal, anew, at, standing, stuck=not moves
-        )
-        if self._executor is None:
-            self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
-        self._asked, self._asked_at, self._asked_of = self._executor.submit(outlook, question), now, self._seen
-
-    def _command(self, t: float, taken: str, why: str, seconds: float) -> Command:
+    def _command(self, t: float, why: str, seconds: float) -> Command:
         position, velocity, acceleration = self._held.at(t)
         stands = t >= self._grid.time(self._held.last)
-        arrived = self._course is not None and self._reaches and self._course.arrives
-        mode = Mode.MOVING if not stands else Mode.ARRIVED if arrived else Mode.STANDING
+        mode = Mode.MOVING
+        if stands:
+            mode = Mode.ARRIVED if self._ways.arrives(self._course) else Mode.STANDING
         if mode is Mode.MOVING and why:
             mode = Mode.BRAKING
         return Command(

@@ -36,8 +36,9 @@ def test_it_arrives_and_each_command_is_proven_to_its_end() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_nothing_is_touched_while_the_robot_moves(seed: int) -> None:
+def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two balls run at the arm as fast as they may, in pictures that are late and not exact, and the arm lags."""
+    monkeypatch.setattr("hdplan.planner.replanning.outlook.PLANNING_LIMIT", 0.05)
     rng = np.random.default_rng(seed)
     spec = dataclasses.replace(hdplan.load_scene("planar_arm").robot, tracking=hdplan.Tracking(LAG))
     scene = limited("planar_arm", robot=spec, obstacles=())

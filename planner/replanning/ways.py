@@ -1,0 +1,115 @@
+"""Ways that are asked for beside the steps: when one is asked for, what was answered, and where the robot joins it."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import numpy as np
+
+from hdplan.planner.replanning.held import Held
+from hdplan.planner.replanning.nominal import Course
+from hdplan.planner.replanning.outlook import Answer, Question, outlook
+from hdplan.planner.replanning.picture import Sightings
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.scene import Scene
+
+AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
+SOONER, LATER = 0.7, 1.3  # times the last lead that the next one has at least, and times what the last answer took
+AGAIN = 0.5  # [s] after a way was not found, or did not help, until one is asked for again
+
+
+class Ways:
+    """Those of one replanner; its steps alone use it."""
+
+    def __init__(self, robot: Robot, executor: Executor | None) -> None:
+        """Take where ways are looked for; None: in a thread that is made when it is needed."""
+        self.robot, self._executor, self._own = robot, executor, executor is None
+        self.reaches = True  # whether the way that is driven leads to the goal
+        self.why = ""  # no way was found
+        self._asked: Future[Answer] | None = None
+        self._asked_of: Sightings | None = None
+        self._asked_at, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
+        self._waiting: Answer | None = None  # a way that is not driven yet
+
+    def close(self) -> None:
+        """End its own thread."""
+        if self._own and self._executor is not None:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+            self._executor = None
+
+    def forget(self, reaches: bool) -> None:
+        """Drop what was asked and answered; `reaches` says whether the way that is driven leads to the goal."""
+        self._asked, self._waiting, self._not_before, self.reaches = None, None, -math.inf, reaches
+
+    def arrives(self, course: Course | None) -> bool:
+        """True if the law of a course ends at the goal."""
+        return course is not None and self.reaches and course.arrives
+
+    def hear(self, now: float, held: Held, course: Course | None, row: int) -> Course | None:
+        """Take an answer, and return the course from a row of the clock on: on a new way, where all that is held would
+        be the same on it."""
+        if self._asked is not None and self._asked.done():
+            future, self._asked = self._asked, None
+            answer = future.result()
+            self._lead = min(max(AHEAD, SOONER * self._lead, LATER * (now - self._asked_at)), MOST_AHEAD)
+            self._waiting, self.why = answer if answer.way is not None else None, answer.why
+            if answer.why:
+                self._not_before = now + AGAIN
+        joined = self.waiting(held, course, row)
+        if joined is None or self._waiting is None:
+            self._waiting = None
+            return course
+        if self._waiting.question.standing is None and joined.law[-1, 0] > self._waiting.question.begins:
+            return course
+        self.taken()
+        return joined
+
+    def waiting(self, held: Held, course: Course | None, row: int) -> Course | None:
+        """Return the course that the way which waits makes from a row of the clock on; None if there is none, or the
+        robot is past its beginning."""
+        if self._waiting is None or (way := self._waiting.way) is None:
+            return None
+        question = self._waiting.question
+        if question.standing is not None:
+            stands = row >= held.last and np.array_equal(held.stop, question.standing)
+            return Course(way, row, np.array([[way.begins, 0.0, 0.0]])) if stands else None
+        if course is None or course.nominal is not question.nominal:
+            return None
+        s = float(course.at(row)[0])
+        if s > question.begins:
+            return None
+        return Course(course.nominal.continued(s, question.row, way), course.first, course.law)
+
+    def taken(self) -> None:
+        """Note that the robot drives the way that was waiting."""
+        self._waiting, self.reaches = None, True
+
+    def ask(
+        self,
+        scene: Scene,
+        seen: Sightings,
+        now: float,
+        horizon: float,
+        held: Held,
+        course: Course | None,
+        row: int,
+        moves: bool,
+    ) -> None:
+        """Ask about the way, if nothing is on its way already and something is new: the world, or that no motion is
+        proven for a while."""
+        if self._asked is not None or self._waiting is not None or now < self._not_before:
+            return
+        new = seen is not self._asked_of or (not moves and now >= self._asked_at + AGAIN)
+        if course is not None and self.reaches and (course.arrives or not new):
+            return
+        standing = None if course is not None and moves else held.stop
+        at = 0
+        if course is not None:
+            s = float(course.at(row)[0]) + self._lead if standing is None else float(course.law[-1, 0])
+            at = course.nominal.row_after(s)
+        nominal, anew = (None, True) if course is None else (course.nominal, not self.reaches)
+        question = Question(scene, self.robot, seen, now, horizon, nominal, anew, at, standing, stuck=not moves)
+        if self._executor is None:
+            self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
+        self._asked, self._asked_at, self._asked_of = self._executor.submit(outlook, question), now, seen
