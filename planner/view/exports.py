@@ -1,7 +1,7 @@
-"""What is made of scene and motions on request, by a thread of its own, as it takes seconds: all of it as one archive,
-a page, a film, a picture.
+"""Files of scene and motions on request: all of it as one archive, a page, a film, a picture. A thread of its own makes
+them, as that takes seconds.
 
-What is made is of the moment at which it was asked for, whatever is edited meanwhile, and certified anew.
+A file is of the moment at which it was asked for, whatever is edited meanwhile, and certified anew.
 """
 
 from __future__ import annotations

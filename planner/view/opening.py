@@ -60,8 +60,8 @@ class Opening:
         if not are_alike(setup.robot, viewer.robot):
             raise InputError(f"{scene.source}: {OTHER_ROBOT}")
         edited = Edited.of(replace(setup, robot=viewer.robot))
-        viewer.panel.tree.forget()
-        self._editing.apply("open", lambda _: edited)
+        with viewer.panel.tree.replaced():
+            self._editing.apply("open", lambda _: edited)
         self._editing.say(f"opened: the scene {setup.scene.name}")
 
     def take_motion(self, path: Path, name: str) -> None:

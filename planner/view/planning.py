@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 Run = Callable[[Callable[[Event], None], Callable[[], bool]], PlanResult]
-"""What makes a plan, given what takes its events, and what tells whether to stop."""
+"""A maker of plans, given what takes its events, and what tells whether to stop."""
 NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
 KEPT_PLANS = 5  # plans
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together

@@ -1,4 +1,4 @@
-"""Where the robot itself is, as it reports its joints while it moves: the newest report, and how old it is."""
+"""The robot itself as it reports its joints while it moves: the newest report, and how old that is."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ STALE = 1.0  # [s] after which a report is said to be old
 
 
 class Report(NamedTuple):
-    """Where a robot was."""
+    """The joints of a robot, and when they came."""
 
     q: Array  # (n,)
     came: float  # [s] time.monotonic()
 
     @property
     def words(self) -> str:
-        """What it is, and how old, where it is."""
+        """The name of the robot, where it is, and how old the report is, if it is old."""
         age = time.monotonic() - self.came
         return "the robot itself" + (f", {age:.0f} s ago" if age > STALE else "")
 

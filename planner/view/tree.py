@@ -6,8 +6,9 @@ What is hidden is not drawn, and stays where it is: motions keep clear of it, an
 
 from __future__ import annotations
 
+import contextlib
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import viser
@@ -57,10 +58,18 @@ class Tree:
                 if each.name in self.locked and now.get(each.name) != each:
                     raise InputError(LOCKED.format(name=each.name))
 
-    def forget(self) -> None:
-        """Lock and hide nothing: another scene is opened."""
+    @contextlib.contextmanager
+    def replaced(self) -> Iterator[None]:
+        """Lock and hide nothing, as another scene is opened in this block, unless that is refused."""
+        before = set(self.hidden), set(self.locked)
         self.hidden.clear()
         self.locked.clear()
+        try:
+            yield
+        except InputError:
+            self.hidden |= before[0]
+            self.locked |= before[1]
+            raise
 
     def update(self) -> None:
         """Write the lines, and hide what is hidden."""
