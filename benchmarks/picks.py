@@ -242,7 +242,9 @@ def job(number: int) -> dict[str, Any]:
         stand = _standing(rng, boards)
         what = list(KINDS)[int(rng.integers(len(KINDS)))]
         kind, (source, at, yaw) = KINDS[what], stand[what]
-        target, place = _spot(rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()])
+        target, place = _spot(
+            rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()]
+        )
         place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
         grasps = list(_grasps(arm, kind, (source.covered, target.covered)))
         turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]

@@ -103,8 +103,8 @@ def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
     near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
     if far := [link for link in holding if link not in near]:
         raise InputError(
-            f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it when "
-            "the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
+            f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it "
+            "when the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
         )
 
 

@@ -4,8 +4,8 @@ cannot be done.
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
 after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next
 move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
-down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and waits leave
-no choice.
+down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and
+waits leave no choice.
 """
 
 from __future__ import annotations
