@@ -40,7 +40,7 @@ Examples:
   hdplan study planning --quick
   hdplan reproduce conservativeness
 
-Shipped scenes are called by their bare names: baxter_bimanual_carry, empty,
+Shipped scenes are called by their bare names: baxter_bimanual_carry, baxter_handover, empty,
 kinova_shelf, panda_bookshelf, panda_cable, panda_cage, panda_camera, panda_carry,
 panda_conveyor, panda_corridor, panda_cup, panda_fold, panda_gate, panda_grasp, panda_heavy,
 panda_person, panda_pick_place, panda_seam, panda_table_pick, panda_vase, planar_arm, pr2_shelf,

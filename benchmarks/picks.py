@@ -4,7 +4,8 @@ Job k depends on k alone. Six objects (a can, a bottle, a carton, a brick, a bal
 not convex) stand on a table and on two boards of a shelf, at random places and turns. An arm (a Panda with fingers, a
 UR5 and an xArm 7 with suction) takes one by any of several grasps, from above or from the side, lifts it straight,
 carries it, a bottle upright, sets it down somewhere else in any of several turns, lets go, and backs out. Things and
-places are drawn until there is a grasp with which the arm, were nothing in its way, reaches all that it has to.
+places are drawn until there is a grasp with which the arm reaches all that it has to, and meets nothing there, by
+Pinocchio and coal; whether a way leads there is left open.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
-from picks_recheck import DATA, ROBOTS, RefutedError, recheck
+from picks_recheck import RefutedError, Scene, recheck
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -232,27 +233,31 @@ def _sideways(yaw: float, pitch: float) -> Rotation:
     return Rotation.from_euler("ZY", [yaw, 90 + pitch], degrees=True)
 
 
-def job(number: int) -> dict[str, Any]:
-    """Return the scene of a job."""
+def job(number: int, folder: Path) -> dict[str, Any]:
+    """Return the scene of a job, of which a folder holds the mesh."""
     rng = np.random.default_rng([36, number])
     name = list(ARMS)[number % len(ARMS)]
-    arm, reach = ARMS[name], Reach(name, ARMS[name].link)
+    arm = ARMS[name]
     while True:
         obstacles, boards = _furniture(rng, arm)
         stand = _standing(rng, boards)
         what = list(KINDS)[int(rng.integers(len(KINDS)))]
         kind, (source, at, yaw) = KINDS[what], stand[what]
-        target, place = _spot(rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()])
+        target, place = _spot(
+            rng, boards, kind.away, [(there, KINDS[each].away) for each, (_, there, _) in stand.items()]
+        )
         place = place + [0.0, 0.0, LOOSE + 0.5 * kind.height]
         grasps = list(_grasps(arm, kind, (source.covered, target.covered)))
         turns = [target.yaw + a for a in ((0.0, math.pi) if target.covered else np.arange(4) * 0.5 * math.pi)]
         rng.shuffle(grasps)
+        obstacles += [
+            {"name": each, "shape": KINDS[each].shape, "pose": {"position": there.tolist(), "rpy": [0.0, 0.0, turned]}}
+            for each, (_, there, turned) in stand.items()
+        ]
+        others = [each for each in obstacles if each["name"] != what]
+        reach = Reach(Scene({"robot": arm.robot, "obstacles": others}, folder), arm.link)
         if any(_reaches(reach, arm, grasp, (at, yaw), (place, turns)) for grasp in grasps[:SHUFFLED]):
             break
-    obstacles += [
-        {"name": each, "shape": KINDS[each].shape, "pose": {"position": there.tolist(), "rpy": [0.0, 0.0, turned]}}
-        for each, (_, there, turned) in stand.items()
-    ]
     here = Rotation.from_euler("z", yaw)
     poses = []
     for offset, turn in _grasps(arm, kind, (source.covered, target.covered)):
@@ -321,7 +326,7 @@ def _reaches(
     stands: tuple[np.ndarray, float],
     goes: tuple[np.ndarray, list[float]],
 ) -> bool:
-    """True if a tool reaches an object by a grasp, and sets it down by it, if nothing is in its way."""
+    """True if a tool reaches an object by a grasp, and sets it down by it."""
     offset, turn = grasp
 
     def tool(place: np.ndarray, yaw: float, back: float, up: float) -> bool:
@@ -337,11 +342,11 @@ def _reaches(
 
 
 class Reach:
-    """An arm's inverse kinematics, by Pinocchio: damped least squares from random configurations."""
+    """An arm's inverse kinematics, by Pinocchio: damped least squares from random configurations, free ones by coal."""
 
-    def __init__(self, name: str, link: str) -> None:
-        """Load the arm."""
-        self.model = pin.buildModelFromUrdf(str(DATA / ROBOTS[name][0]))
+    def __init__(self, scene: Scene, link: str) -> None:
+        """Take the arm and what stands around it."""
+        self.scene, self.model = scene, scene.model
         self.data, self.frame = self.model.createData(), self.model.getFrameId(link)
         self.low, self.high = self.model.lowerPositionLimit, self.model.upperPositionLimit
         self.low, self.high = np.maximum(self.low, -math.pi) + INNER, np.minimum(self.high, math.pi) - INNER
@@ -356,7 +361,10 @@ class Reach:
                 pin.updateFramePlacement(self.model, self.data, self.frame)
                 error = pin.log6(self.data.oMf[self.frame].actInv(goal)).vector
                 if np.abs(error).max() < 1e-4:
-                    return True
+                    self.scene.place(q)
+                    if self.scene.least(set(), 0.0)[0] >= 0.0:
+                        return True
+                    break
                 slope = pin.getFrameJacobian(self.model, self.data, self.frame, pin.ReferenceFrame.LOCAL)
                 step = slope.T @ np.linalg.solve(slope @ slope.T + 1e-3 * np.eye(6), error)
                 step *= min(1.0, 0.4 / np.abs(step).max())
@@ -392,7 +400,7 @@ def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
 
 def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:
     """Plan a job, and look at it again."""
-    said = job(number)
+    said = job(number, folder)
     file, motion = folder / f"{number}.yaml", folder / f"{number}.json"
     said = json.loads(json.dumps(said, default=float))  # numbers of NumPy are numbers
     file.write_text(yaml.safe_dump(said, sort_keys=False))

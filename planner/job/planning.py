@@ -4,8 +4,8 @@ cannot be done.
 A stage whose goal leaves a choice (a pose with several configurations, several grasps) is tried with one configuration
 after the other, the most promising of each pose first. Before a motion to one is planned, the stages up to the next
 move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
-down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and waits leave
-no choice.
+down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and
+waits leave no choice.
 """
 
 from __future__ import annotations
@@ -223,6 +223,7 @@ class _Search:
         assert goal.positions is not None
         there = after(world, number, stage_setup(world, number).robot, np.array(goal.positions))
         for following in range(number + 1, len(self.stages)):
+            found: Piece | str | None
             if isinstance(self.stages[following], Move):
                 found = self._leads_on(there, following) if further else None
             else:

@@ -85,6 +85,12 @@ class Aim(NamedTuple):
         """Its kinematics."""
         return self.links[0].arm
 
+    @property
+    def moving(self) -> Mask:
+        """The joints (n,) that move one of the links."""
+        supports = np.any([self.arm.supports[link.joint] for link in self.links], axis=0)
+        return np.asarray(self.robot.fold(supports[None].astype(np.float64))[0] != 0.0)
+
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose errors (B, 6 k), one link after the other, and their Jacobian (B, 6 k, n)."""
         if self.loops:

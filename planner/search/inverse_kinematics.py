@@ -171,7 +171,10 @@ def reaching(
     """Return configurations (K, n) that reach a pose, or poses of several links together, APART from each other and
     nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
     do not decide the result."""
-    return _reached(Aim.at(robot, target), robot.draw(rng, starts - 1), start, path)
+    aim, draws = Aim.at(robot, target), robot.draw(rng, starts - 1)
+    if not path:  # which may be about other links: joints that are for none of these stay where they are
+        draws = np.where(aim.moving, draws, start)
+    return _reached(aim, draws, start, path)
 
 
 def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
