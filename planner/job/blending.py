@@ -26,7 +26,7 @@ from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, one_after_other
-from hdplan.planner.job.overlap import longest_overlap, overlapped, slowed
+from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
 from hdplan.planner.job.world import World
@@ -142,7 +142,7 @@ def _unit(worlds: Sequence[World], run: range, pieces: Sequence[Piece], first: i
     the group on."""
     mine = slice(first, first + len(run))
     if len(run) == 1:
-        return _Unit(pieces[first].motion, (0.0,))
+        return _Unit(in_step(pieces[first].motion, _rate(worlds[first])), (0.0,))
     try:
         return _along_curves(worlds[mine], run, pieces[mine], finer)
     except UnblendedError as error:
@@ -170,7 +170,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         timed = Retimer(setup).along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
-        motion = timed.trajectory
+        motion = in_step(timed.trajectory, _rate(world))
         assert motion.times is not None
         for middle in path.middles:
             if first <= middle < last:
@@ -197,7 +197,9 @@ def _overlapping(
     why = HdplanError("the limits leave no room for the two motions to overlap")
     for slower in SLOWER:
         tried = [
-            _Unit(slowed(unit.motion, slower), unit.marks) if isinstance(stages[run[0]], Move) else unit
+            _Unit(in_step(slowed(unit.motion, slower), _rate(worlds[0])), unit.marks)
+            if isinstance(stages[run[0]], Move)
+            else unit
             for unit, run in zip(units, runs, strict=True)
         ]
         try:
@@ -259,6 +261,11 @@ def _between(motion: Trajectory, begins: Array, ends: Array) -> Trajectory:
     return Trajectory(
         motion.joint_names, positions, motion.locked, motion.times, motion.velocities, motion.accelerations
     )
+
+
+def _rate(world: World) -> float:
+    """Return how many rows there are at least [1/s]."""
+    return (world.scene.timing or Timing()).rate
 
 
 def _are_curves(stages: Sequence[Stage], number: int) -> bool:

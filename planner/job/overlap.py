@@ -20,6 +20,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import HdplanError
 
 DIGITS = 9  # of times [s]: rows that are closer are one
+GRID = 32  # times in an interval between rows at which other rows may lie
 INNER = 0.95  # of a radius, to which both motions keep
 SHORTER = 0.85  # from one overlap to the next one that is tried
 
@@ -46,6 +47,14 @@ def slowed(motion: Trajectory, factor: float) -> Trajectory:
     times = factor * (motion.times - motion.times[0])
     rates = motion.velocities / factor, motion.accelerations / factor**2
     return Trajectory(motion.joint_names, motion.positions, motion.locked, times, *rates)
+
+
+def in_step(motion: Trajectory, rate: float) -> Trajectory:
+    """Return the same motion a little slower, with rows that lie a multiple of 1 / (GRID rate) apart: rows of two
+    motions are then together or well apart, and jerk between them is no rounding."""
+    interval = float(motion.duration or 0.0) / (len(motion) - 1)
+    grid = 1.0 / (GRID * rate)
+    return slowed(motion, grid * np.ceil(interval / grid * (1.0 - 1e-9)) / interval)
 
 
 def longest_overlap(
