@@ -99,7 +99,7 @@ static double angle_between(const double* h, const double* from, const double* t
   double across[3];
   cross(from, to, across);
   const double sine = dot(h, across), cosine = dot(from, to) - dot(h, from) * dot(h, to);
-  return hypot(sine, cosine) <= NOTHING ? other : atan2(sine, cosine);
+  return hypot(sine, cosine) <= NOTHING * NOTHING ? other : atan2(sine, cosine);
 }
 
 /* The angles with a cos + b sin = c, in number 0 to 2; `other` where any is one. Where c is too large by less than
