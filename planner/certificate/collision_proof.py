@@ -427,8 +427,10 @@ class _Run:
         """Halve the intervals of the open items; give up those that are as short as they may become."""
         a, b = (nodes.row(items.node, bodies[items.pair]) for bodies in (self.pairs.a, self.pairs.b))
         moved = nodes.moved[a] + nodes.moved[b]
-        if self.bodies.sizes is not None:  # which no halving makes smaller
+        if (sizes := self.bodies.sizes) is not None:  # which no halving makes smaller, but what obstacles go meanwhile
             moved = moved - nodes.instants.moved[a] - nodes.instants.moved[b]
+            gone = nodes.latest[items.node] - nodes.instants.latest[items.node]
+            moved = moved + sizes.speed[self.pairs.b[items.pair]] * gone
         still = moved <= LEAST_MOTION
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
         undecided = still | (nodes.width[items.node] <= self.shortest) | over

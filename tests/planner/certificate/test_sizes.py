@@ -195,3 +195,25 @@ def test_an_end_at_which_all_is_lost_is_refused_with_its_millimetres() -> None:
     scene = sized(load_scene("panda_cage"), Uncertainty(0.05))
     with pytest.raises(UnsolvableError, match=r"start: panda_\w+ and bar\d are [\d.]+ mm apart, and 50 mm are unknown"):
         hdplan.plan(scene)
+
+
+@pytest.mark.parametrize("left", [0.3, 0.02, 0.002])
+def test_a_robot_that_stands_is_proven_as_long_as_nobody_can_have_come(left: float) -> None:
+    """However near who may walk is by then: where nothing moves, the time is divided all the same."""
+    q = [0.3, 0.2]
+    alone = (
+        load_scene("planar_arm")
+        .with_start(q)
+        .with_goal(q)
+        .with_obstacles([Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1])])
+    )
+    names = Setup.of(alone).robot.joint_names
+    none = np.zeros((3, 2))
+    stands = Trajectory(names, np.tile(q, (3, 1)), {}, np.array([0.0, 1.0, 2.0]), none, none)
+    apart = hdplan.certify(alone, stands).clearance
+    assert apart is not None
+    walks = Obstacle("ball", Sphere(0.1), [1.6, 1.0, 0.1], uncertainty=Uncertainty(speed=(apart - left) / 2.0))
+    found = hdplan.certify(alone.with_obstacles([walks]), stands)
+    assert found.certified, found.text
+    assert found.clearance is not None
+    assert 0.0 < found.clearance <= left + 1e-9 + 0.05 * apart

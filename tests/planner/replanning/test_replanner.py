@@ -78,6 +78,29 @@ def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest
     assert braked > 0  # and was not left alone
 
 
+def test_what_is_left_of_a_motion_is_proven_in_every_newer_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As pictures that are exact only show what the older ones allowed."""
+    monkeypatch.setattr("hdplan.planner.replanning.outlook.PLANNING_LIMIT", 0.05)
+    rng, drive, looked = np.random.default_rng(3), Drive(limited("planar_arm", obstacles=())), 0
+    places = [np.array([1.0, -0.8, 0.1]), np.array([-0.9, 1.0, 0.1])]
+    sizes, replanner = hdplan.Uncertainty(0.005, 0.0, SPEED), drive.replanner
+    while drive.now < 2.0:
+        ball = hdplan.Sphere(0.06)
+        seen = [hdplan.Obstacle(f"ball{i}", ball, at, uncertainty=sizes) for i, at in enumerate(places)]
+        replanner.update(seen, at=drive.now)
+        held, grid = replanner._held, replanner._grid
+        if (row := grid.after(drive.now)) < held.last:
+            position, velocity, acceleration = (each[row - held.first :] for each in held.rows)
+            left = replanner._picture.prove((position, velocity, acceleration), grid.time(row), grid.h, 0.0, 0.0)
+            assert left.certified, left.text
+            looked += 1
+        drive.period()
+        here, there = np.array([0.5, 0.3, 0.1]), [1.0, 1.0, 0.1]
+        aims = [here if rng.uniform() < 0.6 else rng.uniform(-1, 1, 3) * there for _ in places]
+        places = [straight_to(at, aim, SPEED * PERIOD) for at, aim in zip(places, aims, strict=True)]
+    assert looked > 10
+
+
 def test_a_late_call_finds_the_robot_standing_and_goes_on() -> None:
     drive = Drive(limited("planar_arm"))
     while drive.period().mode.value != "moving" or not drive.commands[-1].velocity.any():
