@@ -72,7 +72,10 @@ div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outl
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: max(0.9em, 11px) !important }
 [role="tab"] > div { margin-right: 0.25em !important }
-@media (max-width: 860px) { [role="tab"] svg { display: none } }
+@media (max-width: 860px) {
+  [role="tab"] svg { display: none }
+  [role="tab"], [role="tab"] * { overflow: visible !important; padding: 0 !important }
+}
 .hdplan-ended::after { content: "ENDED"; position: fixed; inset: 0 0 auto 0; z-index: 9999; padding: 0.7em;
   text-align: center; color: #fff; background: #a50026; font: 1rem sans-serif }
 .hdplan-ended body { filter: grayscale(1) opacity(0.6); pointer-events: none }
