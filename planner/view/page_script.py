@@ -42,7 +42,7 @@ div:has(> .hdplan-page) + div + div + div + div {
   position: sticky; top: 2.9em; z-index: 6; padding-top: 0.3em; background: var(--mantine-color-body);
   box-shadow: 0 -0.6em var(--mantine-color-body);
   border-bottom: 1px solid var(--mantine-color-default-border) }
-.hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4; overflow-wrap: anywhere }
+.hd { padding: 0 0.9em; font-size: max(0.8em, 11px); line-height: 1.4; overflow-wrap: anywhere }
 .hd-two { min-height: 2.8em; max-height: 8.4em; overflow: auto; margin: 0.4em 0 }
 .hd-badge { position: fixed; left: 0.8em; top: 0.6em; z-index: 3; padding: 0.15em 0.6em; border-radius: 6px;
   font-size: 1.25rem; pointer-events: none; background: light-dark(#ffffffd0, #1b1c1ed0) }
@@ -55,6 +55,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer; touch-action: pan-y }
 label, .mantine-Slider-markLabel, .u-value { color: light-dark(#495057, #ced4da) !important }
+@media (max-width: 900px) { .mantine-Button-label, .mantine-Input-input { font-size: 11px !important } }
 .mantine-Slider-markLabel, .u-legend, .u-legend * { font-size: 11px !important }
 [role="tab"][aria-selected="true"] * { color: light-dark(#0b5cad, #74c0fc) !important }
 .mantine-Button-root[data-variant="outline"] { --button-color: light-dark(#0b5cad, #74c0fc) !important }
@@ -69,9 +70,12 @@ div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outl
 .u-legend th, .u-legend td { padding: 0 0.2em !important; font-variant-numeric: tabular-nums }
 .u-legend .u-marker { width: 0.9em !important; height: 0.25em !important }
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
-[role="tab"] { padding: 0 0.25em !important; font-size: 0.9em !important }
+[role="tab"] { padding: 0 0.25em !important; font-size: max(0.9em, 11px) !important }
 [role="tab"] > div { margin-right: 0.25em !important }
-@media (max-width: 860px) { [role="tab"] svg { display: none } }
+@media (max-width: 860px) {
+  [role="tab"] svg { display: none }
+  [role="tab"], [role="tab"] * { overflow: visible !important; padding: 0 !important }
+}
 .hdplan-ended::after { content: "ENDED"; position: fixed; inset: 0 0 auto 0; z-index: 9999; padding: 0.7em;
   text-align: center; color: #fff; background: #a50026; font: 1rem sans-serif }
 .hdplan-ended body { filter: grayscale(1) opacity(0.6); pointer-events: none }

@@ -233,4 +233,5 @@ def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> s
             f'<div style="position:absolute;left:calc({share:.1f}% - 2px);width:4px;height:0.5em;background:{mark}">'
             f'</div></div></td><td style="color:light-dark(#5f6368,#b5b5b5);white-space:nowrap">{limits}</td></tr>'
         )
-    return f'<table style="font-size:0.8em;width:100%;padding:0 0.9em;border-spacing:4px 1px">{"".join(rows)}</table>'
+    style = "font-size:max(0.8em,11px);width:100%;padding:0 0.9em;border-spacing:4px 1px"
+    return f'<table style="{style}">{"".join(rows)}</table>'
