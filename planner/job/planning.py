@@ -223,6 +223,7 @@ class _Search:
         assert goal.positions is not None
         there = after(world, number, stage_setup(world, number).robot, np.array(goal.positions))
         for following in range(number + 1, len(self.stages)):
+            found: Piece | str | None
             if isinstance(self.stages[following], Move):
                 found = self._leads_on(there, following) if further else None
             else:
