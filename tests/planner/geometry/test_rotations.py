@@ -1,4 +1,4 @@
-"""Laws of what takes the place of SciPy where motions are planned: rotations, splines, cheapest ways; and of clearance.
+"""Laws of what takes the place of SciPy where motions are planned: rotations, splines, cheapest ways; of clearance."""
 
 from __future__ import annotations
 
