@@ -28,7 +28,7 @@ import hdplan
 
 BEFORE, RAISED, BACK = 0.10, 0.06, 0.10  # [m] before a grasp, above where an object stands, and behind it
 LOOSE = 1e-3  # [m] above its board, in which an object is let go
-GAP = 3e-3  # [m] between a suction cup and what it takes
+GAP = 1e-3  # [m] between a suction cup and what it takes
 ROOM = 0.05  # [m] at least between two objects
 THICK = 0.02  # [m] of boards
 BRACKET = "bracket.obj"

@@ -46,10 +46,12 @@ class World:
     hand: tuple[tuple[str, float], ...]  # joints that are held, as far as the job says where
     obstacles: tuple[Obstacle, ...]
     held: tuple[Attached, ...]
-    taken: tuple[Attached, ...] = ()  # what is held, as another hand that holds it too will do alone
     notes: tuple[str, ...] = ()  # on points of clouds that were left out
     rates: Rates | None = None  # the arm's, where it does not rest
     corner: Corner | None = None  # of the stage before, where that is blended into the next one
+    taken: tuple[
+        Attached, ...
+    ] = ()  # what is held, as another hand that holds it, too, carries it once it has it alone
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
