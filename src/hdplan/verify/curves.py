@@ -157,7 +157,7 @@ class Blend:
         return begins, max(remains, passes), max(remains - passes, 0.0)
 
     def shares(self, s: Any) -> tuple[Any, Any]:
-        """Where x1 and x2 are on their curves: x1 brakes to the end of its curve, x2 accelerates from rest."""
+        """Shares of x1 and x2 on their curves: x1 brakes to the end of its curve, x2 accelerates from rest."""
         if self.laws is None:
             return 1.0 - (1.0 - self.enters) * (1.0 - s) ** 2, self.leaves * s**2
         begins, whole, later = self.times
@@ -234,7 +234,7 @@ class Trapezoid:
         return 0.5 * self.acceleration * (early**2 + self.ramp**2 - late**2) + top * between
 
     def until(self, share: float) -> float:
-        """When it is at a share, by halving."""
+        """The time at which it is at a share, by halving."""
         low, high = 0.0, self.duration
         for _ in range(80):
             middle = 0.5 * (low + high)

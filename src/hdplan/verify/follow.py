@@ -90,7 +90,7 @@ class Curve:
         end, if `backwards`."""
         at, ways = self.places.mid, self.ways
         at, ways = (at[::-1], ways[-1] - ways[::-1]) if backwards else (at, ways)
-        off = at - at[0]
+        off, radius = at - at[0], max(radius, 0.0)
         far = lengths(off) > radius
         if not far.any():
             return float(ways[-1])
@@ -118,10 +118,9 @@ class Followed:
         first, begin = self.joins(points, here, curve.begin, curve.places.mid[0])
         last, end = self.joins(points[::-1], here[::-1], curve.end, curve.places.mid[-1], True)
         last, end = len(nodes) - 1 - last, float(curve.ways[-1] - end)
-        end = float(curve.ways[k]) if abs(curve.ways[k := int(np.abs(curve.ways - end).argmin())] - end) < 1e-9 else end
-        need(
-            first < last and begin < end, "path.follow: the link is not on its curve between where it joins and leaves"
-        )
+        nearest_pose = float(curve.ways[np.abs(curve.ways - end).argmin()])
+        end = nearest_pose if abs(nearest_pose - end) < 1e-9 else end  # backwards it was rounded
+        need(first < last and begin < end, "path.follow: the link is on its curve nowhere between its two radii")
         ways = self.along(points[first : last + 1], begin, end)
         nodes, kept = nodes[first : last + 1], np.append(True, np.diff(ways) > 0)
         passed = curve.ways[(curve.ways > begin) & (curve.ways < end)]  # poses, at which parts end

@@ -224,7 +224,7 @@ FORGED_JOBS = [
 ]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("changes", FORGED_JOBS, ids=str)
 def test_the_motion_of_another_job_is_rejected(
     scene: Scene, files: Files, tip: Any, tmp_path: Path, changes: dict[str, Any]
@@ -320,6 +320,7 @@ def tool_places(motion: Trajectory, first: int, last: int, each: int = 60) -> tu
     return times, np.array(found)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 def test_no_peak_of_speed_between_rows_is_accepted(files: Files, tmp_path: Path, seed: int) -> None:
     """A velocity that is changed in one row of two makes a peak somewhere in between: of no share of an interval is it
