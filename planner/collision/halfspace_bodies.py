@@ -147,9 +147,8 @@ def _around_points(points: bytes, planes: str) -> tuple[ConvexBody, Array, Array
     directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else few_directions(planes)
     spare = MANY - FEW - len(faces) if len(faces) else 0
     directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
-    half = np.abs(local).max(axis=0)
-    kept = read_only(directions), read_only(supports), read_only(half), read_only(frame)
-    return ConvexBody.from_points(cloud), *kept
+    half = read_only(np.abs(local).max(axis=0))
+    return ConvexBody.from_points(cloud), read_only(directions), read_only(supports), half, read_only(frame)
 
 
 def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box") -> HalfspaceBody:

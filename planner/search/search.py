@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
-TIGHT, LOOSE = 1, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
+TIGHT, LOOSE = 2, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
 EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
