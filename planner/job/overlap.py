@@ -19,7 +19,10 @@ from hdplan.planner.robot.link_frame import link_poses, links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import HdplanError
 
-DIGITS = 9  # of times [s]: rows that are closer are one
+ONE = 1e-9  # [s] rows that are closer are one
+SHIFTS = (
+    12  # parts of a row by which an overlap may be shorter, so that no two rows are close, which magnifies rounding
+)
 INNER = 0.95  # of a radius, to which both motions keep
 SHORTER = 0.85  # from one overlap to the next one that is tried
 
@@ -30,7 +33,8 @@ def overlapped(first: Trajectory, second: Trajectory, overlap: float) -> Traject
     assert second.times is not None
     ends, begins = first.times - first.times[0], second.times - second.times[0]
     later = float(ends[-1]) - overlap
-    times = np.unique(np.round(np.concatenate([ends, later + begins]), DIGITS))
+    times = np.sort(np.concatenate([ends, later + begins]))
+    times = times[np.append(True, np.diff(times) > ONE)]
     one = first.at_time(first.times[0] + np.clip(times, 0.0, ends[-1]))
     other = second.at_time(second.times[0] + np.clip(times - later, 0.0, begins[-1]))
     positions = one.positions + (other.positions - second.positions[0])
@@ -73,7 +77,18 @@ def longest_overlap(
         rooms += [float(room), 0.5 * float(times[-1] - times[0])]
     rows = int(min(rooms) * rate * (1.0 + 1e-9))
     while rows >= 1:
-        if allowed(overlapped(first, second, rows / rate).curve):
-            return rows / rate
+        shifted = ((rows - part / SHIFTS) / rate for part in range(SHIFTS // 2))
+        overlap = max(shifted, key=lambda each: _least_gap(first, second, each))
+        if allowed(overlapped(first, second, overlap).curve):
+            return overlap
         rows = int(SHORTER * rows)
     raise HdplanError("the limits leave no room for the two motions to overlap")
+
+
+def _least_gap(first: Trajectory, second: Trajectory, overlap: float) -> float:
+    """Return the least time [s] between rows of two motions that overlap, apart from those that are one."""
+    assert first.times is not None
+    assert second.times is not None
+    times = np.sort(np.concatenate([first.times - first.times[-1], second.times - second.times[0] - overlap]))
+    gaps = np.diff(times)
+    return float(gaps[gaps > ONE].min())
