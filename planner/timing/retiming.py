@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
 LITTLE = 1e-3  # relative stretch of a motion that its window is wide enough for
-MOST_STRETCH = 3.0  # [–] beyond it, the stretch of the narrowest window says nothing of a wider one
 DENSER = 5  # times that a motion, stretched, gets more rows
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
@@ -238,8 +237,11 @@ class Retimer:
         last a window lies between two numbers of rows, with more rows to it."""
         parts, row = math.ceil(law.duration * self.rate - 1e-9), 1.0 / self.rate
         self._check_rows(law.duration)
-        stretch = self._stretched(spline, law, FEWEST_ROWS, max(parts, FEWEST_PARTS))[1]
-        window = max(round(FEWEST_ROWS * stretch**3), FEWEST_ROWS) if stretch < MOST_STRETCH else FEWEST_ROWS
+        narrow, stretch = self._stretched(spline, law, FEWEST_ROWS, max(parts, FEWEST_PARTS))
+        widest = (narrow.duration - law.duration) * self.rate
+        if not math.isfinite(widest):
+            raise HdplanError("no time law was found within the limits on the executed curve")
+        window = max(round(min(FEWEST_ROWS * stretch**3, widest)), FEWEST_ROWS)
         found = self._averaged(spline, law, window, row)
         for _ in range(WINDOWS):
             wider = found.stretch > 1.0 + LITTLE
@@ -248,7 +250,7 @@ class Retimer:
             if other < FEWEST_ROWS or found.duration <= (1.0 + GAIN) * least:
                 break
             next_ = self._averaged(spline, law, other, row)
-            if next_.duration >= found.duration:
+            if next_.duration >= found.duration < math.inf:
                 between = self._averaged(
                     spline, law, max(window, other), 0.5 * (window + other) / max(window, other) * row
                 )

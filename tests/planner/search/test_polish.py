@@ -7,17 +7,21 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
 from hdplan.planner.timing.retiming import Retimer, Timed
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.limits import Limits
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDS = 6
@@ -39,6 +43,30 @@ def duration(result: PlanResult) -> float:
 def smoothness(result: PlanResult) -> float:
     cost, _ = Smoothness(len(result.trajectory), 0.01).value(result.trajectory.positions)
     return cost
+
+
+def test_where_time_counts_what_comes_of_the_first_motion_is_certified_alone() -> None:
+    events: list[Event] = []
+    result = plan(polished(timed("panda_cage"), 1), report=events.append)
+    first = plan(polished(timed("panda_cage"), 0))
+    assert result.certified
+    assert duration(result) < duration(first)
+    assert sum(event.certificate is not None for event in events) == 1
+
+
+def test_a_plan_from_the_last_one_ends_where_that_ended_if_it_may() -> None:
+    setup = Setup.of(timed("panda_cage"))
+    data = setup.robot.model.createData()
+    pin.framesForwardKinematics(setup.robot.model, data, setup.robot.pin_q(setup.query.goal))
+    place = data.oMf[setup.robot.model.getFrameId("panda_hand")]
+    turn = pin.Quaternion(place.rotation).normalized().coeffs()
+    scene = setup.scene.with_goal(PoseTarget("panda_hand", Pose(place.translation, turn)))
+    last = plan(scene)
+    again = plan(scene, guess=last.trajectory)
+    assert again.certified
+    assert again.attempts == 1
+    np.testing.assert_allclose(again.trajectory.positions[-1], last.trajectory.positions[-1], rtol=0, atol=1e-9)
+    assert duration(again) <= 1.05 * duration(last)
 
 
 @pytest.mark.parametrize(

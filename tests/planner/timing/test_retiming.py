@@ -194,6 +194,27 @@ def test_an_averaged_law_keeps_what_the_law_keeps_and_is_its_average() -> None:
             assert slope[row] == pytest.approx(mean, rel=2.0 / window**2 + 1e-3)
 
 
+@pytest.mark.parametrize("jerk", [0.5, 5.0, 60.0, 1e4, 1e6])
+def test_any_limit_of_jerk_is_kept(jerk: float) -> None:
+    """However much time it takes beside what velocity and acceleration need, also with few rows or many."""
+    rng = np.random.default_rng(4)
+    for rate in (3.0, 50.0, 400.0 if jerk > 10.0 else 20.0):
+        scene, robot = limited(Limits(velocity=2.0, acceleration=15.0, jerk=jerk), Timing(rate=rate))
+        for corners in (
+            robot.draw(rng, 3),
+            robot.draw(rng, 2),
+            robot.draw(rng, 1) + 1e-3 * rng.normal(size=(2, robot.n)),
+        ):
+            rows = np.clip(corners, robot.lower, robot.upper)
+            path = np.stack(
+                [np.interp(np.linspace(0, 1, 16), np.linspace(0, 1, len(rows)), each) for each in rows.T], 1
+            )
+            motion = Retimer(Setup.of(scene, robot))(Trajectory(robot.joint_names, path, robot.locked)).trajectory
+            assert motion.times is not None
+            assert np.diff(motion.times).max() <= 1.0 / rate + 1e-9
+            assert all(use.within for use in RateCheck(Setup.of(scene, robot)).check(motion.curve).uses)
+
+
 @pytest.mark.parametrize("rate", [30.0, 100.0, 171.0])
 def test_a_double_s_is_met_but_for_a_few_thousandths(rate: float) -> None:
     """One joint alone, far enough to reach its velocity and acceleration: the quickest motion is known."""
