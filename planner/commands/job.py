@@ -10,10 +10,8 @@ from rich.text import Text
 
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
-from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
-from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError, naming
@@ -76,6 +74,9 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
 
 def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:
     """Write the proof of a job's motion. Returns the exit code: 0 if there is one, else 1."""
+    from hdplan.planner.job.proof import prove_job  # imported here, as the checker with it takes long
+    from hdplan.planner.proof.proof import NotProvenError
+
     try:
         with waiting("proving", shown=True):
             proof = prove_job(scene, trajectory, robot)
