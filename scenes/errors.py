@@ -41,6 +41,10 @@ class UnsolvableError(InputError):
         return type(self), (self.args[0], self.cause)
 
 
+class NotProvenError(HdplanError):
+    """A motion of which no proof can be written, and why."""
+
+
 class TimeLimitError(HdplanError):
     """The time limit passed before anything was found, so more time may help: neither bad input nor a problem that has
     no solution. The command line ends with exit code 1."""

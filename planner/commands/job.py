@@ -11,15 +11,12 @@ from rich.text import Text
 
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
-from hdplan.planner.job.proof import prove_certified, prove_job
 from hdplan.planner.job.result import JobResult
-from hdplan.planner.job.sheet import plot_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
-from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.tables import columns, table
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.scene import Scene
 
 
@@ -52,9 +49,13 @@ class Written:
         if self.output is not None:
             result.save(self.output)
         if self.plot is not None:
+            from hdplan.planner.job.sheet import plot_job
+
             plot_job(result.certificate, result.trajectory, self.plot)
         proven = self.proof is not None and self.output is not None and result.certified
         if proven and self.proof is not None and self.output is not None:
+            from hdplan.planner.job.proof import prove_certified  # with the checker, which takes long to import
+
             prove_certified(result.certificate, self.scene, self.output, self.robot).save(self.proof)
         return [str(file) for file in (self.output, self.plot, self.proof if proven else None) if file is not None]
 
@@ -111,6 +112,8 @@ def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> i
 
 def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
     """Draw the motion of a job. Returns the exit code: 0 whatever the verdict."""
+    from hdplan.planner.job.sheet import plot_job
+
     motion = Trajectory.load(trajectory)
     with waiting("drawing"):
         with naming(trajectory):
@@ -124,6 +127,8 @@ def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
 
 def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:
     """Write the proof of a job's motion. Returns the exit code: 0 if there is one, else 1."""
+    from hdplan.planner.job.proof import prove_job  # imported here, as the checker with it takes long
+
     try:
         with waiting("proving", shown=True):
             proof = prove_job(scene, trajectory, robot)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from hdplan.planner.proof.proof import NotProvenError, Proof, prove
+from hdplan.planner.proof.proof import Proof, prove
 from hdplan.planner.terminal.console import printing, say, waiting
 from hdplan.planner.terminal.tables import table
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, NotProvenError
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene

@@ -14,10 +14,10 @@ from typing import NamedTuple
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.job.certify import JobCertificate, certify_job, standing
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.proof.proof import NotProvenError, certified, proof_of, writing
+from hdplan.planner.proof.proof import certified, proof_of, writing
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import NotProvenError, naming
 from hdplan.scenes.output import write_output
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene

@@ -27,7 +27,7 @@ from hdplan.planner.proof.rays import rays
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.output import write_output
 from hdplan.scenes.scene import Scene, unknown_in
 from hdplan.scenes.values import FilePath, checked, path_of
@@ -44,10 +44,6 @@ from hdplan.verify.world import Piece, World
 SHORTS = (1e-4, 5e-4, 2e-3)  # [m] by which less is proven than by the certificate: more only where sizes are unknown
 COMPRESSION = 1  # level of compression: a tenth larger than by the usual one, in a fifth of the time
 MOST_ROUNDS = 40  # in which meshes are divided
-
-
-class NotProvenError(HdplanError):
-    """A motion of which no proof can be written, and why."""
 
 
 @dataclass(frozen=True)

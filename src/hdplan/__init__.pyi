@@ -19,7 +19,7 @@ from hdplan.planner.motion.trajectory import StageMark as StageMark, Trajectory 
 from hdplan.planner.plan import plan as plan
 from hdplan.planner.problem.own_term import OwnTerm as OwnTerm
 from hdplan.planner.problem.problem import Problem as Problem
-from hdplan.planner.proof.proof import NotProvenError as NotProvenError, Proof as Proof, prove as prove
+from hdplan.planner.proof.proof import Proof as Proof, prove as prove
 from hdplan.planner.replanning.command import Command as Command
 from hdplan.planner.replanning.replanner import Replanner as Replanner
 from hdplan.planner.result import PlanResult as PlanResult
@@ -35,6 +35,7 @@ from hdplan.scenes.depth_images import DepthImage as DepthImage
 from hdplan.scenes.errors import (
     HdplanError as HdplanError,
     InputError as InputError,
+    NotProvenError as NotProvenError,
     TimeLimitError as TimeLimitError,
     UnsolvableError as UnsolvableError,
 )

@@ -14,10 +14,9 @@ import trimesh
 import hdplan
 from hdplan.planner.page.archive import archive
 from hdplan.planner.page.packing import thinned
-from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.skins import Skin
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, NotProvenError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Mesh

@@ -18,11 +18,10 @@ from scipy.spatial.transform import Rotation
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.proof.proof import NotProvenError
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, NotProvenError
 from hdplan.verify import RejectedError, verify
 from hdplan.verify.balls import HERE
 from hdplan.verify.checking import check
