@@ -409,6 +409,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "planner/job/stage_scenes.py": "accelerations are needed; no torques are asked of fingers",
     "planner/job/world.py": "accelerations are needed",
     "planner/pictures/rates.py": "the first panel has the legend",
+    "planner/plan.py": "an order of motions that are improved; others improve the first that is found",
     "planner/problem/assemble.py": "terms where there is one; the timing keeps the others, or fails",
     "planner/problem/velocity_penalty.py": "is about velocities",
     "planner/proof/world.py": "torques alone need masses",

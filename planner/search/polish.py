@@ -58,9 +58,9 @@ class Stages:
 
 
 def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array | None:
-    """Where time counts, solve from the first guess to each goal that may be reached sooner than those before it, and
-    certify what the quickest of these motions is improved to, or else itself, or else the next. Return the one (N, n)
-    that was improved; None where none was, or none is certified.
+    """First motion of a search in which time counts: solve from the first guess to each goal that may be reached sooner
+    than those before it, and certify what the quickest of these motions is improved to, or else itself, or else the
+    next. Return the one (N, n) that was improved; None where none was, or none is certified.
 
     Raises KeyboardInterrupt as the user does, once what was found is certified."""
     found, value, interrupted = [], np.inf, False
