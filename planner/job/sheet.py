@@ -63,7 +63,7 @@ def _draw_stages(axis: Any, subject: Subject, certificate: JobCertificate) -> No
 def _draw_clearances(axis: Any, subject: Subject, certificate: JobCertificate) -> None:
     """Draw the exact distances in each stage, of what is compared in it, and what is proven of them."""
     from hdplan.planner.pictures.clearances import exact
-    from hdplan.planner.pictures.panels import lay_along
+    from hdplan.planner.pictures.panels import above, lay_along
     from hdplan.planner.pictures.style import BETWEEN_LINKS, ROBOT_TO_OBSTACLES
 
     drawn = set[str]()
@@ -84,7 +84,8 @@ def _draw_clearances(axis: Any, subject: Subject, certificate: JobCertificate) -
             draw(when, 1e3 * between, "between links, exact", color=BETWEEN_LINKS, linestyle="--")
         _draw_bound(draw, when, stage.certificate, ROBOT_TO_OBSTACLES)
     axis.set(ylabel="distance [mm]", title="clearance, stage by stage")
-    axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
+    bottom, highest = axis.get_ylim()
+    axis.set_ylim(min(0.0, bottom), above(axis, min(0.0, bottom), highest))
     lay_along(axis, subject.trajectory)
     if drawn:
         axis.legend(ncols=2, loc="upper left", borderpad=0.1, columnspacing=1.2, handlelength=2.2)

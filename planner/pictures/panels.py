@@ -106,8 +106,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     _proven(axis, certificate)
     highest = highest if highest > 0.0 else 1.0
     bottom = 1.3 * lowest if lowest < -0.1 * highest else -0.13 * highest
-    legend = min(LEGEND / (axis.get_position().height * axis.figure.get_figheight()), 0.6)  # share of the panel
-    top = highest + (highest - bottom) * legend / (1.0 - legend)
+    top = above(axis, bottom, highest)
     axis.axhspan(bottom, 0.0, color=CONTACT, alpha=0.2, linewidth=0)
     axis.axhline(0.0, color=INK, linewidth=0.8)
     axis.set(ylim=(bottom, top), ylabel="distance [mm]", title="clearance")
@@ -128,6 +127,12 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     handles = axis.get_legend_handles_labels()[0]
     if handles:
         axis.legend(ncols=2, loc="upper left", borderpad=0.1, columnspacing=1.2, handlelength=2.2)
+
+
+def above(axis: Any, bottom: float, highest: float) -> float:
+    """Return the upper end of a panel whose curves end below its legend."""
+    legend = min(LEGEND / (axis.get_position().height * axis.figure.get_figheight()), 0.6)  # share of the panel
+    return highest + (highest - bottom) * legend / (1.0 - legend)
 
 
 def _proven(axis: Any, certificate: Certificate) -> None:
