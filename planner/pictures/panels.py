@@ -132,7 +132,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
 def above(axis: Any, bottom: float, highest: float) -> float:
     """Return the upper end of a panel whose curves end below its legend."""
     legend = min(LEGEND / (axis.get_position().height * axis.figure.get_figheight()), 0.6)  # share of the panel
-    return highest + (highest - bottom) * legend / (1.0 - legend)
+    return float(highest + (highest - bottom) * legend / (1.0 - legend))
 
 
 def _proven(axis: Any, certificate: Certificate) -> None:
