@@ -6,7 +6,9 @@ DIR as in benchmarks/mbm.py. Every problem is planned with the command's default
 motion is written and checked, about the benchmark's own files. Prints a table with a
 row per robot; to the error stream, a line per problem. All times are of the processor: that to certify is one call for
 a scene that is set up already; those to write, less that call, and to check include reading scene, robot and meshes.
-Of writing, a part is the checker's: it reads the files again, compares, and checks each leaf that is written.
+Of writing, a part is the checker's: it reads the files again, makes its own world of them, compares, and checks each
+leaf that is written. "At hand":
+written of a plan of this process, as `hdplan plan --proof` does, which neither reads nor certifies anew.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from problems import RealProblem, problem_parser, real_problems
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.proof.proof import prove_planned
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.verify import RejectedError
@@ -40,6 +43,8 @@ class Outcome:
     certify: float = np.nan  # [s]
     write: float = np.nan
     checker: float = np.nan  # of it
+    at_hand: float = np.nan
+    at_hand_checker: float = np.nan  # of it
     verify: float = np.nan
     short: float = np.nan  # [m] by which less is proven than by the certificate
 
@@ -64,6 +69,8 @@ def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
     except hdplan.HdplanError as error:
         return Outcome(problem.robot, name, str(error))
     written = time.process_time()
+    at_hand = prove_planned(result, scene, motion, *beside)
+    again = time.process_time()
     try:
         verdict, _ = check(scene, motion, proof.data, *beside)
     except RejectedError as error:
@@ -80,7 +87,9 @@ def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
         began - certified,
         written - began - (began - certified),
         proof.checking,
-        verified - written,
+        again - written,
+        at_hand.checking,
+        verified - again,
         np.nan if certificate.clearance is None else certificate.clearance - least,
     )
 
@@ -103,6 +112,10 @@ def table(outcomes: list[Outcome]) -> str:
                 "write / certify median / worst": _spread([outcome.write / outcome.certify for outcome in good], 1),
                 "without the checker's part": _spread(
                     [(outcome.write - outcome.checker) / outcome.certify for outcome in good], 1
+                ),
+                "of a plan at hand": _spread([outcome.at_hand / outcome.certify for outcome in good], 1),
+                "at hand, without the checker's part": _spread(
+                    [(outcome.at_hand - outcome.at_hand_checker) / outcome.certify for outcome in good], 1
                 ),
                 "verify median / worst [s]": _spread([outcome.verify for outcome in good], 2),
                 "below the certificate median / worst [mm]": _spread([1e3 * outcome.short for outcome in good], 2),
