@@ -114,12 +114,15 @@ class TriangleMesh:
     def solid_angles(self, point: ArrayLike) -> Array:
         """Return the signed solid angle (F,) under which each triangle is seen from `point` (3,), positive from inside
         (A. Van Oosterom, J. Strackee, 1983)."""
-        corners = self.vertices[self.triangles] - np.asarray(point, dtype=np.float64)
-        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-        ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
-        angle = 2.0 * np.arctan2(np.linalg.det(corners), la * lb * lc + ab * lc + bc * la + ca * lb)
-        return np.asarray(angle)
+        beside = self.vertices - np.asarray(point, dtype=np.float64)
+        away = np.sqrt((beside * beside).sum(axis=1))
+        a, b, c = (np.ascontiguousarray(beside[corner].T) for corner in self.triangles.T)  # rows are quicker
+        la, lb, lc = (away[corner] for corner in self.triangles.T)
+        ab, bc, ca = ((x * y).sum(axis=0) for x, y in ((a, b), (b, c), (c, a)))
+        volume = (
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        return np.asarray(2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb))
 
 
 @dataclass(frozen=True, repr=False)

@@ -84,6 +84,7 @@ class Job:
         need(not isinstance(joints, OtherRobot), "job: can be checked with a robot in URDF alone")
         said = {*top} & {"path", "from_request", "goal"}
         said |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
+        said |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
         need(not said and top.get("self_collision") is not False, f"{', '.join(said) or 'self_collision'}: with a job")
         self.reader, self.stages, self.rows, self.spec = reader, stages, rows, joints.spec
         start = Targets(joints, False).target(top["start"], "start")
@@ -100,6 +101,8 @@ class Job:
                 name = scenes.word(entry.get("name", f"{key.removesuffix('s')}{i}"), f"{key}[{i}]")
                 need(name not in self.things and name not in joints.at, f"'{name}': the name is taken")
                 need("motion" not in entry, f"obstacle '{name}': moves, which goes with no job")
+                known = entry.get("uncertainty") is None
+                need(known, f"obstacle '{name}': its uncertainty goes with no job, in which it may be held")
                 into[name] = {**entry, "name": name}
         self.at_first = dict(self.standing)
         self.rates = dict[str, list[float]]()  # of the arm, where it does not rest

@@ -14,6 +14,7 @@ from typing import Any
 import coal
 import numpy as np
 import pytest
+import yaml
 
 import hdplan
 from hdplan.planner.commands.verify import run_verify
@@ -338,6 +339,21 @@ def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, b
         other.write_text(written.replace(old, new, 1), encoding="utf-8")
         with pytest.raises(RejectedError, match=words):
             check_job(other, motion, data)
+
+
+def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
+    """An object that is held would be known exactly, and what is let go stand where it was let go."""
+    path, motion, data = files
+    unsure = {"position": 1e-7}
+    for part, key in (("obstacles", "uncertainty"), ("robot", "calibration"), ("robot", "tracking")):
+        said = yaml.safe_load(path.read_text(encoding="utf-8"))
+        (said[part] if part == "robot" else said[part][0])[key] = unsure
+        other = tmp_path / "other.yaml"
+        other.write_text(json.dumps(said), encoding="utf-8")
+        with pytest.raises(RejectedError, match=key):
+            judged(other, motion, data)
+        with pytest.raises(InputError, match=key):
+            hdplan.load_scene(other)
 
 
 def test_a_job_begins_and_ends_at_rest_as_the_planner_has_it(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
