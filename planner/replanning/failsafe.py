@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.replanning.nominal import Nominal, Rows
+from hdplan.planner.replanning.nominal import STILL, Nominal, Rows
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.timing.braking import brake
 from hdplan.scenes.array_types import Array
@@ -25,7 +25,6 @@ SPEEDS = (1.0, 0.5, 0.2)  # ṡ that are aimed at: slower motions are shorter un
 LONGEST = 1.0  # [s] in which s̈ has to come to 0: a law that takes longer is no braking
 BACKWARDS = 1e-9  # [–] ṡ below 0, from rounding
 ROOM = 1e-7  # [–] of the joints' limits that is left unused
-STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import freeze
 
+STILL = 1e-9  # [rad] or [m] between two rows, and their rates per second: the robot stands
 Rows = tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
 ]  # positions, velocities, accelerations (k, n)
@@ -70,6 +71,13 @@ class Nominal:
         """Return the first row that is not before s; the last one if there is none."""
         return min(int(np.searchsorted(self._times, s)), len(self._times) - 1)
 
+    def leads_from(self, s: float) -> bool:
+        """True if the robot still moves from s on."""
+        if s >= self.ends:
+            return False
+        here = self.driven(np.array([[s, 0.0, 0.0]]))[0]
+        return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL)
+
     def rest(self, row: int) -> Trajectory | None:
         """Return what is left from a row on; None if nothing is."""
         return self.motion.between(row, len(self.motion) - 1) if row < len(self.motion) - 1 else None
@@ -114,5 +122,5 @@ class Course:
 
     @property
     def arrives(self) -> bool:
-        """True if the law leads to the end of the nominal motion."""
-        return bool(self.law[-1, 0] >= self.nominal.ends)
+        """True if the law leads to where the nominal motion ends."""
+        return not self.nominal.leads_from(float(self.law[-1, 0]))

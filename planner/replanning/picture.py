@@ -132,6 +132,9 @@ class Sightings:
                 raise InputError(f"poses: unknown obstacle {name!r}{nearest(str(name), [*known, *seen])}")
             placed = checked(placement, pose, f"poses.{name}")
             which[name] = Sighting(replace(which[name].obstacle, pose=placed), at)
+        clouds = {name for name, each in known.items() if isinstance(each.obstacle.shape, Cloud)} - set(seen)
+        if clouded is not None and (name := clouded.obstacle.name) in {*known, *seen} - clouds:
+            raise InputError(f"cloud: its name {name!r} is that of an obstacle; names must differ")
         return Sightings(self.scene, at, known, seen, clouded)
 
 

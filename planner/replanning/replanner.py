@@ -25,6 +25,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +40,7 @@ from hdplan.planner.replanning.ways import Ways
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import time_limit
@@ -47,15 +49,24 @@ from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.poses import AnyPose
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.shapes import Solid
-from hdplan.scenes.targets import AnyGoal, JointTarget
-from hdplan.scenes.values import Number, checked, functions, instance
+from hdplan.scenes.targets import AnyGoal, Goals, JointTarget
+from hdplan.scenes.values import Number, checked, describe, functions, instance
 
 ROWS = 2  # of the grid in a period
 OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
 AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
 FIRST_HORIZON = 0.5  # [s] until one was measured
 FORGETS = 0.95  # share of the horizon that is kept from one step to the next, as motions near an end are short
+LATEST = 1e10  # [s] on any clock: later, times are no longer apart
 SHARE = 0.8  # of a period, for the proofs of a step
+
+
+class Measured(NamedTuple):
+    """A state of the joints."""
+
+    at: float  # [s] on the clock
+    q: Array  # (n,) [rad or m]
+    dq: Array  # (n,) [rad/s or m/s]
 
 
 class Replanner:
@@ -103,6 +114,8 @@ class Replanner:
         self._settling = checked(Number(0.0, 10.0, unit="s"), settling, "settling")
         if clock is not None:
             functions(clock=clock)
+        if executor is not None:
+            instance(executor, Executor, "executor")
         at = _moment(at, "at")
         if scene.limits.acceleration is None:
             raise InputError(
@@ -115,7 +128,7 @@ class Replanner:
         if scene.path.follow is not None:
             raise InputError(f"{scene.source}: path.follow: is of a whole motion, and a replanner may end one anywhere")
         setup = Setup.of(scene, robot)
-        setup.refuse_moving_ends("a replanner begins and ends at rest")
+        _check_goal(setup)
         self.robot = setup.robot
         start = self.robot.configuration(scene.start, scene.from_request)
         self._scene, self._clock = setup.asked, clock
@@ -128,6 +141,8 @@ class Replanner:
         self._ways = Ways(self.robot, executor)
         self._now = -math.inf  # of the last step
         self._off = ""  # how the robot is not where it is to be
+        self._measured: Measured | None = None  # a state that no step has looked at
+        self._measured_at = -math.inf  # when the last one was [s]
         self._hopeful = True  # whether the last step could prove a motion
         self._clearance: float | None = None
         self._proven_at, self._horizon = at, FIRST_HORIZON
@@ -187,9 +202,7 @@ class Replanner:
         scene = self._scene.with_goal(goal)
         scene = derived(self._scene, goal=scene.goal)
         setup = Setup.of(scene, self.robot)
-        setup.refuse_moving_ends("a replanner begins and ends at rest")
-        if isinstance(scene.goal, JointTarget):
-            self.robot.configuration(scene.goal)
+        _check_goal(setup)
         with self._steps:
             self._scene = setup.asked
             self._ways.forget(reaches=False)
@@ -200,7 +213,7 @@ class Replanner:
 
         A robot that is not within `robot.tracking` of its motion brakes along it, and goes on from where it then
         stands. Raises InputError for wrong numbers of values, NaN, and values that the joints cannot have; the motion
-        that is held stays as it is.
+        that is held stays as it is. So does a state that is older than the last one.
         """
         joints = self.robot.joint_names
         found, rates = joint_numbers("q", q, joints), joint_numbers("dq", dq, joints)
@@ -212,18 +225,11 @@ class Replanner:
         if over[i := int(over.argmax())] > 0.0:
             raise InputError(f"dq: joint '{joints[i]}' is at {rates[i]:g}, its limit is {self._speeds[i]:g}")
         with self._steps:
-            when = max(self._now, self._grid.origin) if at is None else _moment(at, "at")
-            away = np.abs(found - self._held.at(when)[0]) - self._lags - OFF
-            i = int(away.argmax())
-            self._off = ""
-            if away[i] > 0.0:
-                off, allowed = away[i] + self._lags[i], self._lags[i]
-                self._off = f"joint '{joints[i]}' is {off:.3g} off its motion, robot.tracking.position is {allowed:g}"
-                if when >= self._grid.time(self._held.last) and np.abs(rates).max() <= AT_REST:
-                    inside = np.clip(found, self.robot.lower, self.robot.upper)
-                    self._held = Held.standing(self._grid, self._grid.after(when), inside)
-                    self._course, self._off = None, ""
-                    self._ways.forget(reaches=True)
+            when = max(self._now, self._grid.origin, self._measured_at) if at is None else _moment(at, "at")
+            if when < self._measured_at:
+                last = self._measured_at
+                raise InputError(f"at: must be no earlier than the last state, {last:.6g} s, found {when:.6g} s")
+            self._measured, self._measured_at = Measured(when, found, rates), when
 
     def step(self, t: float) -> Command:
         """Return what the robot is to do from now, t [s], on: the motion that is held, longer by a piece if that could
@@ -237,6 +243,7 @@ class Replanner:
             if t < self._now:
                 raise InputError(f"t: must be no earlier than the last step, {self._now:.6g} s, found {t:.6g} s")
             self._now = t
+            self._compare(self._time(t, began))
             picture, row = self._picture, self._grid.after(t + self._period + self._latency)
             why, moves = self._hindrance(picture, self._time(t, began)), False
             if not why:
@@ -248,10 +255,31 @@ class Replanner:
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
+    def _compare(self, now: float) -> None:
+        """See how far the robot is off its motion, by the last state unless that is of the future; if it has come to
+        rest there, it stands there."""
+        measured = self._measured
+        if measured is None or measured.at > now:
+            return
+        self._measured, self._off = None, ""
+        away = np.abs(measured.q - self._held.at(measured.at)[0]) - self._lags - OFF
+        i = int(away.argmax())
+        if away[i] <= 0.0:
+            return
+        joint, off, allowed = self.robot.joint_names[i], away[i] + self._lags[i], self._lags[i]
+        self._off = f"joint '{joint}' is {off:.3g} off its motion, robot.tracking.position is {allowed:g}"
+        if measured.at >= self._grid.time(self._held.last) and np.abs(measured.dq).max() <= AT_REST:
+            inside = np.clip(measured.q, self.robot.lower, self.robot.upper)
+            self._held = Held.standing(self._grid, self._grid.after(measured.at), inside)
+            self._course, self._off = None, ""
+            self._ways.forget(reaches=True)
+
     def _hindrance(self, picture: Picture, now: float) -> str:
         """Say why nothing can be proven in this step; nothing if something may."""
         if self._off:
             return self._off
+        if self._measured is not None:
+            return f"the state was measured at {self._measured.at:.6g} s, after this step"
         if picture.at > now:
             return f"the picture was taken at {picture.at:.6g} s, after this step"
         if picture.lost:
@@ -272,6 +300,9 @@ class Replanner:
         for course in courses:
             for motion in self._motions.of(course.nominal, course.at(row), hopeful):
                 if not motion.moves:
+                    if course is not self._course and row >= self._held.last:
+                        self._course = course
+                        self._ways.taken()
                     return False, ""
                 certificate = self._proof(picture, row, motion.rows, course.nominal, began)
                 stands = self._grid.time(row + len(motion.law) - 1) + self._settling
@@ -301,7 +332,7 @@ class Replanner:
 
     def _time(self, t: float, began: float) -> float:
         """Return the time [s] in a step of t that began then (time.perf_counter())."""
-        return self._clock() if self._clock is not None else t + time.perf_counter() - began
+        return _moment(self._clock(), "clock()") if self._clock is not None else t + time.perf_counter() - began
 
     def _command(self, t: float, why: str, seconds: float) -> Command:
         position, velocity, acceleration = self._held.at(t)
@@ -325,8 +356,17 @@ class Replanner:
         )
 
 
+def _check_goal(setup: Setup) -> None:
+    """Raise InputError for a goal that does not fit the robot, and for ends at which it moves."""
+    setup.refuse_moving_ends("a replanner begins and ends at rest")
+    goal = setup.scene.goal
+    for target in goal.targets if isinstance(goal, Goals) else (goal,):
+        if isinstance(target, JointTarget):
+            setup.robot.configuration(target, setup.scene.from_request)
+
+
 def _moment(t: float, name: str) -> float:
     """Return a time on the clock. Raises InputError for anything else."""
-    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not math.isfinite(t):
-        raise InputError(f"{name}: must be a finite time [s], found {t!r}")
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.integer, np.floating)) or not abs(t) <= LATEST:
+        raise InputError(f"{name}: must be a finite time [s], found {describe(t)}")
     return float(t)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class Ways:
         self.reaches = True  # whether the way that is driven leads to the goal
         self.why = ""  # no way was found
         self._asked: Future[Answer] | None = None
+        self._question: Question | None = None  # what it asks: one that comes back from another process is a copy
         self._asked_of: Sightings | None = None
         self._asked_at, self._not_before, self._lead = -math.inf, -math.inf, AHEAD
         self._waiting: Answer | None = None  # a way that is not driven yet
@@ -51,10 +53,12 @@ class Ways:
         be the same on it."""
         if self._asked is not None and self._asked.done():
             future, self._asked = self._asked, None
-            answer = future.result()
+            answer, self.why = _heard(future)
             self._lead = min(max(AHEAD, SOONER * self._lead, LATER * (now - self._asked_at)), MOST_AHEAD)
-            self._waiting, self.why = answer if answer.way is not None else None, answer.why
-            if answer.why:
+            self._waiting = None
+            if answer is not None and answer.way is not None and self._question is not None:
+                self._waiting = replace(answer, question=self._question)
+            if self.why:
                 self._not_before = now + AGAIN
         joined = self.waiting(held, course, row)
         if joined is None or self._waiting is None:
@@ -112,4 +116,18 @@ class Ways:
         question = Question(scene, self.robot, seen, now, horizon, nominal, anew, at, standing, stuck=not moves)
         if self._executor is None:
             self._executor = ThreadPoolExecutor(1, thread_name_prefix="hdplan-outlook")
-        self._asked, self._asked_at, self._asked_of = self._executor.submit(outlook, question), now, seen
+        self._question, self._asked_at, self._asked_of = question, now, seen
+        try:
+            self._asked = self._executor.submit(outlook, question)
+        except RuntimeError as error:  # it was shut down
+            self.why, self._not_before = f"no way is looked for: {error}", now + AGAIN
+
+
+def _heard(future: Future[Answer]) -> tuple[Answer | None, str]:
+    """Return an answer, and why it holds no way. A search that failed, in whatever way, holds none: the step that hears
+    of it has a command to give."""
+    try:
+        answer = future.result()
+    except Exception as error:
+        return None, f"no way was found: the search for it ended with {type(error).__name__}: {error}"
+    return answer, answer.why

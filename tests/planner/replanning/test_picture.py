@@ -101,3 +101,17 @@ def test_another_start_and_goal_are_checked_as_by_a_new_certifier() -> None:
     assert certifier.certify(motion).status.value == "wrong_ends"  # as before
     moving = JointTarget("start", tuple(motion.positions[0].tolist()), velocity=(0.1, 0.0))
     assert other.between(moving, other.scene.goal).certify(motion).status.value == "wrong_ends"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("cloud_first", [True, False])
+def test_a_cloud_takes_the_place_of_no_obstacle_with_its_name(cloud_first: bool) -> None:
+    seen = Sightings.of(limited("planar_arm"), 0.0)
+    box, cloud = hdplan.Box([0.1, 0.1, 0.1], name="cloud", pose=[2, 0, 0]), hdplan.Cloud([[3.0, 0.0, 0.0]], 0.01)
+    first, second = (None, cloud), ([box], None)
+    if not cloud_first:
+        first, second = second, first
+    seen = seen.updated(1.0, *first, None)
+    with pytest.raises(hdplan.InputError, match="cloud: its name 'cloud' is that of an obstacle; names must differ"):
+        seen.updated(1.0, *second, None)
+    with pytest.raises(hdplan.InputError, match="names must differ"):  # one that stands in the scene
+        seen.updated(1.0, None, dataclasses.replace(cloud, name="ball"), None)

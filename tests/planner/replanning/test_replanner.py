@@ -5,6 +5,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ import pytest
 import hdplan
 from hdplan.planner.robot.link_frame import link_poses, links_of
 from hdplan.scenes.array_types import Array
-from tests.planner.replanning.driving import LATENCY, LIMITS, LOOKS, PERIOD, Drive, limited, straight_to
+from tests.planner.replanning.driving import LATENCY, LIMITS, LOOKS, PERIOD, AtOnce, Drive, limited, straight_to
 from tests.threads import together
 
 SPEED, OFF, AGE, LAG = 0.5, 0.01, 0.06, 0.004  # [m/s], [m], [s], [rad]
@@ -191,7 +194,9 @@ def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
         (lambda: replanner.update(poses={"ball": [0, nan, 0]}, at=1.0), "poses.ball"),
         (lambda: replanner.update(cloud=ball, at=1.0), "cloud: must be a Cloud"),
         (lambda: replanner.update(cloud="scan", at=1.0), "cloud"),
+        (lambda: replanner.step(10**400), "t: must be a finite time"),
         (lambda: replanner.aim([9.0, 0.0]), "goal"),
+        (lambda: replanner.aim([[0.0, 0.0], [9.0, 0.0]]), r"goal\[1\]"),
         (lambda: hdplan.Replanner(scene, period=0.0), "period"),
         (lambda: hdplan.Replanner(hdplan.load_scene("planar_arm")), "limits.acceleration: is missing"),
         (lambda: hdplan.Replanner(dataclasses.replace(scene, timing=hdplan.Timing(2.0))), "timing.duration"),
@@ -258,3 +263,43 @@ def test_threads_may_look_measure_and_step_at_the_same_time() -> None:
         assert command.motion.velocities is not None
         assert not command.motion.velocities[-1].any()
     assert LIMITS.acceleration == 8.0
+
+
+def test_an_executor_that_fails_costs_a_way_and_no_command() -> None:
+    class Failing(AtOnce):
+        def submit(self, work: Callable[..., Any], /, *args: Any, **named: Any) -> Future[Any]:
+            future = Future[Any]()
+            future.set_exception(ZeroDivisionError("none"))
+            return future
+
+    for executor, said in ((Failing(), "ended with ZeroDivisionError: none"), (ThreadPoolExecutor(1), "shutdown")):
+        drive = Drive(limited("planar_arm"), executor=executor)
+        executor.shutdown()
+        drive.period()
+        assert said in drive.step().why
+    with pytest.raises(hdplan.InputError, match="executor: must be of the class Executor"):
+        hdplan.Replanner(limited("planar_arm"), executor=5)  # type: ignore[arg-type]
+
+
+def test_a_robot_that_is_at_its_goal_has_arrived() -> None:
+    scene = limited("planar_arm")
+    drive = Drive(dataclasses.replace(scene, goal=scene.start))
+    assert drive.arrives(within=1.0)
+    drive.replanner.aim(scene.goal)
+    drive.period()
+    drive.replanner.aim(scene.start)
+    assert drive.arrives(within=drive.now + 6.0)
+
+
+def test_states_of_the_future_and_older_ones_move_nothing() -> None:
+    drive = Drive(limited("planar_arm"))
+    while not drive.commands or not drive.commands[-1].velocity.any():
+        drive.period()
+    q = drive.commands[-1].position
+    drive.replanner.state(q + 0.1, [0.0, 0.0], at=drive.now + 60.0)  # the robot moves, and does not stand there
+    command = drive.step()
+    np.testing.assert_allclose(command.position, q, atol=0.1)
+    assert command.velocity.any()
+    assert "after this step" in command.why
+    with pytest.raises(hdplan.InputError, match="at: must be no earlier than the last state"):
+        drive.replanner.state(q, [0.0, 0.0], at=drive.now)
