@@ -6,21 +6,21 @@ An arm that is farther off than it may be is stopped: what was proven says nothi
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from hdplan.planner.control.arm import Arm
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.planner.replanning.command import Command, Mode
 from hdplan.planner.replanning.replanner import Replanner
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.once import freeze
 from hdplan.scenes.sizes import Tracking
-from hdplan.scenes.values import Number, checked, instance
+from hdplan.scenes.values import Number, checked, functions, instance
 
 DIGITS = 3  # of measured errors, rounded up
 
@@ -39,7 +39,7 @@ class Executed:
     errors: Array  # (k, n) commanded less measured positions
     velocity_errors: Array  # (k, n)
     why: str  # it was stopped before its end; empty if it was not
-    modes: tuple[Mode, ...] = field(default=())  # of each step of a replanner
+    commands: tuple[Command, ...] = ()  # of each step of a replanner
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -74,33 +74,49 @@ class Loop:
         self.arm = arm
         self.most = checked(Number(high=1e3, above=0.0, unit="rad or m"), most, "most")
 
-    def follow(self, motion: Trajectory) -> Executed:
+    def follow(self, motion: Trajectory, begins: Callable[[StageMark], None] | None = None) -> Executed:
         """Follow a motion with times, from where the arm stands to its end: of a plan, of a job, of another planner.
+
+        Of a job's motion the arm's joints are sent; what else it moves, such as fingers, and the outputs that it sets,
+        are for `begins`, which is called with each stage (`Trajectory.stages`) when it begins.
 
         Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most`
         from where the motion begins; nothing was sent then.
         """
         instance(motion, Trajectory, "motion")
+        if begins is not None:
+            functions(begins=begins)
         if motion.times is None:
             raise InputError("motion: times: missing; an arm needs them")
-        if tuple(motion.joint_names) != tuple(self.arm.joint_names):
-            ours, theirs = ", ".join(self.arm.joint_names), ", ".join(motion.joint_names)
-            raise InputError(f"motion: joint_names: must be those of the arm, in its order: {ours}; found {theirs}")
-        away = motion.positions[0] - self.arm.state()[0]
+        ours, theirs = self.arm.joint_names, motion.joint_names
+        if not set(ours) <= set(theirs) or (len(ours) < len(theirs) and not motion.stages):
+            raise InputError(f"motion: joint_names: must be those of the arm: {listed(ours)}; found {listed(theirs)}")
+        columns = [theirs.index(joint) for joint in ours]
+        away = motion.positions[0, columns] - self.arm.state()[0]
         if not np.abs(away).max() <= self.most:
             joint = _worst(away)
             raise InputError(
-                f"motion: joint '{self.arm.joint_names[joint]}' is {abs(away[joint]):.3g} from where the motion "
-                f"begins, at most {self.most:g} is allowed: move it there first"
+                f"motion: joint '{ours[joint]}' is {abs(away[joint]):.3g} from where the motion begins, at most "
+                f"{self.most:g} is allowed: move it there first"
             )
-        return self.along(motion.curve)
+        due = [(float(motion.times[mark.row] - motion.times[0]), mark) for mark in motion.stages]
+        return self.along(Curve(motion.curve.control[:, :, columns], motion.times), due, begins)
 
-    def along(self, curve: Curve) -> Executed:
-        """Follow a curve with times of the arm's joints, in its order; not checked."""
+    def along(
+        self,
+        curve: Curve,
+        stages: Sequence[tuple[float, StageMark]] = (),
+        begins: Callable[[StageMark], None] | None = None,
+    ) -> Executed:
+        """Follow a curve with times of the arm's joints, in its order, with stages that begin at times [s] from its
+        beginning; not checked."""
         assert curve.times is not None
         first, last, period = float(curve.times[0]), float(curve.times[-1]), self.arm.period
+        waiting = list(stages) if begins is not None else []
 
         def reference(t: float) -> tuple[Array, Array] | None:
+            while waiting and begins is not None and t >= waiting[0][0] - 0.5 * period:
+                begins(waiting.pop(0)[1])
             if first + t > last + 0.5 * period:
                 return None
             place = curve.place_of(np.clip(first + t + np.array([0.0, period]), first, last))
@@ -122,31 +138,28 @@ class Loop:
         if tuple(replanner.robot.joint_names) != tuple(self.arm.joint_names):
             ours, theirs = ", ".join(self.arm.joint_names), ", ".join(replanner.robot.joint_names)
             raise InputError(f"replanner: plans {theirs}; the arm has {ours}")
-        began, period, modes = self.arm.time(), self.arm.period, list[Mode]()
-        command: Command | None = None
-        due = 0.0
+        began, period, due = self.arm.time(), self.arm.period, 0.0
+        commands: list[Command] = []
 
         def reference(t: float) -> tuple[Array, Array] | None:
-            nonlocal command, due
+            nonlocal due
             now = began + t
-            over = t >= seconds or (bool(modes) and modes[-1] is Mode.ARRIVED)
-            if over and command is not None and now >= command.time + float(command.motion.times[-1]):  # type: ignore[index]
+            over = bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED)
+            if over and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
                 return None
             if not over and t >= due - 0.5 * period:
                 if see is not None:
                     see(now)
-                if command is not None:
+                if commands:
                     replanner.state(*self.arm.state(), at=now)
-                command = replanner.step(now)
-                modes.append(command.mode)
+                commands.append(replanner.step(now))
                 due += replanner.period
-            assert command is not None
-            found = command.at(now + np.array([0.0, period]))
+            found = commands[-1].at(now + np.array([0.0, period]))
             return found.positions, found.velocities
 
-        return self._run(reference, modes)
+        return self._run(reference, commands)
 
-    def _run(self, reference: Reference, modes: list[Mode] | None = None) -> Executed:
+    def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
         """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""
         began, rows, why, ended = self.arm.time(), list[tuple[Array, ...]](), "", False
         times: list[float] = []
@@ -171,7 +184,7 @@ class Loop:
                 self.arm.stop()
         q, v, errors, velocity_errors = (np.array(each) for each in zip(*rows, strict=True))
         return Executed(
-            tuple(self.arm.joint_names), np.array(times), q, v, errors, velocity_errors, why, tuple(modes or ())
+            tuple(self.arm.joint_names), np.array(times), q, v, errors, velocity_errors, why, tuple(commands)
         )
 
 

@@ -197,7 +197,11 @@ def test_nothing_is_sent_to_an_arm_that_does_not_fit(planned: tuple[hdplan.Scene
     for arm, wrong, match in (
         (away, motion, "is 0.1 from where the motion begins, at most 0.05 is allowed: move it there first"),
         (away, replace(motion, times=None, velocities=None, accelerations=None), "times: missing"),
-        (Faulty(("a", "b"), np.zeros(2), 0.0), motion, "joint_names: must be those of the arm, in its order: a, b"),
+        (
+            Faulty(("a", "b"), np.zeros(2), 0.0),
+            motion,
+            "joint_names: must be those of the arm: a, b; found panda_joint1",
+        ),
     ):
         with pytest.raises(InputError, match=match):
             control.Loop(arm).follow(wrong)
@@ -213,6 +217,23 @@ def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -
     with hdplan.Replanner(scene, clock=arm.time, executor=AtOnce()) as replanner:
         done = control.Loop(arm).replan(replanner, 10.0)
     assert not done.why
-    assert done.modes[-1].value == "arrived"
+    assert done.commands[-1].mode.value == "arrived"
     assert np.abs(done.positions[-1] - np.array(scene.goal.positions)).max() < 0.01  # type: ignore[union-attr]
     assert np.abs(done.errors).max() <= 0.01
+
+
+def test_a_job_is_executed_with_its_stages() -> None:
+    """The fingers are for whoever drives the hand: he is told when each stage begins."""
+    scene = hdplan.load_scene("panda_pick_place")
+    motion = hdplan.plan_job(scene).trajectory
+    arm = control.MuJoCoArm.of(scene)
+    begun: list[tuple[str, float]] = []
+    done = control.Loop(arm).follow(motion, begins=lambda mark: begun.append((mark.name, arm.time())))
+    assert not done.why
+    assert motion.times is not None
+    assert [name for name, _ in begun] == [mark.name for mark in motion.stages]
+    assert np.allclose([when for _, when in begun], [motion.times[mark.row] for mark in motion.stages], atol=arm.period)
+    assert np.abs(done.errors).max() < 0.02
+    part = replace(motion, stages=())
+    with pytest.raises(InputError, match="joint_names: must be those of the arm"):
+        control.Loop(arm).follow(part)
