@@ -242,6 +242,7 @@ def simulate(
     robot: given.RobotFile = None,
     xacro_arg: given.XacroArguments = None,
     plot: given.RatesSheet = None,
+    plant: given.Plant = None,
     as_json: given.AsJson = False,
 ) -> None:
     """Replay a joint trajectory, with or without dynamics.
@@ -250,12 +251,24 @@ def simulate(
     controller would. With it the robot and its loads are simulated under computed-torque control, with torques clipped
     at their limits.
 
-    Exit code 1 if tracking is lost, a limit is exceeded, or there is contact.
+    With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. How far it was
+    off is shown as `robot.tracking`, for which a scene can then be proven.
+
+    Exit code 1 if tracking is lost or worse than the scene's `robot.tracking`, a limit is exceeded, or there is
+    contact.
     """
     from hdplan.planner.commands.simulate import run_simulate
 
     raise typer.Exit(
-        run_simulate(scene, trajectory, request, given.robot_with(robot, xacro_arg), plot=plot, as_json=as_json)
+        run_simulate(
+            scene,
+            trajectory,
+            request,
+            given.robot_with(robot, xacro_arg),
+            plot=plot,
+            plant=plant,
+            as_json=as_json,
+        )
     )
 
 

@@ -56,6 +56,7 @@ HOMES = {  # of each heavy library
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},
     "daqp": {"planner.control"},
+    "mujoco": {"planner.control"},
     "av": {"planner.page"},
     "coacd": {"planner.collision"},
     "yaml": {"scenes"},

@@ -34,6 +34,7 @@ class Execution:
     errors: Array  # (k + 1, n) tracking errors e [rad] or [m]
     asked: Array  # (k, n) commanded τ [Nm] or [N], before saturation at the limits
     lost: bool  # whether it ended before the motion did, as tracking was lost
+    velocity_errors: Array  # (k + 1, n) ė [rad/s] or [m/s]
 
     @property
     def step(self) -> float:
@@ -89,18 +90,21 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     q_d, v_d, a_d = (curve.at_time(middle, order) for order in range(3))
     step, stiffness, damping = times[1] - times[0], FREQUENCY**2, 2 * FREQUENCY
     q, v = wanted[0], wanted_speed[0]
-    positions, errors, asked = [q], [np.zeros_like(q)], []
+    positions, errors, velocity_errors, asked = [q], [np.zeros_like(q)], [np.zeros_like(q)], []
     for k in range(count):
         push = a_d[k] + stiffness * errors[-1] + damping * (wanted_speed[k] - v)
         asked.append(arm.needed(q_d[k], v_d[k], push))
         q, v = arm.moved(q, v, np.clip(asked[-1], -limits, limits), float(step))
         positions.append(q)
         errors.append(wanted[k + 1] - q)
+        velocity_errors.append(wanted_speed[k + 1] - v)
         if not np.abs(errors[-1]).max() <= LOST:
             break
     done = len(positions)
     lost = bool(np.abs(errors[-1]).max() > LOST)
-    return Execution(times[:done], np.array(positions), np.array(errors), np.array(asked), lost)
+    return Execution(
+        times[:done], np.array(positions), np.array(errors), np.array(asked), lost, np.array(velocity_errors)
+    )
 
 
 def _span(curve: Curve) -> tuple[float, float]:

@@ -2,28 +2,32 @@
 
 Scene and trajectory -> `Simulation`. Without `limits.torque` the replay is kinematic: the file is sampled as a
 controller would, a thousand times a second by its own interpolation rule. With it the robot and its loads are simulated
-(`computed_torque`), and the simulated motion counts. Samples prove nothing; the certificate does.
+(`computed_torque`), and the simulated motion counts; so it does where a plant of another kind executes the motion
+(`mujoco_arm`). Samples prove nothing; the certificate does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, execute
+from hdplan.planner.control.computed_torque import STEP, Arm, Execution, execute
+from hdplan.planner.control.loop import measured_tracking
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import unknown_in
+from hdplan.scenes.sizes import Tracking
 
 CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
 LONGEST_MOTION = 3600.0  # [s] that a motion may take: the rows of all steps are kept
@@ -31,6 +35,9 @@ PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
 SATURATED = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
 JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
+
+Plant = Callable[[Setup, Curve], Execution]
+"""Executes a curve with times of a scene's robot."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +110,15 @@ class Simulation:
         if self.execution is None:
             return f"replayed: kinematics only, within all limits of the scene{as_said}"
         worst = max(joint.error or 0.0 for joint in self.joints)
-        tracked = f"tracked within {worst:.1e} rad, torques within their limits"
+        limited = ", torques within their limits" if self.joints[0].peaks["torque"].limit is not None else ""
+        tracked = f"tracked within {worst:.1e} rad{limited}"
         return f"executed: simulated with dynamics, {tracked}{as_said}"
+
+    @property
+    def tracking(self) -> Tracking | None:
+        """The largest errors of each joint, rounded up, as `robot.tracking` takes them; None without dynamics."""
+        done = self.execution
+        return None if done is None else measured_tracking(done.errors, done.velocity_errors)
 
     def summary(self) -> dict[str, Any]:
         """Return the same as one JSON object: SI units; null where the scene has no such limit."""
@@ -117,6 +131,7 @@ class Simulation:
             "duration_s": self.duration,
             "closest": _about(self.closest),
             "self_closest": _about(self.self_closest),
+            "tracking": None if self.tracking is None else asdict(self.tracking),
             "joints": [
                 {
                     "name": joint.name,
@@ -157,14 +172,17 @@ def _check_steps(times: Array) -> None:
         )
 
 
-def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
-    """Replay a trajectory of the scene's robot.
+def replay(setup: Setup, trajectory: Trajectory, plant: Plant | None = None) -> Simulation:
+    """Replay a trajectory of the scene's robot, executed by a plant if there is one.
 
     Raises:
         InputError: as `fitting`; loads or limits of the scene that do not match the robot; a motion that takes longer
-            than LONGEST_MOTION, or at times so large that steps are lost in rounding.
+            than LONGEST_MOTION, or at times so large that steps are lost in rounding; a path without times, for a
+            plant.
     """
     robot, curve = setup.robot, fitting(setup, trajectory)
+    if plant is not None and curve.times is None:
+        raise InputError("times: missing; a body with masses (--plant) needs them")
     if curve.times is not None:
         _check_steps(curve.times)
     timed = curve.times is not None
@@ -180,11 +198,16 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         for peak, found in zip(peaks, _rates(setup, curve, order, times, limits.get(name)), strict=True):
             peak[name] = found
     execution = None
-    if torques is not None:
+    if plant is not None:
+        execution = plant(setup, curve)
+    elif torques is not None:
         execution = execute(Arm(setup.loaded_model, robot), curve, torques)
+    if execution is not None:
         times, positions = execution.times, execution.positions
         for joint, peak in enumerate(peaks):
-            peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
+            peak["torque"] = _peak(
+                execution.asked[:, joint], execution.times, None if torques is None else float(torques[joint])
+            )
     others: dict[str, Array] = {}
     for check in certifier.limits if timed else ():
         for name in check.limits.keys() - peaks[0].keys():  # neither a derivative nor measured in the execution
@@ -205,7 +228,8 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         for i, name in enumerate(robot.joint_names)
     )
     failures = (
-        *(() if execution is None or torques is None else _overloaded(execution, torques, robot)),
+        *(() if execution is None else _overloaded(execution, torques, robot)),
+        *(() if execution is None else _off(execution, setup)),
         *_beyond(joints),
         *_touching(closest, between_links),
     )
@@ -245,10 +269,9 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
     return best[0], best[1]
 
 
-def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[str]:
-    """Say where the commanded torque first exceeds a limit, and whether tracking is lost."""
-    shares = np.abs(execution.asked) / limits
-    if (over := shares.max(axis=1) > 1 + SATURATED).any():
+def _overloaded(execution: Execution, limits: Array | None, robot: Robot) -> Iterator[str]:
+    """Say where the commanded torque first exceeds a limit, if there is one, and whether tracking is lost."""
+    if limits is not None and (over := (shares := np.abs(execution.asked) / limits).max(axis=1) > 1 + SATURATED).any():
         row = int(over.argmax())
         joint = int(shares[row].argmax())
         yield (
@@ -257,8 +280,23 @@ def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[s
         )
     if execution.lost:
         joint = int(np.abs(execution.errors[-1]).argmax())
-        name, when = robot.joint_names[joint], execution.times[-1]
-        yield f"tracking is lost at {when:.3f} s, where joint '{name}' is more than {LOST:g} off"
+        name, when, off = robot.joint_names[joint], execution.times[-1], abs(execution.errors[-1, joint])
+        yield f"tracking is lost at {when:.3f} s, where joint '{name}' is {off:.3g} off"
+
+
+def _off(execution: Execution, setup: Setup) -> Iterator[str]:
+    """Say which joint is farther off than the scene has it: what is proven is proven for less."""
+    lag = setup.scene.robot.tracking
+    for name, errors in (("position", execution.errors), ("velocity", execution.velocity_errors)):
+        if lag is None or not getattr(lag, name):
+            continue
+        over = np.abs(errors) - tracking(setup.scene, setup.robot, name)
+        row, joint = np.unravel_index(int(over.argmax()), over.shape)
+        if over[row, joint] > 0.0:
+            yield (
+                f"joint '{setup.robot.joint_names[joint]}' is off by {abs(errors[row, joint]):.3g} at "
+                f"{execution.times[row]:.3f} s, more than robot.tracking.{name}: the proof does not cover it"
+            )
 
 
 def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:

@@ -154,6 +154,11 @@ class Replanner:
         """Say for which robot it is."""
         return f"<Replanner of {self.robot.name}: every {self._period:g} s>"
 
+    @property
+    def period(self) -> float:
+        """[s] between two steps."""
+        return float(self._period)
+
     def __enter__(self) -> Replanner:
         """Return itself."""
         return self

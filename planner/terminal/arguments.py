@@ -193,6 +193,14 @@ JointLimit = Annotated[
         help="A limit of all joints in place of the scene's: velocity, acceleration or jerk. May be repeated.",
     ),
 ]
+Plant = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mujoco|FILE",
+        help="Execute the motion by a body with masses and drives: by MuJoCo, made of the scene's robot or of a MuJoCo "
+        "model file (.xml).",
+    ),
+]
 RatesSheet = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),

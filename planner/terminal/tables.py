@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hdplan.planner.control.simulation import JointUse, Peak, Simulation
     from hdplan.planner.result import PlanResult
     from hdplan.scenes.scene import Scene
+    from hdplan.scenes.sizes import Tracking
 
 STANDS = 1e-6  # [rad/s etc.] below which a joint stands still, up to rounding
 BAR = 14  # [columns] width of the bar for a torque at its limit
@@ -90,9 +91,19 @@ def simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tu
             for name, close in places.items()
             if close is not None
         ),
+        *(() if simulation.tracking is None else [("robot.tracking", _sizes(simulation.tracking))]),
         ("sampled", f"{simulation.samples} configurations, with exact distances"),
         ("units", "rad, Nm and s; m and N where a joint slides"),
     ]
+
+
+def _sizes(tracking: Tracking) -> str:
+    """Write measured errors as a scene takes them."""
+    position, velocity = (
+        f"[{', '.join(f'{value:g}' for value in values)}]" if isinstance(values, tuple) else f"{values:g}"
+        for values in (tracking.position, tracking.velocity)
+    )
+    return f"{{position: {position}, velocity: {velocity}}}"
 
 
 def rates_table(joints: Sequence[JointUse]) -> Table:
@@ -111,7 +122,8 @@ def torques_table(joints: Sequence[JointUse]) -> Table:
     for joint in joints:
         torque = joint.peaks["torque"]
         bar = Text("█" * round(BAR * min(torque.share or 0.0, 1.0)) or "▏", style=_style(torque))
-        figures = (f"{torque.left:.3g}", f"{torque.time:.3f}", f"{joint.error:.1e}", f"{joint.error_rms:.1e}")
+        left = "" if torque.left is None else f"{torque.left:.3g}"
+        figures = (left, f"{torque.time:.3f}", f"{joint.error:.1e}", f"{joint.error_rms:.1e}")
         table.add_row(joint.name, _peak(torque), bar, *figures)
     return table
 

@@ -1,5 +1,6 @@
 """Public names of hdplan.control and their homes."""
 
+from hdplan.planner.control.arm import Arm as Arm
 from hdplan.planner.control.barriers import (
     Barriers as Barriers,
     BarrierSettings as BarrierSettings,
@@ -8,6 +9,8 @@ from hdplan.planner.control.barriers import (
 from hdplan.planner.control.braking import Command as Command
 from hdplan.planner.control.controller import Controller as Controller, Step as Step
 from hdplan.planner.control.look_ahead import Mode as Mode
+from hdplan.planner.control.loop import Executed as Executed, Loop as Loop
+from hdplan.planner.control.mujoco_arm import MuJoCoArm as MuJoCoArm
 from hdplan.planner.control.rollout import Run as Run, simulate as simulate
 from hdplan.planner.control.settings import ControlSettings as ControlSettings
 from hdplan.planner.control.tasks import (

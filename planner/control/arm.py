@@ -1,0 +1,31 @@
+"""An arm as loops know it: its clock, what its joints measure, and where they are to be next.
+
+A simulated body has these (`mujoco_arm.MuJoCoArm`), and so has a real one, in some lines around its driver.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from hdplan.scenes.array_types import Array
+
+
+class Arm(Protocol):
+    """An arm that is told where to be, once every period."""
+
+    joint_names: tuple[str, ...]
+    """(n,) the order of all values."""
+    period: float
+    """[s] between two references."""
+
+    def time(self) -> float:
+        """Return the time [s] on its clock."""
+
+    def state(self) -> tuple[Array, Array]:
+        """Return the positions (n,) [rad or m] and velocities (n,) that were measured."""
+
+    def send(self, position: Array, velocity: Array) -> None:
+        """Be at a position (n,), with a velocity (n,), one period from now; returns when it is over."""
+
+    def stop(self) -> None:
+        """Come to rest at once, whatever was sent."""

@@ -1,0 +1,205 @@
+"""The loop between a motion and an arm, simulated or real: what is commanded, what is measured, and how far it is off.
+
+In every period the reference one period ahead is sent; what is measured is held against the reference of that moment.
+An arm that is farther off than it may be is stopped: what was proven says nothing of where it is then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.control.arm import Arm
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.trajectory import StageMark, Trajectory
+from hdplan.planner.replanning.command import Command, Mode
+from hdplan.planner.replanning.replanner import Replanner
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, listed
+from hdplan.scenes.once import freeze
+from hdplan.scenes.sizes import Tracking
+from hdplan.scenes.values import Number, checked, functions, instance
+
+DIGITS = 3  # of measured errors, rounded up
+
+Reference = Callable[[float], tuple[Array, Array] | None]
+"""Positions and velocities (2, n), now and one period from now; None: it is over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """What an arm did: one row for every period."""
+
+    joint_names: tuple[str, ...]  # (n,)
+    times: Array  # (k,) [s] from the beginning
+    positions: Array  # (k, n) measured [rad] or [m]
+    velocities: Array  # (k, n) measured
+    errors: Array  # (k, n) commanded less measured positions
+    velocity_errors: Array  # (k, n)
+    why: str  # it was stopped before its end; empty if it was not
+    commands: tuple[Command, ...] = ()  # of each step of a replanner
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    @property
+    def tracking(self) -> Tracking:
+        """The largest errors of each joint, rounded up: what `robot.tracking` of a scene has to say for its proof to
+        hold for what was done. Other motions may have others."""
+        return measured_tracking(self.errors, self.velocity_errors)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """What was measured, as a motion: its times, positions and velocities. Raises InputError for less than two
+        rows."""
+        return Trajectory(self.joint_names, self.positions, {}, self.times, self.velocities)
+
+
+class Loop:
+    """Moves an arm along motions that were planned.
+
+    loop = control.Loop(arm)
+    done = loop.follow(result.trajectory)
+    print(done.tracking)
+    """
+
+    def __init__(self, arm: Arm, most: float = 0.05) -> None:
+        """Take an arm, and how far [rad or m] a joint may be off before the arm is stopped.
+
+        Raises InputError for a distance that is no positive number.
+        """
+        self.arm = arm
+        self.most = checked(Number(high=1e3, above=0.0, unit="rad or m"), most, "most")
+
+    def follow(self, motion: Trajectory, begins: Callable[[StageMark], None] | None = None) -> Executed:
+        """Follow a motion with times, from where the arm stands to its end: of a plan, of a job, of another planner.
+
+        Of a job's motion the arm's joints are sent; what else it moves, such as fingers, and the outputs that it sets,
+        are for `begins`, which is called with each stage (`Trajectory.stages`) when it begins.
+
+        Raises InputError for a motion without times or of other joints, and for an arm that is farther than `most`
+        from where the motion begins; nothing was sent then.
+        """
+        instance(motion, Trajectory, "motion")
+        if begins is not None:
+            functions(begins=begins)
+        if motion.times is None:
+            raise InputError("motion: times: missing; an arm needs them")
+        ours, theirs = self.arm.joint_names, motion.joint_names
+        if not set(ours) <= set(theirs) or (len(ours) < len(theirs) and not motion.stages):
+            raise InputError(f"motion: joint_names: must be those of the arm: {listed(ours)}; found {listed(theirs)}")
+        columns = [theirs.index(joint) for joint in ours]
+        away = motion.positions[0, columns] - self.arm.state()[0]
+        if not np.abs(away).max() <= self.most:
+            joint = _worst(away)
+            raise InputError(
+                f"motion: joint '{ours[joint]}' is {abs(away[joint]):.3g} from where the motion begins, at most "
+                f"{self.most:g} is allowed: move it there first"
+            )
+        due = [(float(motion.times[mark.row] - motion.times[0]), mark) for mark in motion.stages]
+        return self.along(Curve(motion.curve.control[:, :, columns], motion.times), due, begins)
+
+    def along(
+        self,
+        curve: Curve,
+        stages: Sequence[tuple[float, StageMark]] = (),
+        begins: Callable[[StageMark], None] | None = None,
+    ) -> Executed:
+        """Follow a curve with times of the arm's joints, in its order, with stages that begin at times [s] from its
+        beginning; not checked."""
+        assert curve.times is not None
+        first, last, period = float(curve.times[0]), float(curve.times[-1]), self.arm.period
+        waiting = list(stages) if begins is not None else []
+
+        def reference(t: float) -> tuple[Array, Array] | None:
+            while waiting and begins is not None and t >= waiting[0][0] - 0.5 * period:
+                begins(waiting.pop(0)[1])
+            if first + t > last + 0.5 * period:
+                return None
+            place = curve.place_of(np.clip(first + t + np.array([0.0, period]), first, last))
+            return curve.at(*place), curve.over_time(1).at(*place)
+
+        return self._run(reference)
+
+    def replan(self, replanner: Replanner, seconds: float, see: Callable[[float], None] | None = None) -> Executed:
+        """Do what a replanner commands until it arrives, or for a time [s]; then, and on any error, along what it holds
+        until the arm stands.
+
+        `see`, if given, is called with the time of the arm's clock before each step, for a simulation that has to say
+        what is seen; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
+
+        Raises InputError for a replanner of other joints.
+        """
+        instance(replanner, Replanner, "replanner")
+        seconds = checked(Number(high=1e6, above=0.0, unit="s"), seconds, "seconds")
+        if tuple(replanner.robot.joint_names) != tuple(self.arm.joint_names):
+            ours, theirs = ", ".join(self.arm.joint_names), ", ".join(replanner.robot.joint_names)
+            raise InputError(f"replanner: plans {theirs}; the arm has {ours}")
+        began, period, due = self.arm.time(), self.arm.period, 0.0
+        commands: list[Command] = []
+
+        def reference(t: float) -> tuple[Array, Array] | None:
+            nonlocal due
+            now = began + t
+            over = bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED)
+            if over and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
+                return None
+            if not over and t >= due - 0.5 * period:
+                if see is not None:
+                    see(now)
+                if commands:
+                    replanner.state(*self.arm.state(), at=now)
+                commands.append(replanner.step(now))
+                due += replanner.period
+            found = commands[-1].at(now + np.array([0.0, period]))
+            return found.positions, found.velocities
+
+        return self._run(reference, commands)
+
+    def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
+        """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""
+        began, rows, why, ended = self.arm.time(), list[tuple[Array, ...]](), "", False
+        times: list[float] = []
+        try:
+            while not why:
+                t = self.arm.time() - began
+                wanted = reference(t)
+                if wanted is None:
+                    break
+                q, v = (np.array(each, dtype=np.float64) for each in self.arm.state())
+                times.append(t)
+                rows.append((q, v, wanted[0][0] - q, wanted[1][0] - v))
+                if not (away := np.abs(rows[-1][2])).max() <= self.most:
+                    joint = _worst(away)
+                    name = self.arm.joint_names[joint]
+                    why = f"joint '{name}' is {away[joint]:.3g} off its motion, at most {self.most:g} is allowed"
+                    break
+                self.arm.send(wanted[0][1], wanted[1][1])
+            ended = not why
+        finally:
+            if not ended:
+                self.arm.stop()
+        q, v, errors, velocity_errors = (np.array(each) for each in zip(*rows, strict=True))
+        return Executed(
+            tuple(self.arm.joint_names), np.array(times), q, v, errors, velocity_errors, why, tuple(commands)
+        )
+
+
+def _worst(away: Array) -> int:
+    """Return the joint that is farthest off, or of which nothing was measured."""
+    return int(np.argmax(np.where(np.isnan(away), np.inf, np.abs(away))))
+
+
+def measured_tracking(errors: Array, velocity_errors: Array) -> Tracking:
+    """Return the sizes within which errors (k, n) of positions and velocities were, rounded up."""
+    return Tracking(_up(errors), _up(velocity_errors))
+
+
+def _up(errors: Array) -> tuple[float, ...]:
+    """Return the largest absolute errors (n,) of rows (k, n), rounded up to DIGITS digits."""
+    most = np.abs(errors).max(axis=0)
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(most, 1e-12))) + 1 - DIGITS)
+    return tuple((np.ceil(most / unit * (1 + 1e-9)) * unit).tolist())
