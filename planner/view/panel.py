@@ -19,8 +19,9 @@ from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.exports import Exports
 from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.in_view import InView
 from hdplan.planner.view.jogging import Jogging
-from hdplan.planner.view.keys import Keys
+from hdplan.planner.view.keys import Keys, keys_of
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
@@ -60,7 +61,7 @@ class Panel:
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
         self.live = Live(viewer)
-        self.looking = Looking(viewer)
+        self.looking = Looking(viewer.server, viewer.worker, InView(viewer))
         self._legend = gui.add_html("")
         self.page.build()
         self.editing = Editing(viewer)
@@ -84,7 +85,7 @@ class Panel:
             self.player.build_speed(viewer.server)
             self.layers = Layers(viewer)
             gui.add_html(small(html.escape(note)))
-        self.keys = Keys(viewer)
+        self.keys = Keys(viewer.server, keys_of(viewer))
         self._followed = 0.0
         self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
         self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
