@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.certify import certify_job
@@ -23,10 +25,14 @@ from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.job_viewer import JobViewer
+    from hdplan.planner.view.viewer import Viewer
 
 HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
 
@@ -50,12 +56,13 @@ def run_view(
         check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
         return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
     problem = load_scene(scene, request=request, robot=robot)
-    if problem.job is not None:
-        raise InputError(
-            f"{scene}: job: is shown as a page or a film, --record FILE.html or --video FILE.mp4, and not edited yet"
-        )
     check_installed()
     host, port = HOST if host is None else host, PORT if port is None else port
+    if problem.job is not None:
+        if proof is not None:
+            raise InputError(f"--proof: {proof} is drawn for a single motion, and this scene holds a job: leave it out")
+        again = partial(load_scene, scene, request=request, robot=robot)
+        return _serve_job(problem, find_scene(scene), again, trajectories, host, port, share)
     if proof is not None:
         check_proof(proof, trajectories, robot)
     motions = _loaded(trajectories)
@@ -76,7 +83,14 @@ def run_view(
         files,
         [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
     )
-    with contextlib.closing(viewer), contextlib.closing(watch), until_ctrl_c(), printing() as show:
+    with contextlib.closing(viewer), contextlib.closing(watch):
+        _until_ctrl_c(problem, viewer, host, port, share)
+    return 0
+
+
+def _until_ctrl_c(problem: Scene, viewer: Viewer | JobViewer, host: str, port: int, share: bool) -> None:
+    """Say where a viewer is found, and serve until Ctrl-C."""
+    with until_ctrl_c(), printing() as show:
         taken = f" (port {port} is taken)" if viewer.port != port else ""
         show(f"{problem.name} at {viewer.address()}{taken}, until Ctrl-C")
         if share:
@@ -84,7 +98,45 @@ def run_view(
             show(f"to watch, and change nothing: {viewer.address(watch=True)}{where}")
         sys.stdout.flush()
         threading.Event().wait()
+
+
+def _serve_job(
+    problem: Scene,
+    file: Path,
+    again: Callable[[], Scene],
+    trajectories: Sequence[Path],
+    host: str,
+    port: int,
+    share: bool,
+) -> int:
+    """Serve a job until Ctrl-C, and follow its files. Returns the exit code: 0."""
+    from hdplan.planner.view.server import open_job_viewer  # needs viser
+    from hdplan.planner.view.watch import Source, Watch
+
+    motion = _one_motion(problem, _loaded(trajectories))[1] if trajectories else None
+    with waiting("loading the robot's meshes"):
+        viewer = open_job_viewer(problem, motion, host=host, port=port, share=share, complain=complain)
+
+    def follow(read: Callable[[], object]) -> None:
+        try:
+            read()
+        except HdplanError as error:
+            viewer.refuse(error)
+
+    sources = [Source(lambda: [file], lambda: follow(lambda: viewer.take_scene(again())))]
+    if trajectories:
+        read = partial(Trajectory.load, trajectories[0])
+        sources.append(Source(lambda: [trajectories[0]], lambda: follow(lambda: viewer.take_motion(read()))))
+    with contextlib.closing(viewer), contextlib.closing(Watch(sources)):
+        _until_ctrl_c(problem, viewer, host, port, share)
     return 0
+
+
+def _one_motion(scene: Scene, loaded: list[tuple[str, Trajectory]]) -> tuple[str, Trajectory]:
+    """Return the motion of a job, with its name. Raises InputError for several."""
+    if len(loaded) > 1:
+        raise InputError(f"{scene.source}: job: one motion at a time is shown of a job, {len(loaded)} are given")
+    return loaded[0]
 
 
 def _loaded(trajectories: Sequence[Path]) -> list[tuple[str, Trajectory]]:
@@ -119,9 +171,7 @@ def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, vide
 
 def _write_job(scene: Scene, loaded: list[tuple[str, Trajectory]], record: Path | None, video: Path | None) -> int:
     """Write the motion of a job as files. Returns the exit code: 0."""
-    if len(loaded) > 1:
-        raise InputError(f"{scene.source}: job: one motion at a time is shown of a job, {len(loaded)} are given")
-    ((name, trajectory),) = loaded
+    name, trajectory = _one_motion(scene, loaded)
     rows = []
     with printing() as show:
         with waiting("loading the robot's meshes"), naming(name):

@@ -87,6 +87,25 @@ class ShownStage:
         return found[0], found[1]
 
 
+def before_it(scene: Scene) -> Setup:
+    """Return what is drawn of a scene with a job that has no motion yet: the robot at its start, and all objects where
+    they are then. Raises InputError for a scene that no job can be planned in."""
+    first = World.at_first(scene)
+    return Setup.of(_drawn(scene, goal=replace(scene.start, field="goal"), obstacles=_at_first(first)))
+
+
+def _drawn(scene: Scene, **fields: Any) -> Scene:
+    """Return the scene in which a job is drawn, without what is for planning alone."""
+    bare = {"limits": Limits(), "timing": Timing(), "payload": None, "attached": (), "obstacles": ()}
+    return derived(scene, job=None, **(bare | fields))
+
+
+def _at_first(world: World) -> tuple[Obstacle, ...]:
+    """Return all objects where a job begins; what is held, where the hand is."""
+    held = [Obstacle(each.name, each.shape, pose_of(world.place(each.name))) for each in world.held]
+    return (*world.obstacles, *held)
+
+
 @dataclass(frozen=True, eq=False)
 class ShownJob:
     """A job's motion, and the scene in which it is drawn."""
@@ -99,7 +118,6 @@ class ShownJob:
     def setup(self) -> Setup:
         """The drawn bodies: the robot with all joints that move, and objects that are carried."""
         spec, motion = self.scene.robot, self.trajectory
-        first = World.at_first(self.scene)
         leaders = leaders_of(spec)
         held = {**spec.locked, **motion.locked}
         locked = {x: at for x, at in held.items() if leaders.get(x, x) not in motion.joint_names}
@@ -107,28 +125,14 @@ class ShownJob:
             JointTarget(end, by_name=dict(zip(motion.joint_names, motion.positions[row].tolist(), strict=True)))
             for end, row in (("start", 0), ("goal", -1))
         ]
-        bare = derived(
-            self.scene,
-            job=None,
-            robot=replace(spec, group=motion.joint_names, locked=locked),
-            start=ends[0],
-            goal=ends[1],
-            limits=Limits(),
-            timing=Timing(),
-            payload=None,
-            attached=(),
-            obstacles=(),
-        )
-        robot = load_scene_robot(bare)
-        standing = {each.name: each for each in first.obstacles}
-        for each in first.held:
-            standing[each.name] = Obstacle(each.name, each.shape)
-        carried = self._carried(robot)
+        robot = replace(spec, group=motion.joint_names, locked=locked)
+        bare = _drawn(self.scene, robot=robot, start=ends[0], goal=ends[1])
+        carried = self._carried(load_scene_robot(bare))
         obstacles = [
-            replace(each, pose=carried[name].poses[0], motion=carried[name], clearance=None)
-            if name in carried
+            replace(each, pose=carried[each.name].poses[0], motion=carried[each.name], clearance=None)
+            if each.name in carried
             else each
-            for name, each in standing.items()
+            for each in _at_first(World.at_first(self.scene))
         ]
         return Setup.of(derived(bare, obstacles=tuple(obstacles)))
 
@@ -162,7 +166,11 @@ class ShownJob:
 
     def closest(self, seconds: float) -> tuple[Closest | None, Closest | None]:
         """Return what is close at a time [s], by the stage that there is then."""
-        return self.stages[int(self._number(np.array([seconds]))[0])].closest(seconds)
+        return self.stages[self.number_at(seconds)].closest(seconds)
+
+    def number_at(self, seconds: float) -> int:
+        """Return the number of the stage that there is at a time [s]."""
+        return int(self._number(np.array([seconds]))[0])
 
     def _number(self, times: Array) -> Array:
         begins = [stage.begins for stage in self.certificate.stages]

@@ -8,13 +8,14 @@ page ends both. Who goes from field to field with the tab key moves sliders and 
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import viser
 
 from hdplan.planner.view.layers import LAYERS
+from hdplan.planner.view.player import Player
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -52,14 +53,14 @@ class Key(NamedTuple):
 class Keys:
     """The keys, the button that lists them, and the list."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, server: viser.ViserServer, keys: Sequence[Key]) -> None:
         """Register them, and build the button in the container at hand."""
-        self._viewer = viewer
         self._lists: dict[int, Any] = {}  # by the browsers that see it
-        gui = viewer.server.gui
+        gui = server.gui
         gui.add_html(f'<img src="{NOTHING}" hidden alt="" onload="{html.escape(SCRIPT)}">')
         button = gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)
-        self._keys = self._all()
+        listing = [Key("?", "?", "List the keys", self._list, shift) for shift in ("shift", None)]  # by the keyboard
+        self._keys = (*keys, *listing)
         button.on_click(lambda event: self._list(event.client))
         for each in self._keys:
             if not each.key:  # the browser's own, which `page_script` hears
@@ -82,35 +83,41 @@ class Keys:
             client.gui.add_button("Close").on_click(lambda _: self._list(client))
         self._lists[client.client_id] = modal
 
-    def _all(self) -> tuple[Key, ...]:
-        viewer = self._viewer  # its panel is still being built
-        layers = [
-            Key(str(i), str(i), f"Show or hide: {name}", partial(self._toggle, name))
-            for i, name in enumerate(LAYERS, start=1)
-            if i < 10  # the others have no key
-        ]
-        return (
-            Key("space", "space", "Play or pause", lambda _: viewer.panel.player.toggle()),
-            Key("←", "arrowleft", "Step back", lambda _: viewer.panel.player.step(-STEP)),
-            Key("→", "arrowright", "Step on", lambda _: viewer.panel.player.step(STEP)),
-            Key("home", "home", "Go to the start", lambda _: viewer.panel.player.step(-1.0)),
-            Key("end", "end", "Go to the goal", lambda _: viewer.panel.player.step(1.0)),
-            Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
-            Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
-            Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), "shift"),
-            Key("del", "delete", "Delete the obstacle that is selected", partial(self._ask, "delete")),
-            Key("ctrl D", "D", "Duplicate it", partial(self._ask, "duplicate"), "cmd/ctrl"),
-            Key("ctrl C, V", "", "Copy it as a scene writes it; paste obstacles", self._list),
-            Key("esc", "escape", "Select nothing", lambda _: viewer.panel.handles.deselect()),
-            Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
-            *layers,
-            *(
-                Key("?", "?", "List the keys", self._list, shift) for shift in ("shift", None)
-            ),  # not so on all keyboards
-        )
 
-    def _ask(self, what: str, _: Any) -> None:
-        self._viewer.panel.obstacles.ask(what)
+def keys_of(viewer: Viewer) -> tuple[Key, ...]:
+    """Return the keys of a viewer of motions, whose panel is still being built."""
 
-    def _toggle(self, layer: str, _: Any) -> None:
-        self._viewer.panel.layers.toggle(layer)
+    def ask(what: str) -> Callable[[Any], object]:
+        return lambda _: viewer.panel.obstacles.ask(what)
+
+    def toggle(layer: str, _: Any) -> None:
+        viewer.panel.layers.toggle(layer)
+
+    layers = [
+        Key(str(i), str(i), f"Show or hide: {name}", partial(toggle, name))
+        for i, name in enumerate(LAYERS, start=1)
+        if i < 10  # the others have no key
+    ]
+    return (
+        *keys_to_play(lambda: viewer.panel.player),
+        Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
+        Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
+        Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), "shift"),
+        Key("del", "delete", "Delete the obstacle that is selected", ask("delete")),
+        Key("ctrl D", "D", "Duplicate it", ask("duplicate"), "cmd/ctrl"),
+        Key("ctrl C, V", "", "Copy it as a scene writes it; paste obstacles", lambda _: None),
+        Key("esc", "escape", "Select nothing", lambda _: viewer.panel.handles.deselect()),
+        Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
+        *layers,
+    )
+
+
+def keys_to_play(player: Callable[[], Player]) -> tuple[Key, ...]:
+    """Return the keys that move the time slider."""
+    return (
+        Key("space", "space", "Play or pause", lambda _: player().toggle()),
+        Key("←", "arrowleft", "Step back", lambda _: player().step(-STEP)),
+        Key("→", "arrowright", "Step on", lambda _: player().step(STEP)),
+        Key("home", "home", "Go to the start", lambda _: player().step(-1.0)),
+        Key("end", "end", "Go to the goal", lambda _: player().step(1.0)),
+    )

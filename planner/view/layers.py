@@ -98,7 +98,7 @@ class Layers:
         stage.robot.visible = self.on("robot")
         for shown in viewer.motions.shown:
             shown.path.visible = self.on("path") and shown.visible
-        stage.all_obstacles.visible = self.on("obstacles")
+        stage.standing.root.visible = self.on("obstacles")
         stage.closest.root.visible = self.on("closest pair")
         if stage.left_out is not None:
             stage.left_out.visible = self.on(LEFT_OUT)

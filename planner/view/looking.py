@@ -7,8 +7,8 @@ Every browser has a camera of its own; obstacles fade for the one that moved las
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -16,14 +16,12 @@ import viser
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import FOV, SIDES, Boxes, View, best_view, view_from
+from hdplan.planner.view.drawing.nodes import ObstacleNode
+from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
-
-if TYPE_CHECKING:
-    from hdplan.planner.view.viewer import Viewer
 
 BEST = "best"
 ASPECT = 1.2  # of the picture, of a browser of which it is not known yet
-POSTURES = 7  # of the robot along a motion
 SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
 SURROUNDINGS = 3.0  # times its size, of an obstacle that is looked at
 STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
@@ -31,16 +29,36 @@ LEAST_EYE_MOTION = 1e-3  # [m] that an eye moves at least
 RESIZED = 0.02  # by which a picture's aspect changes at least
 
 
+class Subject(Protocol):
+    """What the cameras look at, as it is now."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+
+    @property
+    def obstacles(self) -> Sequence[ObstacleNode]:
+        """What may stand between the eye and the robot."""
+
+    def postures(self) -> Array:
+        """Return configurations (k, n) of the robot that belong in the picture."""
+
+    def paths(self) -> Array:
+        """Return points (k, 3) along which the robot moves."""
+
+    def selected(self) -> ObstacleNode | Array | None:
+        """Return what is selected: an obstacle, or the robot in a configuration (n,)."""
+
+
 class Looking:
     """The cameras, and the buttons that set them."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, server: viser.ViserServer, worker: Worker, subject: Subject) -> None:
         """Build the buttons in the container at hand."""
-        self._viewer = viewer
-        self._outline = Outline(viewer.robot)
+        self._server, self._worker, self._subject = server, worker, subject
+        self._outline_of: tuple[Robot, Outline] | None = None
         self._set: dict[int, tuple[str, float, Array]] = {}  # by browser: its view, for which aspect, and the eye
         self.eye: Array | None = None  # of the browser that moved last
-        server = viewer.server
         self.buttons = server.gui.add_button_group("look from", (BEST, *SIDES))
         self.buttons.on_click(self._pressed)
         server.on_client_connect(self._came)
@@ -48,7 +66,7 @@ class Looking:
 
     def begin(self) -> None:
         """Set where browsers look from when they come. By the worker's thread."""
-        view, camera = self.view(BEST, ASPECT), self._viewer.server.initial_camera
+        view, camera = self.view(BEST, ASPECT), self._server.initial_camera
         camera.fov = FOV
         camera.position, camera.look_at = view.eye, view.target
         self.eye = view.eye
@@ -56,8 +74,8 @@ class Looking:
 
     def view(self, name: str, aspect: float) -> View:
         """Return the best view, or one of SIDES, for a picture of some width by its height."""
-        whole = np.concatenate([self._outline.at(q) for q in self._postures()]).reshape(-1, 3)
-        path = self._path()
+        whole = np.concatenate([self._outline.at(q) for q in self._subject.postures()]).reshape(-1, 3)
+        path = self._subject.paths()
         if name in SIDES:
             return view_from(*SIDES[name], np.concatenate([whole, path]), aspect)
         return best_view(whole, self._interest(), path, self._boxes(), aspect)
@@ -74,33 +92,25 @@ class Looking:
         if self.eye is None:
             return
         hidden = self._boxes().in_the_way(self.eye, self._interest())
-        for node, faded in zip(self._viewer.stage.obstacles, hidden.tolist(), strict=True):
+        for node, faded in zip(self._subject.obstacles, hidden.tolist(), strict=True):
             node.fade(faded)
 
-    def _postures(self) -> Array:
-        """Configurations (k, n) of the robot at both ends and along the motions."""
-        viewer = self._viewer
-        along = [shown.motion.joints for shown in viewer.motions.shown]
-        few = [joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)] for joints in along]
-        return np.concatenate([[viewer.edited.start], [viewer.edited.goal], *few])
-
-    def _path(self) -> Array:
-        """The paths of the motions, one after the other; without any, the straight motion's (k, 3)."""
-        viewer = self._viewer
-        found = [shown.motion.tip for shown in viewer.motions.shown]
-        if not found:
-            steps = np.linspace(0.0, 1.0, SPARSE)[:, None]
-            found = [viewer.stage.tip.path((1.0 - steps) * viewer.edited.start + steps * viewer.edited.goal)]
-        return np.concatenate(found)
+    @property
+    def _outline(self) -> Outline:
+        """The outline of the robot as it is now."""
+        robot = self._subject.robot
+        if self._outline_of is None or self._outline_of[0] is not robot:
+            self._outline_of = robot, Outline(robot)
+        return self._outline_of[1]
 
     def _interest(self) -> Array:
         """Points that obstacles should not hide: the links at both ends and along the motions, and the paths."""
-        links = [self._outline.middles(q) for q in self._postures()]
-        path = self._path()
+        links = [self._outline.middles(q) for q in self._subject.postures()]
+        path = self._subject.paths()
         return np.concatenate([*links, path[:: max(1, len(path) // SPARSE)]])
 
     def _boxes(self) -> Boxes:
-        nodes = self._viewer.stage.obstacles
+        nodes = self._subject.obstacles
         return Boxes.around([node.parts for node in nodes], [node.place for node in nodes])
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
@@ -120,22 +130,21 @@ class Looking:
 
     def _turned(self, client: viser.ClientHandle, turn: Callable[[], None]) -> None:
         """Have the worker turn a browser's camera, if it is still there then."""
-        number, clients = client.client_id, self._viewer.server.get_clients
-        self._viewer.worker.ask(f"look of {number}", lambda: turn() if number in clients() else None)
+        number, clients = client.client_id, self._server.get_clients
+        self._worker.ask(f"look of {number}", lambda: turn() if number in clients() else None)
 
     def _look_at_selected(self, client: viser.ClientHandle, aspect: float) -> None:
-        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        thing = self._subject.selected()
         if thing is None:
             self._look(client, BEST, aspect)
             return
-        if thing.kind == "obstacle":
-            node = next(node for node in viewer.stage.obstacles if node.obstacle.name == thing.name)
-            low, high = node.bounds
+        if isinstance(thing, ObstacleNode):
+            low, high = thing.bounds
             corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
             points = SURROUNDINGS * (corners - corners.mean(axis=0)) + corners.mean(axis=0)
-            points = points @ node.place[:3, :3].T + node.place[:3, 3]
+            points = points @ thing.place[:3, :3].T + thing.place[:3, 3]
         else:
-            points = self._outline.at(viewer.edited.start if thing.kind == "start" else viewer.edited.goal)
+            points = self._outline.at(thing)
         x, y, z = np.array(client.camera.position) - client.camera.look_at
         elevation = float(np.clip(np.arctan2(z, np.hypot(x, y)), -STEEPEST, STEEPEST))
         _turn(client, view_from(float(np.arctan2(y, x)), elevation, points.reshape(-1, 3), aspect))
@@ -152,7 +161,7 @@ class Looking:
             self._ask(client, name)  # as it stands where it was set to: frame it anew
         if self.eye is None or np.abs(eye - self.eye).max() > LEAST_EYE_MOTION:
             self.eye = eye
-            self._viewer.worker.ask("fade", self.fade)
+            self._worker.ask("fade", self.fade)
 
 
 def _turn(client: viser.ClientHandle, view: View) -> None:

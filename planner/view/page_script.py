@@ -11,7 +11,7 @@ import html
 import json
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 import viser
 
@@ -240,6 +240,11 @@ class Page:
             if self._widths.get(client.client_id, WIDTH) != width:  # what somebody has pulled stays otherwise
                 client.gui.main_panel.set_width(width)
                 self._widths[client.client_id] = width
+
+
+def is_number(told: object) -> TypeGuard[float]:
+    """True if a page told a number that may be used."""
+    return isinstance(told, int | float) and math.isfinite(told)
 
 
 def link(text: str, what: str, title: str = "", **told: object) -> str:

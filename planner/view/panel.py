@@ -4,9 +4,8 @@ each a part of its own."""
 from __future__ import annotations
 
 import html
-import math
 import time
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING
 
 import viser
 
@@ -19,14 +18,15 @@ from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.exports import Exports
 from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.in_view import InView
 from hdplan.planner.view.jogging import Jogging
-from hdplan.planner.view.keys import Keys
+from hdplan.planner.view.keys import Keys, keys_of
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.obstacle_fields import ObstacleFields
 from hdplan.planner.view.opening import Opening
-from hdplan.planner.view.page_script import Page
+from hdplan.planner.view.page_script import Page, is_number
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.reported import Report
@@ -60,7 +60,7 @@ class Panel:
         self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
         self.live = Live(viewer)
-        self.looking = Looking(viewer)
+        self.looking = Looking(viewer.server, viewer.worker, InView(viewer))
         self._legend = gui.add_html("")
         self.page.build()
         self.editing = Editing(viewer)
@@ -84,7 +84,7 @@ class Panel:
             self.player.build_speed(viewer.server)
             self.layers = Layers(viewer)
             gui.add_html(small(html.escape(note)))
-        self.keys = Keys(viewer)
+        self.keys = Keys(viewer.server, keys_of(viewer))
         self._followed = 0.0
         self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
         self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
@@ -233,19 +233,14 @@ class Panel:
 
     def _seek(self, share: object) -> None:
         """Show the moment at a share of what the plots show."""
-        if _is_number(share):
+        if is_number(share):
             begin, end = self._plots.view
             self.player.go_to(begin + min(max(share, 0.0), 1.0) * (end - begin))
 
     def _zoom(self, first: object, last: object) -> None:
         """Let the plots show a part of what they show, from one share of it to another."""
-        if _is_number(first) and _is_number(last):
+        if is_number(first) and is_number(last):
             self._viewer.worker.ask("zoom", lambda: self._plots.zoom(first, last))
-
-
-def _is_number(told: object) -> TypeGuard[float]:
-    """True if a page told a number that may be used."""
-    return isinstance(told, int | float) and math.isfinite(told)
 
 
 def _refuse_exponent() -> None:

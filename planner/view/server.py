@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import viser
 
@@ -15,6 +16,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.gate import UNGUARDED, Gate
+from hdplan.planner.view.job_viewer import JobViewer
 from hdplan.planner.view.page_script import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
@@ -23,6 +25,7 @@ from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 100  # ports after the wanted one
+Served = TypeVar("Served")
 
 
 def open_viewer(
@@ -42,6 +45,26 @@ def open_viewer(
     port is free, or for trajectories that do not fit the scene's robot.
     """
     setup = Setup.of(scene, robot)
+    return _served(scene, host, port, share, lambda server, gate: Viewer(server, gate, setup, trajectories, complain))
+
+
+def open_job_viewer(
+    scene: Scene,
+    trajectory: Trajectory | None = None,
+    *,
+    host: str = HOST,
+    port: int = PORT,
+    share: bool = False,
+    complain: Callable[[str], object] = lambda text: None,
+) -> JobViewer:
+    """Begin to serve a scene with a job, and a motion of it, as `open_viewer` does a scene with motions."""
+    return _served(scene, host, port, share, lambda server, gate: JobViewer(server, gate, scene, trajectory, complain))
+
+
+def _served(
+    scene: Scene, host: str, port: int, share: bool, viewer_of: Callable[[viser.ViserServer, Gate], Served]
+) -> Served:
+    """Return a viewer on a server of its own, guarded by a gate."""
     chosen = free_port(host, port)
     gate = Gate(host, share)
     with quiet(), gate.guarding() as guarded:
@@ -52,7 +75,7 @@ def open_viewer(
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()  # next to the scene, not over it
         server.gui.main_panel.set_width(WIDTH)
-        return Viewer(server, gate, setup, trajectories, complain)
+        return viewer_of(server, gate)
     except BaseException:
         with quiet():
             server.stop()

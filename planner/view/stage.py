@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import viser
@@ -15,12 +14,12 @@ from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
+from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.reported import Report
 from hdplan.planner.view.things import GOAL as THE_GOAL, START as THE_START, Thing
 from hdplan.planner.view.words import contact_words
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.once import read_only
 
 GHOST = 0.35  # opacity
@@ -32,13 +31,10 @@ class Stage:
 
     def __init__(self, server: viser.ViserServer, edited: Edited, skins: tuple[Skin, ...]) -> None:
         """Send everything that stands; `skins` are what the robot is shown in."""
-        self._server, robot = server, edited.robot
+        robot = edited.robot
         self.tip = Tip.of(robot)
-        self.all_obstacles = server.scene.add_frame("/obstacles", show_axes=False)
-        self._chosen: Callable[[Thing], object] | None = None
+        self.standing = Standing(server)
         self._handled = ""  # the kind of what has a handle, in whose place no label is read
-        self._sent = 0  # obstacles: each has a node's name of its own
-        self.obstacles: list[ObstacleNode] = []
         regions = edited.scene.path.regions  # where a point of a link is to stay
         self.region = draw_region(server, *regions) if regions else None
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
@@ -58,11 +54,7 @@ class Stage:
     def take(self, edited: Edited) -> None:
         """Show another scene of the same robot: what stays is moved, what is new is sent. Start and goal are drawn with
         what they touch in the colour of contact, and it is said in place."""
-        before = {node.obstacle.name: node for node in self.obstacles}
-        after = [self._node(before, obstacle) for obstacle in edited.read.obstacles]
-        for left in before.values():
-            left.frame.remove()
-        self.obstacles = after
+        self.standing.take(edited.read.obstacles)
         for ghost, label, name, q, contacts in zip(
             (self.start, self.goal),
             self.labels,
@@ -103,12 +95,15 @@ class Stage:
 
     def on_click(self, chosen: Callable[[Thing], object]) -> None:
         """Have it called with what somebody clicks on."""
-        self._chosen = chosen
         for thing, ghost in ((THE_START, self.start), (THE_GOAL, self.goal)):
             for _, mesh in ghost.meshes:
                 mesh.on_click(lambda _, thing=thing: chosen(thing))
-        for node in self.obstacles:
-            self._listen(node)
+        self.standing.on_click(lambda name: chosen(Thing("obstacle", name)))
+
+    @property
+    def obstacles(self) -> list[ObstacleNode]:
+        """The nodes of the obstacles."""
+        return self.standing.nodes
 
     @property
     def clouds(self) -> list[CloudNode]:
@@ -123,24 +118,6 @@ class Stage:
             node.select(thing is not None and thing.kind == "obstacle" and node.obstacle.name == thing.name)
         for kind, ghost in (("start", self.start), ("goal", self.goal)):
             ghost.select(thing is not None and thing.kind == kind)
-
-    def _listen(self, node: ObstacleNode) -> None:
-        if self._chosen is not None:
-            chosen = self._chosen
-            node.mesh.on_click(lambda _: chosen(Thing("obstacle", node.obstacle.name)))
-
-    def _node(self, before: dict[str, ObstacleNode], obstacle: Any) -> ObstacleNode:
-        """Take an obstacle's node out of those before, or send another one."""
-        node = before.get(obstacle.name)
-        if node is not None and node.obstacle.shape == obstacle.shape:
-            before.pop(obstacle.name)
-            node.take(obstacle)
-            return node
-        self._sent += 1
-        kind = CloudNode if isinstance(obstacle.shape, Cloud) else ObstacleNode
-        node = kind(self._server, self._sent, obstacle)
-        self._listen(node)
-        return node
 
 
 def _same(a: Array | None, b: Array) -> bool:

@@ -116,20 +116,21 @@ def badge(edited: Edited, active: ShownMotion | None, holds: bool) -> str:
     """Return the verdict in a few words, as HTML that stands in the scene; nothing without a motion."""
     for name, contacts in zip(("start", "goal"), edited.contacts, strict=True):
         if contacts:
-            return _badge("bad", f"✕ {name} in collision")
+            return badge_of("bad", f"✕ {name} in collision")
     if active is None:
         return ""
     if not holds:
-        return _badge("", "… not checked in this scene yet")
+        return badge_of("", "… not checked in this scene yet")
     certificate = active.certificate
     if certificate.certified:
         clear = "" if certificate.clearance is None else f" {1e3 * certificate.clearance:.0f} mm"
-        return _badge("good", f"✓ certified{clear}")
+        return badge_of("good", f"✓ certified{clear}")
     if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE) and certificate.failures:
         worst = min(certificate.failures, key=lambda place: place.distance)
-        return _badge("bad", f"✕ {shortened(worst.other, 24)} {millimetres(worst.distance)}")
-    return _badge("bad", f"✕ {SHORT[certificate.status]}")
+        return badge_of("bad", f"✕ {shortened(worst.other, 24)} {millimetres(worst.distance)}")
+    return badge_of("bad", f"✕ {SHORT[certificate.status]}")
 
 
-def _badge(tint: str, text: str) -> str:
+def badge_of(tint: str, text: str) -> str:
+    """Return words that stand in the scene, as HTML: "good", "bad" or neither."""
     return f'<div class="hd-badge hd-{tint}" role="status">{html.escape(text)}</div>'

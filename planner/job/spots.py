@@ -1,0 +1,107 @@
+"""Where the objects of a job are taken and left: spots, each with the stages that lead there and away.
+
+An object is moved together with all that leads to it, the positions in the world to which the stages before its grip
+go. The same holds for the place where it is let go, and for the lines that lead away from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.curve_stages import Along, Circle, Line
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.job import Grip, Job, Move, Release
+from hdplan.scenes.poses import Vector3
+from hdplan.scenes.scene import Scene, derived
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place at which an object is taken or left."""
+
+    object: str
+    number: int  # of the stage that grips or releases it
+    stages: tuple[int, ...]  # numbers of those that lead there, and of the lines that lead away
+    stands: bool  # whether the object stands there where the job begins
+
+
+def spots_of(scene: Scene) -> tuple[Spot, ...]:
+    """Return the spots of a scene's job, in the order in which the robot comes to them."""
+    return tuple(_spots(scene))
+
+
+def _spots(scene: Scene) -> Iterator[Spot]:
+    assert scene.job is not None
+    standing = {each.name for each in scene.obstacles}
+    waiting: list[int] = []  # stages that lead to the next grip or release
+    spot: Spot | None = None
+    leaves = False  # whether the stages since a release are lines alone
+    for number, stage in enumerate(scene.job.stages):
+        if isinstance(stage, Line) and leaves and spot is not None:
+            spot = replace(spot, stages=(*spot.stages, number))
+        elif isinstance(stage, Grip | Release) and stage.object is not None:
+            if spot is not None:
+                yield spot
+            stands = isinstance(stage, Grip) and stage.object in standing
+            spot = Spot(stage.object, number, tuple(waiting), stands)
+            standing -= {stage.object} if stands else set()
+            waiting, leaves = [], isinstance(stage, Release)
+        else:
+            waiting.append(number)
+            leaves = False
+    if spot is not None:
+        yield spot
+
+
+def position_of(scene: Scene, number: int) -> tuple[str, Vector3] | None:
+    """Return the position in the world that a stage names, and the field that holds it; None if it names none. Raises
+    InputError for a stage with several, which cannot be moved."""
+    assert scene.job is not None
+    stage = scene.job.stages[number]
+    where = f"{scene.source}: job[{number}] ({scene.job.names[number]})"
+    if isinstance(stage, Line) and stage.to is not None:
+        return "line.to", stage.to
+    if isinstance(stage, Along) or (isinstance(stage, Circle) and stage.to is not None):
+        raise InputError(f"{where}: curves in the world cannot be moved; give 'by'")
+    if isinstance(stage, Move) and not isinstance(stage.goal, JointTarget):
+        target = stage.goal.targets[0] if isinstance(stage.goal, Goals) and len(stage.goal.targets) == 1 else None
+        if not isinstance(target, PoseTarget):
+            raise InputError(f"{where}: move: only joints and one pose can be moved")
+        return "move.pose.position", target.pose.position
+    return None
+
+
+def moved(scene: Scene, spot: Spot, by: Array) -> Scene:
+    """Return a scene in which a spot is moved by a vector (3,) [m]: the stages, and the object if it stands there.
+    Raises InputError for stages that cannot be moved."""
+    assert scene.job is not None
+    stages = list(scene.job.stages)
+    for number in spot.stages:
+        found = position_of(scene, number)
+        if found is None:
+            continue
+        stage, position = stages[number], _sum(found[1], by)
+        if isinstance(stage, Line):
+            stages[number] = replace(stage, to=position)
+        elif isinstance(stage, Move) and isinstance(stage.goal, Goals):
+            (target,) = stage.goal.targets
+            assert isinstance(target, PoseTarget)
+            goal = replace(target, pose=replace(target.pose, position=position))
+            stages[number] = replace(stage, goal=replace(stage.goal, targets=(goal,)))
+    obstacles = [
+        replace(each, pose=replace(each.pose, position=_sum(each.pose.position, by)))
+        if spot.stands and each.name == spot.object
+        else each
+        for each in scene.obstacles
+    ]
+    return derived(scene, job=Job(stages), obstacles=tuple(obstacles))
+
+
+def _sum(position: Vector3, by: Array) -> Vector3:
+    x, y, z = (np.asarray(position) + by).tolist()
+    return x, y, z

@@ -1,0 +1,56 @@
+"""The nodes of a scene's obstacles: what stays is moved, what is new is sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import viser
+
+from hdplan.planner.view.drawing.clouds import CloudNode
+from hdplan.planner.view.drawing.nodes import ObstacleNode
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.obstacles import Obstacle
+
+
+class Standing:
+    """All obstacles; called by the viewer's one thread."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        """Start without any."""
+        self._server = server
+        self.root = server.scene.add_frame("/obstacles", show_axes=False)
+        self._chosen: Callable[[str], object] | None = None
+        self._sent = 0  # each has a node's name of its own
+        self.nodes: list[ObstacleNode] = []
+
+    def take(self, obstacles: Sequence[Obstacle]) -> None:
+        """Show these, and no others."""
+        before = {node.obstacle.name: node for node in self.nodes}
+        after = [self._node(before, obstacle) for obstacle in obstacles]
+        for left in before.values():
+            left.frame.remove()
+        self.nodes = after
+
+    def on_click(self, chosen: Callable[[str], object]) -> None:
+        """Have it called with the name of what somebody clicks on."""
+        self._chosen = chosen
+        for node in self.nodes:
+            self._listen(node)
+
+    def _listen(self, node: ObstacleNode) -> None:
+        if self._chosen is not None:
+            chosen = self._chosen
+            node.mesh.on_click(lambda _: chosen(node.obstacle.name))
+
+    def _node(self, before: dict[str, ObstacleNode], obstacle: Obstacle) -> ObstacleNode:
+        """Take an obstacle's node out of those before, or send another one."""
+        node = before.get(obstacle.name)
+        if node is not None and node.obstacle.shape == obstacle.shape:
+            before.pop(obstacle.name)
+            node.take(obstacle)
+            return node
+        self._sent += 1
+        kind = CloudNode if isinstance(obstacle.shape, Cloud) else ObstacleNode
+        node = kind(self._server, self._sent, obstacle)
+        self._listen(node)
+        return node

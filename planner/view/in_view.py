@@ -1,0 +1,64 @@
+"""What the cameras look at in a scene with its motions: the robot at both ends and on its way, and the paths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.nodes import ObstacleNode
+from hdplan.planner.view.looking import SPARSE
+from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+POSTURES = 7  # of the robot along a motion
+
+
+class InView:
+    """The scene of a viewer, for its cameras."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Take its viewer."""
+        self._viewer = viewer
+
+    @property
+    def robot(self) -> Robot:
+        """The scene's robot."""
+        return self._viewer.robot
+
+    @property
+    def obstacles(self) -> list[ObstacleNode]:
+        """The scene's obstacles."""
+        return self._viewer.stage.obstacles
+
+    def postures(self) -> Array:
+        """Return configurations (k, n) of the robot at both ends and along the motions."""
+        viewer = self._viewer
+        along = [few_of(shown.motion.joints) for shown in viewer.motions.shown]
+        return np.concatenate([[viewer.edited.start], [viewer.edited.goal], *along])
+
+    def paths(self) -> Array:
+        """Return the paths of the motions, one after the other; without any, the straight motion's (k, 3)."""
+        viewer = self._viewer
+        found = [shown.motion.tip for shown in viewer.motions.shown]
+        if not found:
+            steps = np.linspace(0.0, 1.0, SPARSE)[:, None]
+            found = [viewer.stage.tip.path((1.0 - steps) * viewer.edited.start + steps * viewer.edited.goal)]
+        return np.concatenate(found)
+
+    def selected(self) -> ObstacleNode | Array | None:
+        """Return what is selected: an obstacle, or the robot at its start or goal (n,)."""
+        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        if thing is None:
+            return None
+        if thing.kind == "obstacle":
+            return next(node for node in self.obstacles if node.obstacle.name == thing.name)
+        return viewer.edited.start if thing.kind == "start" else viewer.edited.goal
+
+
+def few_of(joints: Array) -> Array:
+    """Return configurations at equal steps along those of a motion (K, n)."""
+    return np.asarray(joints[np.linspace(0, len(joints) - 1, POSTURES).astype(int)])
