@@ -70,7 +70,7 @@ def paper(robot: Robot, scene: Scene, settings: ControlSettings) -> Controller:
     for obstacle in scene.obstacles:
         assert isinstance(obstacle.shape, Box)
         sides = tuple(side + 2 * growth for side in obstacle.shape.size)
-        grown += from_obstacle(replace(obstacle, shape=Box(sides)))[0]  # type: ignore[arg-type]
+        grown += from_obstacle(replace(obstacle, shape=Box(sides)))[0]
     bare = replace(settings.barriers, growth=0.0)
     barriers = Barriers(robot, kinematics_of(robot), link_boxes(), link_box_pairs(), grown, bare)
     return Controller(robot, barriers, replace(settings, barriers=bare))

@@ -337,7 +337,7 @@ Along = Callable[[int, Array, Array, Array], tuple[Array, Array | None]]
 WITNESSES: dict[str, Evaluate] = {
     "reference": _reference,
     "compiled": lambda setting, *poses: _compiled(setting).value(*poses),
-    "jax": lambda setting, *poses: tuple(np.asarray(part) for part in _jax(setting).value(*poses)),  # type: ignore[return-value]
+    "jax": lambda setting, *poses: tuple(np.asarray(part) for part in _jax(setting).value(*poses)),
     "function": _through_casadi,
 }
 DERIVATIVES: dict[str, Along] = {

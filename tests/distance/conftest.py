@@ -95,7 +95,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     def counting(*args: object, **kwargs: object) -> object:
         counted.append(1)
-        return run(*args, **kwargs)  # type: ignore[call-overload]
+        return run(*args, **kwargs)
 
     monkeypatch.setattr(c_library.subprocess, "run", counting)
     return counted

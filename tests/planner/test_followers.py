@@ -55,7 +55,7 @@ def scene_of(folder: Path, follow: bool = True, **sections: Any) -> Scene:
     urdf = linkage_urdf(folder, follow)
     ends = {"start": START, "goal": GOAL}
     if not follow:
-        ends = {key: {name: float(at) for name, at in by_hand(np.array(q)).items()} for key, q in ends.items()}  # type: ignore[misc]
+        ends = {key: {name: float(at) for name, at in by_hand(np.array(q)).items()} for key, q in ends.items()}
     said = {
         "hdplan": 1,
         "robot": {"urdf": urdf.name},

@@ -208,7 +208,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
         name: (
             field_of("planner", name),
             f"planner.{name}",
-            lambda v, name=name: PlannerSettings(**{name: v}),  # type: ignore[misc]
+            lambda v, name=name: PlannerSettings(**{name: v}),
             bad,
         )
         for name, bad in {
@@ -322,7 +322,7 @@ def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
             scene.save(tmp_path / "a.yaml")
     for path in ("a.txt", "a", tmp_path, tmp_path / "no" / "a.yaml", 5, "a\0.yaml"):
         with pytest.raises(InputError):
-            scene_of().save(path)  # type: ignore[arg-type]
+            scene_of().save(path)
     assert not list(tmp_path.iterdir())
 
 

@@ -48,7 +48,7 @@ def cloud_around(rng: np.random.Generator, count: int) -> Array:
 def scene_of(robot: str | RobotSpec, obstacle: Obstacle, start: Array, goal: Array, **more: object) -> Scene:
     ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
     given = {"self_collision": SelfCollision(checked=False), **more}
-    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)  # type: ignore[arg-type]
+    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)
 
 
 def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int) -> float:

@@ -161,7 +161,7 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
     kinematics, sides = kinematics_of(robot), np.array([0.08, 0.12, 0.2])
     box = ConvexBody.box(sides)
     obstacle = random_boxes(rng, 1)[0]
-    size = obstacle.shape.size  # type: ignore[union-attr]
+    size = obstacle.shape.size
     for q in robot.draw(rng, 10):
         state, pose = kinematics.evaluate(q), np.eye(4)
         pose[:3, :3], pose[:3, 3] = state.rotations[0, 5], state.translations[0, 5]
@@ -261,7 +261,7 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(margin=math.nan), "ControlSettings.margin"),
     ):
         with pytest.raises(InputError, match=word) as refused:
-            ControlSettings(**wrong)  # type: ignore[arg-type]
+            ControlSettings(**wrong)
         assert "\n" not in str(refused.value)
     ControlSettings(margin=0.0, as_published=True)
     for wrong, word in (
@@ -272,7 +272,7 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(shaping_length=-1.0), "BarrierSettings.shaping_length"),
     ):
         with pytest.raises(InputError, match=word):
-            BarrierSettings(**wrong)  # type: ignore[arg-type]
+            BarrierSettings(**wrong)
 
 
 def test_what_is_called_certain_is(robot: Robot) -> None:

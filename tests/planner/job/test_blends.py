@@ -119,8 +119,8 @@ def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
     step = 2e-4
     _, places, _ = driven(planned)
     first = P1 + trapezoid(0.3, 0.5, 0.8, step)[:, None] / 0.3 * (P2 - P1)
-    arc = planned.scene.job.stages[1]  # type: ignore[union-attr]
-    center = np.array(arc.center)  # type: ignore[union-attr]
+    arc = planned.scene.job.stages[1]
+    center = np.array(arc.center)
     one, other = P2 - center, P3 - center
     normal = np.cross(one, other) / np.linalg.norm(np.cross(one, other))
     angle = math.acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
@@ -166,7 +166,7 @@ def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
 def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
     """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
     scene, motion = planned.scene, planned.trajectory
-    stages = scene.job.stages  # type: ignore[union-attr]
+    stages = scene.job.stages
     for changed in ({"blend": 0.09}, {"blend": 0.11}, {"tool_speed": 0.2}):
         other = job_of(replace(stages[0], **changed), stages[1])
         assert not hdplan.certify_job(other, motion).certified

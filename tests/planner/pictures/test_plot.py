@@ -109,7 +109,7 @@ def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, m
     for lowered in (0.0, 10.0):
 
         def along(*arguments: object, lowered: float = lowered) -> Clearances:
-            real = found(*arguments)  # type: ignore[arg-type]
+            real = found(*arguments)
             return replace(real, outer=real.outer - lowered)
 
         monkeypatch.setattr(panels.Clearances, "along", along)

@@ -183,4 +183,4 @@ def test_two_terms_have_two_names() -> None:
 
 def test_terms_are_checked_first() -> None:
     with pytest.raises(InputError, match="terms"):
-        hdplan.plan(load_scene("planar_arm"), terms=[lambda q, step: q])  # type: ignore[list-item]
+        hdplan.plan(load_scene("planar_arm"), terms=[lambda q, step: q])

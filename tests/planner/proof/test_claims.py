@@ -88,7 +88,7 @@ def bounds(world: World, spans: np.ndarray) -> np.ndarray:
     kept: list[np.ndarray] = []
     try:
         torques_kept(world)
-        effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]  # type: ignore[assignment,func-returns-value]
+        effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]
         found[0](spans)
     finally:
         effects.everywhere, effects.torques = original, torques
@@ -220,7 +220,7 @@ def test_a_path_constraint_violated_only_between_rows_is_rejected(kind: str, tmp
         assert spans[values.argmax()] % 1  # the worst is between rows
     original = effects.bonds_of_path
     try:
-        effects.bonds_of_path = lambda *_: bonds  # type: ignore[assignment]
+        effects.bonds_of_path = lambda *_: bonds
         check_path(world, [], lambda: True)
         for i, values in enumerate(fine):
             bonds[i].most = float(values.max()) * 0.97

@@ -55,7 +55,7 @@ def holding(scene: Scene, shape: Shape, folder: Path, **changed: object) -> Scen
         bent[1].apply_translation((0.04, 0.0, 0.06))
         trimesh.util.concatenate(bent).export(folder / shape.file.name)
         shape = replace(shape, file=folder / shape.file.name)
-    held = replace(Attached("thing", "panda_hand", shape, TURNED), **changed)  # type: ignore[arg-type]
+    held = replace(Attached("thing", "panda_hand", shape, TURNED), **changed)
     return replace(scene, attached=(held,))
 
 
@@ -175,7 +175,7 @@ def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
     ],
 )
 def test_bad_input_is_refused_by_name(carry: Scene, change: dict[str, object], said: str) -> None:
-    held = replace(Attached("thing", "panda_hand", Sphere(0.1)), **change)  # type: ignore[arg-type]
+    held = replace(Attached("thing", "panda_hand", Sphere(0.1)), **change)
     scene = replace(carry, attached=(held,))
     with pytest.raises(InputError, match=said) as caught:
         load_scene_robot(scene)

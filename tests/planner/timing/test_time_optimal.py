@@ -23,7 +23,7 @@ ROUNDING = 1e-6  # [–] of a limit
 SEIDEL = 1e-5  # [–] by which toppra's law differs: its programs have tolerances, and may fail at a pace
 
 
-class Path(AbstractGeometricPath):  # type: ignore[misc]
+class Path(AbstractGeometricPath):
     """A spline as toppra takes it."""
 
     def __init__(self, spline: PathSpline) -> None:
@@ -41,7 +41,7 @@ class Path(AbstractGeometricPath):  # type: ignore[misc]
         return np.asarray(self.spline(path_positions, order))
 
 
-class AsRows(LinearConstraint):  # type: ignore[misc]
+class AsRows(LinearConstraint):
     """Any rows, as toppra takes them."""
 
     def __init__(self, rows: PathRows, dof: int) -> None:

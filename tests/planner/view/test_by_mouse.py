@@ -257,12 +257,12 @@ def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) 
     page, viewer = served(scene, eye=(1.6, -1.4, 1.2), target=(0.3, 0.0, 0.4))
     place = selected(page, viewer, GOAL)
     arrow_dragged(page, viewer, place, 0.06 * place[:3, 2], steps=5)
-    until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")  # type: ignore[union-attr]
+    until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")
     page.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
     calm(viewer)
     target = viewer.edited.target
-    assert dataclasses.replace(target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]  # type: ignore
+    assert dataclasses.replace(target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]
     q = viewer.edited.goal
     tab_of(page, "Joints")
     press(page, "another")

@@ -61,7 +61,7 @@ def opened(viewer: Viewer, path: str, **headers: str) -> ClientConnection:
     """A browser's connection, through which it would see and change everything."""
     return connect(
         f"ws://127.0.0.1:{viewer.port}{path.rstrip('/')}",
-        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+        subprotocols=[f"viser-v{viser.__version__}"],
         additional_headers=headers,
         max_size=None,
         compression=None,

@@ -224,7 +224,7 @@ def test_a_goal_pose_keeps_its_tolerance_and_free_axis(grasp: Edited) -> None:
     tip = Tip.of(grasp.robot)
     before = grasp.target
     place = place_of(grasp, GOAL, tip)
-    assert place == before.poses[0].pose  # type: ignore[union-attr]
+    assert place == before.poses[0].pose
     moved = dataclasses.replace(place, position=(0.52, 0.12, 0.4))
     after, words = dragged(grasp, GOAL, moved, tip)
     assert words == ""

@@ -64,7 +64,7 @@ def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, v
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
-    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})  # type: ignore[arg-type]
+    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})
     assert viewer.worker.settle(20)
     assert "without an exponent" in viewer.panel.editing.said
     assert viewer.edited is before

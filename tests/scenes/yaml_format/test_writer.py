@@ -374,7 +374,7 @@ def with_a_job() -> Scene:
         Set({"valve": True, "level": 0.5, "state": "on"}, name="valve", **every),
         Wait(0.5, name="stand", **every),
     ])  # fmt: skip
-    return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)  # type: ignore[arg-type]
+    return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)
 
 
 def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
@@ -412,7 +412,7 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
 
 def test_numbers_of_other_kinds_are_written_as_what_they_are(tmp_path: Path) -> None:
     scene = load_scene("empty")
-    ball = Obstacle("ball", Sphere(np.float64(1e-5)), Pose((np.float32(0.5), np.int64(2), -0.0)))  # type: ignore[arg-type]
+    ball = Obstacle("ball", Sphere(np.float64(1e-5)), Pose((np.float32(0.5), np.int64(2), -0.0)))
     again = back(replace(scene, obstacles=(ball,)), tmp_path)
     assert again.obstacles[0].shape == Sphere(1e-5)
     assert again.obstacles[0].pose.position == (0.5, 2.0, 0.0)
