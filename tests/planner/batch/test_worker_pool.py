@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +147,7 @@ def alive(process: int) -> bool:
 def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
     before = children(os.getpid())  # such as the cluster of other tests
     names = ["planar_arm", "no/such.yaml", ARM]
-    found: Iterator[Outcome] = hdplan.plan_many(itertools.cycle(names), workers=1, time_limit=30)
+    found = hdplan.plan_many(itertools.cycle(names), workers=1, time_limit=30)
     assert children(os.getpid()) == before, "nothing starts before the first is asked for"
     first = [next(found) for _ in range(3)]
     assert [outcome.problem for outcome in first] == ["planar_arm/0", "such/1", "planar_arm/2"]

@@ -13,7 +13,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
-from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
@@ -227,7 +227,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     nodded = turned + [0, 0, 0, -0.3, 0, 0]
     bare = dataclasses.replace(scene, obstacles=())
 
-    def verdict(rows: list[Array], *asked: Upright | Within) -> object:
+    def verdict(rows: list[Array], *asked: Upright | Within) -> Certificate:
         held = dataclasses.replace(bare, path=scene_of(scene.robot, *asked).path)
         certifier = Certifier(Setup.of(held, robot))
         return certifier.certify(Trajectory(robot.joint_names, np.array(rows)), check_ends=False)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
 from hdplan.distance.baselines.gdf import gdf
@@ -171,6 +172,7 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
                 q
             )
             other = ConvexBody.box(size)
+            expected: float | Array
             if settings.distance == "gdf":
                 expected = gdf(box, pose, other, obstacle.pose.matrix, tolerance=2e-4, iterations=300).distance - 0.01
             elif settings.distance == "hdsdf-boxes":
@@ -318,7 +320,7 @@ def test_what_known_planes_prove_is_so(robot: Robot) -> None:
 
 
 def test_flat_spot_is_where_the_gradient_fades() -> None:
-    assert straightened(0.0, 2, 1e-3) == (0.0, 0.0)
+    assert [*map(float, straightened(0.0, 2, 1e-3))] == [0.0, 0.0]
     slopes = [straightened(-delta, 2, 1e-3)[1] for delta in np.geomspace(1e-15, 1e-3, 20)]
     assert (np.diff(slopes) > 0).all()
 
@@ -671,7 +673,7 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
             continue
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.5)
 
-        def nearness(q: Array, inside: Array = inside) -> Array:
+        def nearness(q: Array, inside: NDArray[np.int64] = inside) -> Array:
             return controller.barriers.nearness(q[None], np.zeros(1), np.zeros_like(inside), inside).value
 
         near = nearness(q)

@@ -112,7 +112,7 @@ def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, m
             real = found(*arguments)
             return replace(real, outer=real.outer - lowered)
 
-        monkeypatch.setattr(panels.Clearances, "along", along)
+        monkeypatch.setattr(Clearances, "along", along)
         figure = sheet(planned_subject(planned))
         said = [text.get_text() for axis in figure.axes for text in axis.texts]
         assert (panels.BELOW_ZERO in said) == (lowered > 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -114,7 +115,7 @@ class Doubled(ca.Callback):
     def get_n_out(self) -> int:
         return 1
 
-    def eval(self, given: list[ca.DM]) -> list[ca.DM]:
+    def eval(self, given: Sequence[ca.DM]) -> list[ca.DM]:
         return [2 * given[0]]
 
 

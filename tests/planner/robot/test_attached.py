@@ -18,6 +18,7 @@ from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.plan import plan
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
@@ -99,6 +100,8 @@ def test_absent_means_absent(carry: Scene) -> None:
     with_it = build(carry)
     assert [term.name for term in with_it.terms] == [term.name for term in problem.terms]
     for term, without in zip(with_it.terms, problem.terms, strict=True):
+        assert isinstance(term, PairTerm)
+        assert isinstance(without, PairTerm)
         assert len(term.pairs) > len(without.pairs)
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan as plan_scene
 from hdplan.planner.view import live
 from hdplan.planner.view.drawing.colors import CONTACT, intensities
 from hdplan.planner.view.layers import LAYERS
@@ -223,7 +224,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
 ) -> None:
     """Plans take as long as the mouse is pressed: until then pair and depth are said, and nothing is certified."""
     page, viewer = served(scene, (NAME, trajectory))
-    planned, late = live.plan, [True]
+    planned, late = plan_scene, [True]
 
     def slowly(*given: Any, **named: Any) -> Any:
         while late[0]:

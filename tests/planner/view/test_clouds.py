@@ -112,10 +112,10 @@ def test_of_huge_clouds_some_points_are_drawn(opened: Opener, monkeypatch: pytes
 
 def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Opener) -> None:
     viewer = opened(seen())
-    boxes = viewer.panel.layers.boxes
-    assert boxes.node is None
+    assert viewer.panel.layers.boxes.node is None
     viewer.panel.layers.set(BOXES, True)
     viewer.worker.settle(PATIENCE)
+    boxes = viewer.panel.layers.boxes
     assert boxes.node.visible
     before = boxes.node.vertices
     assert len(before) % 8 == 0

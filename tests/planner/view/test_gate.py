@@ -16,7 +16,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view import gate as module, server as serving
+from hdplan.planner.view import gate as module
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
@@ -286,7 +286,7 @@ def test_a_viser_that_makes_its_server_in_another_way_is_refused(scene: Scene, m
         return made[0]
 
     unguarded = websockets.asyncio.server.serve
-    monkeypatch.setattr(serving.viser, "ViserServer", otherwise)
+    monkeypatch.setattr(viser, "ViserServer", otherwise)
     with pytest.raises(InputError, match="cannot be guarded"):
         open_viewer(scene, port=8380)
     with pytest.raises(OSError, match="refused"):

@@ -24,6 +24,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Points
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
@@ -94,7 +95,9 @@ def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewe
         if key != "points":
             assert getattr(selected(viewer).shape, key) == sizes[key]
         else:
-            assert selected(viewer).shape.points[1] == (0.1, 0.0, 0.0)
+            shape = selected(viewer).shape
+            assert isinstance(shape, Points)
+            assert shape.points[1] == (0.1, 0.0, 0.0)
     sent(viewer, field(viewer, "clearance [m]"), "0.002")
     sent(viewer, field(viewer, "obstacle"), "duplicate")
     names = [obstacle.name for obstacle in viewer.scene.obstacles]

@@ -118,7 +118,7 @@ def test_what_is_planned_late_takes_no_other_motion_s_place(
     """Chosen, brought back, or left over after a removal while a plan was under way."""
     by_worker(viewer, lambda: planned(viewer, "other"))
     begun, gate = threading.Event(), threading.Event()
-    plain = module.plan
+    plain = plan
 
     def late(*given: Any, **named: Any) -> Any:
         begun.set()

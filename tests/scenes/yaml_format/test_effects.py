@@ -105,8 +105,8 @@ def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     assert not read(tmp_path, "limits: {position: {j1: [0, 1]}}\n").timed
     said = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
     assert said.timing == Timing(scale=0.5)
-    held = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
-    assert held.attached[0].mass is None
+    said = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
+    assert said.attached[0].mass is None
 
 
 def test_an_axis_is_of_length_one(tmp_path: Path) -> None:
