@@ -7,6 +7,8 @@ errors of ``ROUNDING`` p² size/|D̃| (see ``test_hard_cases``).
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ PAIRS = {
     "box and tetrahedron": (BODIES["box"], BODIES["tetrahedron"]),
     "capsules": (BODIES["capsule"], BODIES["capsule"]),
 }
-SETTINGS = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "cubes": {"gamma": 2},
     "box and capsule": {"gamma": 2, "normals": "paper+edges"},
     "boxes": {"gamma": 3, "shaping_length": 0.1, "normals": "paper+centre"},

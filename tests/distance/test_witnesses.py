@@ -53,7 +53,7 @@ SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 def _poses(branch, bodies, random_poses):
     if branch == "touching":
-        return touching_poses(*bodies, np.random.default_rng(5), COUNT)
+        return touching_poses(bodies[0], bodies[1], np.random.default_rng(5), COUNT)
     spread = {"deep": 0.05, "near": 0.4, "apart": 3.0}[branch]
     return random_poses(1, COUNT, spread), random_poses(2, COUNT, spread)
 
@@ -106,11 +106,9 @@ def test_compiled_agrees_with_interpreted_at_hard_poses():
 
 @pytest.mark.parametrize("name", ["compiled", "jax"])
 def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_poses):
-    if name == "compiled":
-        build = hdplan.distance.hdsdf_compiled
-    else:
+    if name == "jax":
         pytest.importorskip("jax")
-        build = hdplan.distance.hdsdf_batch
+    build = getattr(hdplan.distance, {"compiled": "hdsdf_compiled", "jax": "hdsdf_batch"}[name])
     distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)

@@ -238,7 +238,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     assert good.status is Status.CERTIFIED
     assert f", tool0 upright within {good.path[0].worst:.3g} of 0.1 rad" in good.text
     assert "the point of tool0 at least " in good.text
-    assert good.departures == good.unproven == ()
+    assert (good.departures, good.unproven) == ((), ())
     bad = verdict([start, turned, nodded, turned], down, wide)
     assert bad.status is Status.OFF_PATH
     assert bad.text.startswith("off path: path.upright: tool0 is tilted by 0.2")
@@ -246,4 +246,4 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     assert bad.unproven == (1, 2)
     plain = verdict([start, turned, nodded, turned])
     assert plain.status is Status.CERTIFIED
-    assert plain.path == plain.departures == ()
+    assert (plain.path, plain.departures) == ((), ())

@@ -6,6 +6,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -250,7 +251,7 @@ def test_a_vertex_that_touches_reads_no_less(robot: Robot) -> None:
 
 def test_provably_unsafe_settings_are_refused_by_name() -> None:
     boxes = BarrierSettings("hdsdf-boxes", 2, 0.03, 0.025, 0.025, "paper-multiset")
-    for wrong, word in (
+    settings: tuple[tuple[dict[str, Any], str], ...] = (
         (dict(rate=300.0, period=0.005), "control.rate"),
         (dict(margin=0.0), "flat spot"),
         (dict(self_margin=0.0), "flat spot"),
@@ -261,18 +262,20 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(period=0.0), "ControlSettings.period"),
         (dict(speed=1.5), "ControlSettings.speed"),
         (dict(margin=math.nan), "ControlSettings.margin"),
-    ):
+    )
+    for wrong, word in settings:
         with pytest.raises(InputError, match=word) as refused:
             ControlSettings(**wrong)
         assert "\n" not in str(refused.value)
     ControlSettings(margin=0.0, as_published=True)
-    for wrong, word in (
+    of_barriers: tuple[tuple[dict[str, Any], str], ...] = (
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
         (dict(gamma=0), "BarrierSettings.gamma"),
         (dict(shaping_length=-1.0), "BarrierSettings.shaping_length"),
-    ):
+    )
+    for wrong, word in of_barriers:
         with pytest.raises(InputError, match=word):
             BarrierSettings(**wrong)
 

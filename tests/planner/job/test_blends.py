@@ -182,9 +182,10 @@ def test_moves_blend_within_the_radius() -> None:
     a motion that leaves the line earlier is not certified."""
     down = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.4, 0.1, 0.6], [math.pi, 0, 0]), free_rotation="z")
     up = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.3, 0.35, 0.6], [math.pi, 0, 0]), free_rotation="z")
+    line = hdplan.Line(by=[0.0, 0.0, -0.2], link=TOOL, name="line", blend=0.05)
     stages = [
         hdplan.Move(down, name="there", blend=0.06),
-        hdplan.Line(by=[0.0, 0.0, -0.2], link=TOOL, name="line", blend=0.05),
+        line,
         hdplan.Move(up, name="away"),
     ]
     result = hdplan.plan_job(job_of(*stages))
@@ -204,7 +205,7 @@ def test_moves_blend_within_the_radius() -> None:
     off_line, half = inside & (off > 1.1e-3), times < 0.5 * (marks[1] + marks[2])
     comes = 0.9 * float(np.linalg.norm(places - begin, axis=1)[off_line & half].max())
     assert not _certified(job_of(replace(stages[0], blend=comes), *stages[1:]), result)
-    assert not _certified(job_of(stages[0], replace(stages[1], link="panda_hand_tcp"), stages[2]), result)
+    assert not _certified(job_of(stages[0], replace(line, link="panda_hand_tcp"), stages[2]), result)
     rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 

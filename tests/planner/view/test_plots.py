@@ -88,6 +88,7 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
     viewer = opened(limited, found=timed, slow=slow)
     asked(viewer, "position")
     plots = viewer.panel._plots
+    assert slow.times is not None
     own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
     assert (own[0].max(), other[0].max()) == pytest.approx((timed.times[-1], slow.times[-1]))
     assert own[1][-1] == pytest.approx(other[1][-1])

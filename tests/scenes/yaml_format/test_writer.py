@@ -333,9 +333,11 @@ class Maker:
         own = kinds[int(self.rng.integers(3))]
         spec = replace(spec, check_pairs=((self.name(), self.name()),) * own.checked)
         held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
+        path = PathConstraints(*(self.maybe(each, None) for each in (upright, within, relative, follow)))
+        carried = self.maybe(payload, None)
         if self.rng.random() < 0.3:  # of what is unknown of a robot there are no proofs beside these
-            limits, upright, within, relative, follow = replace(limits, torque=None), None, None, None, None
-            payload, settings = None, replace(settings, objective="smoothness")
+            limits, settings = replace(limits, torque=None), replace(settings, objective="smoothness")
+            path, carried = PathConstraints(), None
             lag = Tracking(self.number(high=1.0), {self.name(): self.number()})
             spec = replace(spec, tracking=lag, calibration=Calibration(self.number(high=1.0), self.number(high=3.0)))
         return Scene(
@@ -350,8 +352,8 @@ class Maker:
             attached=self.maybe((held,), ()),
             self_collision=own,
             limits=limits,
-            payload=self.maybe(payload, None),
-            path=PathConstraints(*(self.maybe(each, None) for each in (upright, within, relative, follow))),
+            payload=carried,
+            path=path,
             timing=timing,
         )
 
