@@ -77,7 +77,7 @@ def solved(problem: Problem, first: Array, weights: Sequence[float]) -> dict[tup
             program = problem.casadi(hessian)
             stages = program.stages if plugin == "fatrop" else {}
             settings: dict[str, Any] = {plugin: OPTIONS | own, **QUIET, **stages}
-            solver = ca.nlpsol("solver", plugin, program.nlp, settings)  # type: ignore[arg-type]
+            solver = ca.nlpsol("solver", plugin, program.nlp, settings)
             x, states, began = ca.DM(program.guess(first)), [], time.process_time()
             for weight in weights:
                 result = solver(x0=x, p=weight, **program.bounds)

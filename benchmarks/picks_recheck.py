@@ -220,9 +220,8 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
         times = np.append(np.arange(begins, ends, STEP), ends)
         rows, rates, pushes = driven.at(times)
         fingers = stage.keys() & {"grip", "release"}
-        most: np.ndarray | float
-        for what, values, most in zip(("velocity", "acceleration"), (rates, pushes), limits, strict=True):
-            if not fingers and (np.abs(values) > most * (1 + ROUNDING) + 1e-9).any():
+        for k, (what, values) in enumerate((("velocity", rates), ("acceleration", pushes))):
+            if not fingers and (np.abs(values) > limits[k] * (1 + ROUNDING) + 1e-9).any():
                 raise RefutedError(f"{stage['name']}: {what} beyond its limit")
         if np.abs(rates[[0, -1]]).max() > 1e-9:
             raise RefutedError(f"{stage['name']}: does not begin and end at rest")
