@@ -16,6 +16,7 @@ import argparse
 from collections.abc import Callable
 from functools import partial
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 from rich.progress import track
@@ -43,7 +44,7 @@ def bodies() -> list[ConvexBody]:
     return [
         ConvexBody.box([1, 1, 1]),
         ConvexBody.from_points([[0, 0, 0]]),
-        ConvexBody.from_points([[0, 0, 0], [0, 0.6, 0.8]]),
+        ConvexBody.from_points([[0.0, 0.0, 0.0], [0.0, 0.6, 0.8]]),
         ConvexBody.from_points([[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
         ConvexBody.box([1, 1e-6, 1e-6]),
         ConvexBody.box([1, 1, 1e-6]),
@@ -53,7 +54,7 @@ def bodies() -> list[ConvexBody]:
     ]
 
 
-def numpy(body_a: ConvexBody, body_b: ConvexBody, normals: str, **settings: float) -> Evaluate:
+def numpy(body_a: ConvexBody, body_b: ConvexBody, normals: str, **settings: Any) -> Evaluate:
     """Return the reference in the others' form."""
 
     def evaluate(poses_a: Array, poses_b: Array) -> tuple[Array, ...]:

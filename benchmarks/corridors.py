@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hdplan.control import Barriers, BarrierSettings, Controller, ControlSettings, Step, scene_barriers, simulate
-from hdplan.planner.collision.halfspace_bodies import from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.control.rollout import fast_energy, total_variation
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.robot.robot import Robot
@@ -66,11 +66,12 @@ def corridor(seed: int, parallel: bool) -> Scene:
 
 def paper(robot: Robot, scene: Scene, settings: ControlSettings) -> Controller:
     """Return the paper's controller, of boxes alone, in a corridor whose boxes are grown on every side."""
-    growth, grown = settings.barriers.growth, []
+    growth = settings.barriers.growth
+    grown: list[HalfspaceBody] = []
     for obstacle in scene.obstacles:
         assert isinstance(obstacle.shape, Box)
         sides = tuple(side + 2 * growth for side in obstacle.shape.size)
-        grown += from_obstacle(replace(obstacle, shape=Box(sides)))[0]  # type: ignore[arg-type]
+        grown += from_obstacle(replace(obstacle, shape=Box(sides)))[0]
     bare = replace(settings.barriers, growth=0.0)
     barriers = Barriers(robot, kinematics_of(robot), link_boxes(), link_box_pairs(), grown, bare)
     return Controller(robot, barriers, replace(settings, barriers=bare))

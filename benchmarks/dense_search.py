@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.problem import Problem
@@ -31,7 +32,7 @@ class Tree:
         """Begin with one."""
         self.nodes, self.before = root[None], np.array([-1])
 
-    def add(self, nodes: Array, before: Array) -> Array:
+    def add(self, nodes: Array, before: NDArray[np.int64]) -> NDArray[np.int64]:
         """Add configurations (k, n); return their numbers."""
         first = len(self.nodes)
         self.nodes, self.before = np.vstack([self.nodes, nodes]), np.append(self.before, before)

@@ -30,7 +30,7 @@ from hdplan.distance.bodies import PLATONIC, ConvexBody
 from hdplan.distance.studies.conservativeness import conservativeness
 from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.studies.unions import study_unions
-from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
+from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.studies.distance import union_row
 from hdplan.planner.studies.report import markdown_text, short
@@ -110,6 +110,11 @@ def unions(options: argparse.Namespace) -> None:
     print(f"{markdown_text(rows)}\nContacts called free: {sum(one.missed for one in found)}.\n")
 
 
+def in_cpp(loop: CoalLoop) -> float:
+    """Time of one query [s] in the loop of C++."""
+    return loop.seconds()[0]
+
+
 def exact(options: argparse.Namespace) -> None:
     """One query, the paper's normals: exact ones and ours, called once from Python and in a loop of C."""
     rows = []
@@ -130,7 +135,7 @@ def exact(options: argparse.Namespace) -> None:
             loop = CoalLoop(program, body_a, a, body_b, b)
             truth = float(signed_distances(body_a, a, body_b, b).sum())
             assert abs(loop.seconds()[1] - truth) < 1e-6 * len(a), "coal's loop computes something else"
-            ways.append(lambda loop=loop: loop.seconds()[0])
+            ways.append(partial(in_cpp, loop))
             fcl, coal, value, gradient, c_value, c_gradient, c_hessian, coal_c = medians(ways)
             rows.append(
                 {
@@ -154,13 +159,13 @@ def exact(options: argparse.Namespace) -> None:
 
 def batch(options: argparse.Namespace) -> None:
     """Tables of 8,100 poses: generated C and JAX on one core."""
-    from hdplan.distance.batch.distance import hdsdf_batch
+    from hdplan.distance.batch.distance import BatchDistance, hdsdf_batch
 
     rows = []
     for names in (CUBES, DODECAHEDRA):
         body_a, body_b = map(ConvexBody.platonic, names)
         a, b = paper_poses(np.random.default_rng(0), 8100)
-        ours = [hdsdf_compiled(body_a, body_b)]
+        ours: list[CompiledDistance | BatchDistance] = [hdsdf_compiled(body_a, body_b)]
         ours += [hdsdf_batch(body_a, body_b, dtype=dtype) for dtype in ("float64", "float32")]
         for order in ("value", "gradient", "hessian"):
             times = medians([bulk(partial(getattr(way, order)), a, b) for way in ours])

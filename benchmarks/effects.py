@@ -154,11 +154,12 @@ def draw(costs: list[tuple[Effect, Cost, Cost]], file: Path) -> None:
     from hdplan.planner.pictures.style import FRAME, GOAL, RC, START
 
     names = [f"{effect.section} · {effect.scene}" for effect, _, _ in costs]
+    sides = [off for _, off, _ in costs], [on for _, _, on in costs]
     with plt.rc_context(RC):
         figure, panels = plt.subplots(1, len(PHASES), figsize=(11.5, 4.6), sharey=True, layout="constrained")
         for phase, (panel, title) in enumerate(zip(panels, PHASES, strict=True)):
             rows = np.arange(len(costs))[::-1]
-            off, on = (np.array([1e3 * cost[side].seconds[phase] for cost in costs]) for side in (1, 2))
+            off, on = (1e3 * np.array([cost.seconds[phase] for cost in side]) for side in sides)
             panel.hlines(rows, off, on, color=FRAME, linewidth=2.5, zorder=1)
             panel.scatter(off, rows, color="white", edgecolor=START, s=28, label="without the section", zorder=2)
             panel.scatter(on, rows, color=GOAL, s=28, label="with it", zorder=3)

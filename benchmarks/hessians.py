@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,8 +29,8 @@ from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
-PLUGINS = {"ipopt": {"sb": "yes"}, "fatrop": {}}
-OPTIONS = {"print_level": 0, "max_iter": 300, "tol": 1e-6, "mu_init": 1e-4}
+PLUGINS: dict[str, dict[str, Any]] = {"ipopt": {"sb": "yes"}, "fatrop": {}}
+OPTIONS: dict[str, Any] = {"print_level": 0, "max_iter": 300, "tol": 1e-6, "mu_init": 1e-4}
 QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 WEIGHTS = tuple(6e3 * 6.0 ** np.arange(5))  # of the penalty [1/m²]
 
@@ -75,8 +76,9 @@ def solved(problem: Problem, first: Array, weights: Sequence[float]) -> dict[tup
         for hessian in HESSIANS:
             program = problem.casadi(hessian)
             stages = program.stages if plugin == "fatrop" else {}
-            solver = ca.nlpsol("solver", plugin, program.nlp, {plugin: OPTIONS | own, **QUIET, **stages})
-            x, states, began = program.guess(first), [], time.process_time()
+            settings: dict[str, Any] = {plugin: OPTIONS | own, **QUIET, **stages}
+            solver = ca.nlpsol("solver", plugin, program.nlp, settings)
+            x, states, began = ca.DM(program.guess(first)), [], time.process_time()
             for weight in weights:
                 result = solver(x0=x, p=weight, **program.bounds)
                 x = result["x"]

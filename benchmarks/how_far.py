@@ -61,7 +61,7 @@ def files(problem: RealProblem) -> tuple[Path, tuple[Path, str]]:
 
 def spread(count: int, most: int) -> list[int]:
     """At most as many of `count` numbers, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
+    return list(map(int, np.unique(np.linspace(0, count - 1, min(count, most)).round())))
 
 
 def outcome(file: Path, beside: tuple[Path, str] | None, place: Path, time_limit: float) -> str:

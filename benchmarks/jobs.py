@@ -69,7 +69,7 @@ def poses_of(folder: Path, said: dict[str, Any], robot: hdplan.Robot) -> list[hd
 
 def boxes_of(said: dict[str, Any]) -> list[hdplan.Box]:
     """Return the obstacles of a problem."""
-    boxes = []
+    boxes: list[hdplan.Box] = []
     for pairs in said.get("obstacles") or ():
         each = {name: value for pair in pairs for name, value in pair.items()}
         place = np.array([each[axis] for axis in "xyz"]) + said["obstacle_xyz_offset"]
@@ -105,8 +105,12 @@ def scene_of(folder: Path, file: Path, fetch: Path | None) -> hdplan.Scene:
 
 def seen_again(scene: hdplan.Scene, result: hdplan.JobResult) -> str:
     """Say which pose of the path a certified motion does not pass, in order; empty if it passes all."""
-    stage, along = result.certificate.stages[-1], scene.job.stages[-1]  # type: ignore[union-attr]
+    stage, job = result.certificate.stages[-1], scene.job
     robot, motion = hdplan.load_robot(scene.robot), stage.trajectory
+    assert job is not None
+    along = job.stages[-1]
+    assert isinstance(along, hdplan.Along)
+    assert motion.times is not None
     data, frame = robot.model.createData(), robot.model.getFrameId(along.link)
     order = [motion.joint_names.index(joint) for joint in robot.joint_names]
     at = []

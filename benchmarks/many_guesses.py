@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -35,14 +36,24 @@ def main() -> None:
     """Run the benchmark from the command line."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # XLA's threads too
-    columns = "pairs", "loops of C [ms]", "compiled in [s]", "with gradient [ms]", "with curvature [ms]"
-    rows: list[list[Cell]] = [["scene", "problems", "precision", *columns]]
+    columns = (
+        "scene",
+        "problems",
+        "precision",
+        "pairs",
+        "loops of C [ms]",
+        "compiled in [s]",
+        "with gradient [ms]",
+        "with curvature [ms]",
+    )
+    rows: list[dict[str, Cell]] = []
     for name in SCENES:
         for count in (1, SEVERAL):
             several = problems(name, count)
             for precision in ("double", "single"):
-                rows.append([name, count, precision, *figures(several, precision == "double")])
-                print(*rows[-1], file=sys.stderr)
+                cells = name, count, precision, *figures(several, precision == "double")
+                rows.append(dict(zip(columns, cells, strict=True)))
+                print(*cells, file=sys.stderr)
     print(f"On {jax.devices()[0].device_kind}, by JAX's backend {jax.default_backend()}:\n\n{markdown_text(rows)}")
 
 
@@ -55,7 +66,7 @@ def problems(name: str, count: int) -> list[Problem]:
         moved = []
         for each in scene.obstacles[: max(1, len(scene.obstacles) - fewer)]:
             place = np.add(each.pose.position, rng.uniform(-0.05, 0.05, 3))
-            moved.append(replace(each, pose=replace(each.pose, position=place)))
+            moved.append(replace(each, pose=replace(each.pose, position=tuple(place.tolist()))))
         found.append(hdplan.build(replace(scene, obstacles=tuple(moved))))
     return found
 
@@ -66,19 +77,26 @@ def figures(several: list[Problem], double: bool) -> list[Cell]:
     lines = np.array([each.polyline() for each in several])
     motions = lines + rng.normal(0, 0.1, (MOTIONS, *lines.shape))
     once = list(zip(several, motions[0], strict=True))
-    times, built = [timed(lambda: [each.evaluate(x, WEIGHT) for each, x in once]) / len(several)], []
+    times = [timed(lambda: [each.evaluate(x, WEIGHT) for each, x in once]) / len(several)]
+    built: list[float] = []
     cost = symbolic.jax_cost(several)
     with jax.enable_x64(double):
         x = jax.numpy.asarray(motions)
         for of in (with_gradient, with_curvature):
             began = time.process_time()
-            run = jax.jit(lambda cost, x, of=of: jax.lax.map(lambda x: of(cost, x), x, batch_size=TOGETHER))
-            run = run.lower(cost, x).compile()
+            each = jax.jit(lambda cost, x, of=of: jax.lax.map(lambda x: of(cost, x), x, batch_size=TOGETHER))
+            run = each.lower(cost, x).compile()
             built.append(time.process_time() - began)
-            times.append(timed(lambda run=run: jax.block_until_ready(run(cost, x))) / (MOTIONS * len(several)))
+            times.append(timed(partial(_run, run, cost, x)) / (MOTIONS * len(several)))
     loops, *rest = (f"{1e3 * each:.3f}" for each in times)
     pairs = sum(table.place.shape[-1] for table in cost.tables.pairs)
     return [pairs, loops, " / ".join(f"{each:.1f}" for each in built), *rest]
+
+
+def _run(run: Any, cost: Any, x: Any) -> None:
+    """Call what is compiled, and wait for what it gives."""
+    for part in jax.tree_util.tree_leaves(run(cost, x)):
+        part.block_until_ready()
 
 
 def with_gradient(cost: Any, x: Any) -> Any:

@@ -150,7 +150,7 @@ def main() -> None:
     parser.add_argument("--no-recheck", action="store_true")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    outcomes = []
+    outcomes: list[Outcome] = []
     for robot in options.robot or ("panda", "ur5"):
         problems = real_problems(options.folder, robot, options.every, options.set)
         if not outcomes and problems:  # compile and fit once, so that all are measured warm

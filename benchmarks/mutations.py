@@ -220,7 +220,7 @@ def head_value(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     """Change a value of the proof's head."""
     head = json.loads(files.parts["head"])
     key = str(rng.choice(list(head)))
-    wild = [None, -1, 0, 1, 0.5, 10**18, float("nan"), float("inf"), "x", [], {}, True, [[]], {"a": -1}]
+    wild: list[object] = [None, -1, 0, 1, 0.5, 10**18, float("nan"), float("inf"), "x", [], {}, True, [[]], {"a": -1}]
     if isinstance(head[key], float):
         head[key] *= 1 + 10.0 ** rng.uniform(-6, 0)
     elif isinstance(head[key], dict) and head[key] and rng.random() < 0.7:

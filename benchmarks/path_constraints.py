@@ -76,6 +76,7 @@ def problems(scene: Scene, count: int) -> Iterator[Scene]:
     """The random problems of one kind."""
     robot, rng = load_scene_robot(scene), np.random.default_rng(0)
     problem, certifier = build(scene, robot), Certifier(Setup.of(scene, robot))
+    assert certifier.path is not None
     while count:
         ends = walk(problem, rng)
         if ends is None or np.linalg.norm(ends[1] - ends[0]) < APART:

@@ -13,7 +13,7 @@ import time
 
 import coal
 import numpy as np
-from peer_task import Answer, Array, Body, Task
+from peer_task import Answer, Body, Task
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -31,8 +31,10 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, RevoluteJoint, SpatialInertia
 from pydrake.planning import KinematicTrajectoryOptimization
 from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.trajectories import BsplineTrajectory
+
+from hdplan.scenes.array_types import Array
 
 CONTROL_POINTS = 10  # as in Drake's own example
 INFLUENCE = 0.01  # [m] beyond the margin from which on a pair counts: Drake's default
@@ -93,7 +95,7 @@ def _path(spline: BsplineTrajectory, task: Task) -> Array:
     return np.asarray(path)
 
 
-def _world(task: Task) -> tuple[MultibodyPlant, object]:
+def _world(task: Task) -> tuple[MultibodyPlant, Diagram]:
     """Build robot and obstacles, with the task's pairs alone."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)

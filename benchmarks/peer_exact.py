@@ -77,7 +77,9 @@ class _Free(base.MotionValidator):  # type: ignore[misc]  # OMPL has no types
 
     def __init__(self, information: base.SpaceInformation, space: Record, joints: int) -> None:
         super().__init__(information)
-        self.space, self.joints, self.loops = space, range(joints), library()
+        loops = library()
+        assert loops is not None
+        self.space, self.joints, self.loops = space, range(joints), loops
 
     def _at(self, state: base.State) -> Array:
         return np.array([state[joint] for joint in self.joints])

@@ -13,7 +13,9 @@ import time
 import numpy as np
 import pinocchio as pin
 from ompl import base, geometric, util
-from peer_task import Answer, Array, Task
+from peer_task import Answer, Task
+
+from hdplan.scenes.array_types import Array
 
 STARTS_WRONG = "AORRTC"  # gives the goal alone where the straight line is free (OMPL's issue 1420): it is tried before
 

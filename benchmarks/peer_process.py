@@ -15,6 +15,7 @@ import sys
 import tempfile
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -72,7 +73,7 @@ class Peer:
             raise ImportError(self.process.stderr.read().strip().splitlines()[-1])
         threading.Thread(target=self.process.stderr.read, daemon=True).start()
 
-    def _ask(self, request: dict[str, object], patience: float) -> dict[str, object] | None:
+    def _ask(self, request: dict[str, object], patience: float) -> dict[str, Any] | None:
         """Return the reply; None if there is none in time, and then a new process waits for the next request."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
@@ -84,7 +85,8 @@ class Peer:
         if not line:
             self._start()
             return None
-        return json.loads(line)
+        reply: dict[str, Any] = json.loads(line)
+        return reply
 
 
 def _goal(task: Task) -> dict[str, object]:

@@ -102,17 +102,19 @@ class Task:
         That takes a path's waypoints for the control points of a B-spline, which rounds the corners, the more the
         farther they are apart: so the path is cut into PIECES equal steps, few or many.
         """
-        best = None
+        best: Trajectory | None = None
+        shortest = np.inf
         retimer = Retimer(Setup.of(self.timed_scene, self.robot))
         for steps in PIECES:
             try:
                 motion = retimer(Trajectory(self.robot.joint_names, evenly(path, steps))).trajectory
             except hdplan.HdplanError:
                 continue
-            if best is not None and motion.duration >= best.duration:
+            duration = np.inf if motion.duration is None else motion.duration
+            if duration >= shortest:
                 continue
             if self.timed_certifier.certify(motion).certified:
-                best = motion
+                best, shortest = motion, duration
         return best
 
     @cached_property

@@ -104,7 +104,8 @@ def _pose(request: dict[str, Any]) -> object:
 
 def _joints(instruction: object) -> list[float]:
     move = InstructionPoly_as_MoveInstructionPoly(instruction)
-    return WaypointPoly_as_StateWaypointPoly(move.getWaypoint()).getPosition().ravel().tolist()
+    position = WaypointPoly_as_StateWaypointPoly(move.getWaypoint()).getPosition()
+    return [float(value) for value in position.ravel()]
 
 
 def _environment(request: dict[str, Any]) -> Environment:

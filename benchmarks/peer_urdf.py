@@ -15,7 +15,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
-from peer_task import Array, Body, Task
+from peer_task import Body, Task
+
+from hdplan.scenes.array_types import Array
 
 GROUP = "arm"
 BASE = "carrier_0"

@@ -78,7 +78,7 @@ def hdplan_planner(task: Task, time_limit: float) -> Answer:
     began = time.process_time()
     result = hdplan.plan(task.timed_scene, robot=task.robot, time_limit=time_limit)
     motion = result.trajectory if result.certified else None
-    return Answer(motion and motion.positions, 0.0, time.process_time() - began, motion)
+    return Answer(None if motion is None else motion.positions, 0.0, time.process_time() - began, motion)
 
 
 def drake(samples: int) -> Planner:
@@ -186,10 +186,12 @@ def run(
         return Outcome(name, *where, False, False, "no solution", *took, None, np.nan, np.nan)
     path = Trajectory(task.robot.joint_names, answer.path, task.robot.locked)
     if answer.motion is not None:
-        certificate, motion = task.timed_certifier.certify(answer.motion), answer.motion
+        motion: hdplan.Trajectory | None = answer.motion
+        certificate = task.timed_certifier.certify(answer.motion)
     else:
         certificate = task.certifier.certify(path)
         motion = task.timed(answer.path) if certificate.certified else None
+    duration = motion.duration if motion is not None and certificate.certified else None
     return Outcome(
         name,
         *where,
@@ -199,7 +201,7 @@ def run(
         *took,
         measure(answer.path),
         np.nan if certificate.clearance is None else certificate.clearance,
-        motion.duration if motion is not None and certificate.certified else np.nan,
+        np.nan if duration is None else duration,
         proofs and certificate.certified and accepted(task, path),
     )
 

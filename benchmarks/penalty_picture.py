@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ SHOWN, FAR = 40, 1000  # iterations: of the cost, and until found
 Attempts = Sequence[Sequence[Sequence[Iteration]]]  # problem, attempt, iteration
 
 
-def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted: Tilted, file: Path) -> None:
+def draw(attempts: Mapping[str, Attempts], certified: dict[str, list[bool]], tilted: Tilted, file: Path) -> None:
     """Draw three panels."""
     import matplotlib
 

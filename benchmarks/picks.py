@@ -147,7 +147,8 @@ class Board:
 
     def place(self, x: float, y: float) -> np.ndarray:
         """Return the place in the world of one on it."""
-        return self.at + Rotation.from_euler("z", self.yaw).apply([x, y, 0.0])
+        place: np.ndarray = self.at + Rotation.from_euler("z", self.yaw).apply([x, y, 0.0])
+        return place
 
 
 def _furniture(rng: np.random.Generator, arm: Arm) -> tuple[list[dict[str, Any]], list[Board]]:

@@ -49,9 +49,9 @@ class Scene:
         pin.removeCollisionPairs(self.model, self.links, srdf)
         self.data = self.model.createData()
         self.mimics = {
-            str(joint.get("name")): str(joint.find("mimic").get("joint"))
+            str(joint.get("name")): str(mimic.get("joint"))
             for joint in ElementTree.parse(urdf).getroot().findall("joint")
-            if joint.find("mimic") is not None
+            if (mimic := joint.find("mimic")) is not None
         }
         named = {str(frame.name): i for i, frame in enumerate(self.model.frames) if frame.type == pin.FrameType.BODY}
         self.frames = named
@@ -83,7 +83,8 @@ class Scene:
         """Return the pose of a link, or of an object."""
         if name in self.places:
             return self.places[name]
-        return self.data.oMf[self.frames[name]].homogeneous.copy()
+        pose: np.ndarray = self.data.oMf[self.frames[name]].homogeneous.copy()
+        return pose
 
     def _item(self, i: int) -> tuple[Any, np.ndarray, tuple[np.ndarray, float]]:
         item = self.links.geometryObjects[i]
@@ -197,7 +198,7 @@ class Motion:
 
     def whole(self, q: np.ndarray) -> np.ndarray:
         """Return the values of all joints of the model; none of these robots has joints without limits."""
-        found = self.base.copy()
+        found: np.ndarray = self.base.copy()
         found[self.columns] = q
         for follower, leader in self.followers:
             found[follower] = found[leader]
@@ -219,8 +220,8 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
         times = np.append(np.arange(begins, ends, STEP), ends)
         rows, rates, pushes = driven.at(times)
         fingers = stage.keys() & {"grip", "release"}
-        for what, values, most in zip(("velocity", "acceleration"), (rates, pushes), limits, strict=True):
-            if not fingers and (np.abs(values) > most * (1 + ROUNDING) + 1e-9).any():
+        for k, (what, values) in enumerate((("velocity", rates), ("acceleration", pushes))):
+            if not fingers and (np.abs(values) > limits[k] * (1 + ROUNDING) + 1e-9).any():
                 raise RefutedError(f"{stage['name']}: {what} beyond its limit")
         if np.abs(rates[[0, -1]]).max() > 1e-9:
             raise RefutedError(f"{stage['name']}: does not begin and end at rest")

@@ -18,16 +18,23 @@ from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 
-UR = [
+Arguments = dict[str, str | bool | float]  # of a xacro file
+UR: list[Arguments] = [
     {"ur_type": kind, "name": "ur"} for kind in ["ur3", "ur3e", "ur5", "ur5e", "ur10", "ur10e", "ur16e", "ur20", "ur30"]
 ]
-GRIPPERS = [{}, {"gripper": "robotiq_2f_85"}, {"gripper": "robotiq_2f_140", "vision": True}]
-GEN3 = [{"name": "gen3", "arm": "gen3", "dof": 7, **more} for more in GRIPPERS]
-XARM = [{"dof": 5}, {"dof": 6}, {"dof": 7}, {"dof": 6, "robot_type": "lite"}, {"dof": 6, "robot_type": "uf850"}]
+GRIPPERS: list[Arguments] = [{}, {"gripper": "robotiq_2f_85"}, {"gripper": "robotiq_2f_140", "vision": True}]
+GEN3: list[Arguments] = [{"name": "gen3", "arm": "gen3", "dof": 7, **more} for more in GRIPPERS]
+XARM: list[Arguments] = [
+    {"dof": 5},
+    {"dof": 6},
+    {"dof": 7},
+    {"dof": 6, "robot_type": "lite"},
+    {"dof": 6, "robot_type": "uf850"},
+]
 XARM += [{"dof": 6, "add_gripper": True}, {"dof": 7, "add_vacuum_gripper": True}]
-ES = [{"joint_velocities_file": "$(find motoman_es_support)/config/joint_velocities_dx100.yaml"}]
+ES: list[Arguments] = [{"joint_velocities_file": "$(find motoman_es_support)/config/joint_velocities_dx100.yaml"}]
 # Repository, files, arguments. Neighbours that these need: ros2_robotiq_gripper (Kinova), realsense-ros (stretch).
-ROBOTS: list[tuple[str, str, list[dict[str, str | bool | float]]]] = [
+ROBOTS: list[tuple[str, str, list[Arguments]]] = [
     ("Universal_Robots_ROS2_Description", "urdf/ur.urdf.xacro", UR),
     ("ros2_kortex", "kortex_description/robots/kinova.urdf.xacro", [*GEN3, {"name": "g", "arm": "gen3", "dof": 6}]),
     ("ros2_kortex", "kortex_description/robots/gen3_lite.urdf", [{}]),

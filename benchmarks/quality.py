@@ -98,7 +98,7 @@ def run(problem: RealProblem, goals: str, rounds: int, payload: float, limit: fl
         return Outcome(*what, f"refused: {error}", *[np.nan] * 7)
     took = (wall - result.times.certify, result.times.certify, processor)
     if not result.certified:
-        return Outcome(*what, result.certificate.text, *[np.nan] * 4, *took)
+        return Outcome(*what, result.certificate.text, np.nan, np.nan, np.nan, np.nan, *took)
     motion = result.trajectory
     assert motion.duration is not None
     length = path_length(motion)

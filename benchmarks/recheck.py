@@ -320,7 +320,8 @@ def _floats(values: Any) -> list[float]:
 
 
 if __name__ == "__main__":
-    files = [argument for argument in sys.argv[1:] if argument != "--distances"]
-    if len(files) != 4:
-        sys.exit(__doc__)
-    main(*files, distances="--distances" in sys.argv)
+    match [argument for argument in sys.argv[1:] if argument != "--distances"]:
+        case [trajectory, scene, request, robot]:
+            main(trajectory, scene, request, robot, distances="--distances" in sys.argv)
+        case _:
+            sys.exit(__doc__)

@@ -128,6 +128,7 @@ def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
     ]
     certifier = Certifier(Setup.of(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot))
     known = [np.clip(q, robot.lower, robot.upper) for q in (*named, zero, middle)]
+    best: np.ndarray
     best, least = min(((q, certifier.contacts(q)) for q in known), key=lambda each: len(each[1]))
     for drawn in robot.draw(rng, TRIES):
         if not least:

@@ -22,8 +22,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from memory import most_memory
@@ -68,9 +70,9 @@ class Point:
 def scene_of(waypoints: int, boxes: int) -> Scene:
     """The Panda among random boxes."""
     empty = hdplan.load_scene("empty")
-    ends = {"start": JointTarget("start", START), "goal": JointTarget("goal", GOAL)}
+    start, goal = JointTarget("start", START), JointTarget("goal", GOAL)
     settings = dataclasses.replace(empty.planner, waypoints=waypoints)
-    scene = dataclasses.replace(empty, **ends, name="clutter", obstacles=(POST,))
+    scene = dataclasses.replace(empty, start=start, goal=goal, name="clutter", obstacles=(POST,))
     found = hdplan.plan(scene)
     line = np.linspace(START, GOAL, len(found.trajectory))
     motions = np.vstack([_halved(line + share * (found.trajectory.positions - line)) for share in SHARES])
@@ -134,7 +136,7 @@ def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:
         sys.exit(done.stderr)
     values = done.stdout.split()
     kinds = [field.type for field in dataclasses.fields(Point)]
-    parse = {"int": int, "float": float, "bool": lambda text: text == "True"}
+    parse: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True"}
     return Point(*(parse[str(kind)](value) for kind, value in zip(kinds, values, strict=True)))
 
 

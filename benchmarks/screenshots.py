@@ -82,7 +82,7 @@ def main() -> None:
     options = parser.parse_args()
     width, height = (int(edge) for edge in options.size.split("x"))
     options.folder.mkdir(parents=True, exist_ok=True)
-    complaints = []
+    complaints: list[str] = []
     with browser() as running:
         for name in options.scenes:
             scene = load_scene(name)

@@ -164,9 +164,9 @@ def buffered(function: ca.Function, given: list[Array]) -> Callable[[], object]:
     memory, run = function.buffer()
     results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
     for k, array in enumerate(given):
-        memory.set_arg(k, array.data)
+        memory.set_arg(k, array.data)  # type: ignore[call-arg]  # an overload that the stubs lack
     for k, array in enumerate(results):
-        memory.set_res(k, array.data)
+        memory.set_res(k, array.data)  # type: ignore[call-arg]
     return lambda: (run(), memory, given, results)  # which have to live on
 
 
@@ -200,7 +200,7 @@ def guesses(problem: Problem) -> Iterator[tuple[Array, float]]:
 
 def missed(program: Program, solver: ca.Function, guess: Array, weight: float) -> str | None:
     """Why no certified motion is found from a guess, at one weight after another; None where one is."""
-    x, why = program.guess(guess), "no weight"
+    x, why = ca.DM(program.guess(guess)), "no weight"
     while weight <= LAST_WEIGHT:
         x = solver(x0=x, p=program.values(weight), **program.bounds)["x"]
         path = program.positions(x)

@@ -85,7 +85,8 @@ def main() -> None:
 
 
 def ends(certifier: Certifier, robot: Robot, count: int) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    rng, found = np.random.default_rng(7), []
+    rng = np.random.default_rng(7)
+    found: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     while len(found) < count:
         start, goal = robot.draw(rng, 2)
         if holds(certifier, start) and holds(certifier, goal):

@@ -129,7 +129,8 @@ def _late(rng: np.random.Generator, line: Array, share: float) -> Array:
     law = MinimumJerk(1.0)
     times = law.time_at(np.linspace(0.0, 1.0, len(line)))
     along = law(np.clip((times - share) / (1.0 - share), 0.0, 1.0))[0]
-    return line[0] + along[:, None] * (line[-1] - line[0])
+    late: Array = line[0] + along[:, None] * (line[-1] - line[0])
+    return late
 
 
 def _early(rng: np.random.Generator, line: Array, share: float) -> Array:
@@ -140,7 +141,7 @@ def _early(rng: np.random.Generator, line: Array, share: float) -> Array:
 def _around(rng: np.random.Generator, line: Array, share: float) -> Array:
     """A bend (N, n) beside the straight line, farthest from it at a share of the way."""
     bend = rng.normal(size=line.shape[1])
-    bend *= rng.uniform(0.8, 1.6) / np.linalg.norm(bend)
+    bend *= rng.uniform(0.8, 1.6) / float(np.linalg.norm(bend))
     u = np.linspace(0.0, 1.0, len(line)) ** (np.log(0.5) / np.log(share))
     way: Array = line + np.sin(np.pi * u)[:, None] ** 2 * bend
     return way

@@ -29,7 +29,9 @@ def scenes(folder: Path | None, every: int) -> Iterator[tuple[str, hdplan.Scene]
     """Every scene with a name that stays."""
     for name in sorted(shipped_scenes()):
         yield name, hdplan.load_scene(name)
-    for robot in ("panda", "ur5") if folder else ():
+    if folder is None:
+        return
+    for robot in ("panda", "ur5"):
         for problem in real_problems(folder, robot, every):
             yield f"{robot}/{problem.set}/{problem.number}", problem.load()
 

@@ -89,7 +89,8 @@ class Shown:
 
     def __init__(self, viewer: Viewer) -> None:
         """Listen to a viewer."""
-        self.frames, self.waits, self.moves = 0, [], 0
+        self.frames = self.moves = 0
+        self.waits: list[float] = []
         handles, live, player = viewer.panel.handles, viewer.panel.live, viewer.panel.player
         ask, drag, take, draw = viewer.worker.ask, handles.drag, live._take, viewer.draw
         came: dict[int, tuple[float, Any]] = {}  # when the move to a scene came, and the scene
@@ -107,9 +108,9 @@ class Shown:
             self.moves += 1
             came[id(viewer.scene)] = when, viewer.scene
 
-        def taken(edited: Any, result: Any) -> None:
+        def taken(edited: Any, result: Any, turn: int) -> None:
             count = live.count
-            take(edited, result)
+            take(edited, result, turn)
             if live.count > count:
                 self.waits.append(time.perf_counter() - came[id(edited.scene)][0])
 
@@ -164,9 +165,9 @@ def _seen(page: Any, viewer: Viewer, point: Array) -> Array:
     w, x, y, z = camera.wxyz
     right, down, ahead = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
     scale = 0.5 * canvas["height"] / np.tan(0.5 * camera.fov) / ahead
-    return np.array([canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 0.5 * canvas["height"]]) + scale * np.array(
-        [right, down]
-    )
+    middle = np.array([canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 0.5 * canvas["height"]])
+    place: Array = middle + scale * np.array([right, down])
+    return place
 
 
 def main() -> None:

@@ -321,8 +321,9 @@ class Judge:
         moves = np.array([self.above[x["joint"]] for x in (one, two)])
         places, best = [frames[x["joint"] + 1].homogeneous @ se3(x).homogeneous for x in (one, two)], np.inf
         obstacle, none = two["kind"] == "obstacle", {"shift": 0.0, "turn": 0.0, "speed": 0.0}
+        still: dict[str, Any] = {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
         own = self.around.get(two["name"], none) if obstacle else none
-        base = self.base if obstacle else {"shift": 0.0, "turn": 0.0, "about": [0.0] * 3}
+        base = self.base if obstacle else still
         about, origin = np.array(base["about"], dtype=float), places[1][:3, 3].copy()
         shift = base["shift"] + own["shift"] + own["speed"] * abs(self.at[k])
         axes = np.array([x.rotation @ y for x, y in zip(frames[1:], self.axes, strict=False)])
@@ -341,7 +342,7 @@ class Judge:
             places[0] = turned(places[0], about, -np.cross(a - about, way), base["turn"])
             places[1] = turned(places[1], origin, np.cross(b - origin, way), own["turn"])
         away, _, _ = apart(shape, places[0], other, places[1])
-        return min(best, away - shift)
+        return float(min(best, away - shift))
 
     def contained(self, i: int, j: int, places: list[Any], centers: Any) -> str:
         """Whether one of two bodies is within the other: surfaces that never meet stay as they are at the beginning."""
@@ -824,7 +825,7 @@ def main() -> None:
         if ":" in verdict:
             print(n, kind, names[i], verdict, file=sys.stderr, flush=True)
     tally.save()
-    teeth = tally.found.pop(TEETH, {})
+    teeth: dict[str, int] = tally.found.pop(TEETH, {})
     print(tally.table(("rejected", "true", "false", "error", "not made")))
     print(f"of those rejected, the judge finds: {dict(teeth)}")
 

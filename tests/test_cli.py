@@ -415,7 +415,7 @@ def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> Non
 )
 def test_bad_meshes(hdplan: Callable[..., Done], tmp_path: Path, content: str | bytes, words: str) -> None:
     mesh = tmp_path / "mesh.obj"
-    mesh.write_bytes(content if isinstance(content, bytes) else content.encode())
+    mesh.write_bytes(content if isinstance(content, bytes) else str(content).encode())
     scene = arm_scene(tmp_path, obstacles=obstacle("type: mesh, file: mesh.obj"))
     refused(hdplan("plan", scene), f"{scene}: obstacles.thing: mesh", words)
     refused(hdplan("explain", scene), f"{scene}: obstacles.thing: mesh", words)
@@ -542,7 +542,7 @@ def test_bad_scenes(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> N
     if isinstance(content, dict):
         arm_scene(tmp_path, **content)
     else:
-        Path("scene.yaml").write_bytes(content if isinstance(content, bytes) else content.encode())
+        Path("scene.yaml").write_bytes(content if isinstance(content, bytes) else str(content).encode())
     refused(hdplan("plan", "scene.yaml", "-o", "motion.json"), "scene.yaml: ", *words)
     assert [file.name for file in Path().iterdir()] == ["scene.yaml"]
 

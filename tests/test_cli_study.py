@@ -111,9 +111,9 @@ def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyP
     named = {f"planning_study.{end}" for end in ("csv", "md", "png")} | {"planning_quality.csv", "planning_quality.png"}
     assert {path.name for path in Path("out").iterdir()} == named
     table = rows(Path("out/planning_study.csv"))
-    named = [shipped[0].name, "a/set/scene0000", "a/set/scene0002"]
+    order = [shipped[0].name, "a/set/scene0000", "a/set/scene0002"]
     assert [(row["setting"], row["scene"]) for row in table] == [
-        (setting, scene) for setting in ("defaults", "solver") for scene in named
+        (setting, scene) for setting in ("defaults", "solver") for scene in order
     ]
 
 

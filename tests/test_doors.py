@@ -64,7 +64,7 @@ def test_names_of_files_do_not_break_the_line(tmp_path: Path, name: str) -> None
         "": (lambda _: load_robot(robot),),
     }.items():
         for call in calls:
-            words = refusal(lambda call=call, ending=ending: call(tmp_path / (name + ending)))  # type: ignore[misc]
+            words = refusal(lambda call=call, ending=ending: call(tmp_path / (name + ending)))
             assert words.isprintable()
             assert repr(name)[1:-1] in words
 
@@ -129,7 +129,7 @@ def test_a_document_cut_anywhere_is_read_or_refused(tmp_path: Path) -> None:
 
 def npz(**arrays: object) -> bytes:
     data = io.BytesIO()
-    np.savez(data, **arrays)  # type: ignore[arg-type]
+    np.savez(data, **arrays)
     return data.getvalue()
 
 
@@ -248,7 +248,7 @@ def test_what_is_no_file_is_refused_at_once(
     assert refusal(lambda: load_scene(path)) == f"{path}: is {kind}, not a file"
     for ending in (".json", ".csv", ".npz"):
         motion = path.rename(path.with_name(f"m{ending}"))
-        assert refusal(lambda motion=motion: Trajectory.load(motion)) == f"{motion}: is {kind}, not a file"  # type: ignore[misc]
+        assert refusal(lambda motion=motion: Trajectory.load(motion)) == f"{motion}: is {kind}, not a file"
         path = motion
     assert f"is {kind}" in refusal(lambda: hdplan.load_robot(RobotSpec(urdf=path)))
     assert f"is {kind}" in refusal(lambda: hdplan.load_robot(RobotSpec(urdf=ARM.with_suffix(".urdf"), srdf=path)))

@@ -134,12 +134,12 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         lambda: halfspace_bodies.from_obstacle(OF_ROUNDED),
     ),
     ("planner/collision/halfspace_bodies.py", "from_shape", "shape"): (
-        lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),  # type: ignore[arg-type]
+        lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),
     ),
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/shape_table.py", "", "shape"): (
-        lambda: shape_table.operations(Torus()),  # type: ignore[arg-type]
+        lambda: shape_table.operations(Torus()),
         lambda: shape_table.operations(Rounded([0.1, 0.1, 0.1])),
     ),
     ("planner/job/world.py", "shape_of", "shape"): "refuses whatever is no shape",
@@ -150,21 +150,21 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ),
     ("planner/problem/assemble.py", "seen_anew", "seen"): "asks for clouds: they alone are seen anew",
     ("planner/proof/world_values.py", "plain_shape", "shape"): (
-        lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
+        lambda: world_values.plain_shape(Torus()),
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
     ),
     ("planner/proof/world_values.py", "plain_shape", "seen"): (
-        lambda: world_values.plain_shape(Torus()),  # type: ignore[arg-type]
+        lambda: world_values.plain_shape(Torus()),
         lambda: world_values.plain_shape(Rounded([0.1, 0.1, 0.1])),
-        lambda: world_values.plain_shape(Lidar()),  # type: ignore[arg-type]
+        lambda: world_values.plain_shape(Lidar()),
     ),
     ("planner/replanning/picture.py", "Sighting.frozen", "motion"): "for ways alone; pictures refuse other motions",
     ("planner/replanning/picture.py", "Sightings.updated", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_named", "seen"): "a cloud alone is given as one",
     ("planner/replanning/picture.py", "_refuse_timed", "motion"): "refuses all others",
     ("planner/robot/self_filter.py", "_solids", "seen"): (
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),  # type: ignore[arg-type]
-        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),  # type: ignore[arg-type]
+        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_TORUS), None, "f"),
+        lambda: self_filter._solids(Ignored(0.1, obstacle="o"), of(OF_LIDAR), None, "f"),
     ),
     ("planner/robot/self_filter.py", "self_filtered", "seen"): "asks for clouds: they alone say what to ignore",
     ("planner/terminal/explain.py", "_words", "seen"): (
@@ -223,12 +223,12 @@ def skins() -> Any:
 
 def of(obstacle: Obstacle) -> Scene:
     """A scene with an obstacle that no check would let in."""
-    return with_field(load_scene("empty"), "obstacles", (obstacle,))  # type: ignore[no-any-return]
+    return with_field(load_scene("empty"), "obstacles", (obstacle,))
 
 
 def along(constraint: object) -> Scene:
     """A scene with a path constraint that no check would let in."""
-    return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))  # type: ignore[no-any-return]
+    return with_field(load_scene("empty"), "path", with_field(PathConstraints(), "upright", constraint))
 
 
 def told_apart(path: Path) -> Iterator[tuple[str, str, bool]]:
@@ -308,17 +308,17 @@ def test_places_fail_for_what_they_do_not_know(
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: path_bounds._held(Setup.of(load_scene("empty")), Level()),  # type: ignore[arg-type]
-        lambda: path_terms._measure(Level(), "path.level", Setup.of(load_scene("empty")), np.zeros((9, 7))),  # type: ignore[arg-type]
-        lambda: explain_effects._kept_all_along(Level()),  # type: ignore[arg-type]
+        lambda: path_bounds._held(Setup.of(load_scene("empty")), Level()),
+        lambda: path_terms._measure(Level(), "path.level", Setup.of(load_scene("empty")), np.zeros((9, 7))),
+        lambda: explain_effects._kept_all_along(Level()),
         lambda: along(Level()).path.regions,
         lambda: ObstacleMotion.of(SWINGING),
-        lambda: seen.seen_mesh(Lidar()),  # type: ignore[arg-type]
-        lambda: seen.seen_parts(Lidar()),  # type: ignore[arg-type]
-        lambda: seen.seen_words(Lidar(), Lidar()),  # type: ignore[arg-type]
-        lambda: voxel_grids.boxes_in(Lidar()),  # type: ignore[arg-type]
-        lambda: voxel_grids.map_words(Lidar()),  # type: ignore[arg-type]
-        lambda: seen_entry(Lidar(), str),  # type: ignore[arg-type]
+        lambda: seen.seen_mesh(Lidar()),
+        lambda: seen.seen_parts(Lidar()),
+        lambda: seen.seen_words(Lidar(), Lidar()),
+        lambda: voxel_grids.boxes_in(Lidar()),
+        lambda: voxel_grids.map_words(Lidar()),
+        lambda: seen_entry(Lidar(), str),
     ],
 )
 def test_complete_places_fail_too(call: Fails) -> None:
@@ -368,8 +368,8 @@ def test_every_class_of_a_scene_is_known_to_certificate_and_writer() -> None:
     def meet(kind: Any) -> None:
         for part in (*get_args(kind), *(get_args(kind.__value__) if hasattr(kind, "__value__") else ())):
             meet(part)
-        if dataclasses.is_dataclass(kind) and kind not in met and not issubclass(kind, Solid):  # type: ignore[arg-type]
-            met.add(kind)  # type: ignore[arg-type]
+        if dataclasses.is_dataclass(kind) and kind not in met and not issubclass(kind, Solid):
+            met.add(kind)
             from typing import get_type_hints
 
             for hint in get_type_hints(kind).values():
@@ -482,7 +482,7 @@ def test_the_controller_knows_its_distances() -> None:
     from hdplan.planner.control.barriers import _distance
 
     with pytest.raises(ValueError, match="norm"):
-        _distance(None, [], [], SimpleNamespace(distance="norm"))  # type: ignore[arg-type]
+        _distance(None, [], [], SimpleNamespace(distance="norm"))
 
 
 # --- what tells motions apart -----------------------------------------------------------------------------------------

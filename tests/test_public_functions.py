@@ -173,9 +173,9 @@ def test_distances() -> None:
         refused(lambda value, call=call, at=at: call(value, at, box, at), *STRANGE)
         refused(lambda value, call=call, at=at: call(box, at, value, at), *STRANGE)
         refused(lambda value, call=call, at=at: call(box, value, box, at), at * NAN, at[..., :3], np.zeros(5))
-    for call in (distance.hdsdf_compiled, distance.hdsdf_function):
-        refused(lambda value, call=call: call(value, box), *STRANGE)
-        refused(lambda value, call=call: call(box, value), *STRANGE)
+    for build in (distance.hdsdf_compiled, distance.hdsdf_function):
+        refused(lambda value, build=build: build(value, box), *STRANGE)
+        refused(lambda value, build=build: build(box, value), *STRANGE)
     for call in (distance.hdsdf, distance.hdsdf_derivatives):
         for name, values in {
             "gamma": (0, "a", 1.5, None, NAN, True),

@@ -231,9 +231,9 @@ def test_a_position_alone_is_a_pose_everywhere() -> None:
         lambda pose: hdplan.Voxels(np.ones((1, 1, 1), bool), 0.1, pose=pose),
         lambda pose: hdplan.Cloud([[0.0, 0.0, 0.0]], 0.01, pose=pose),
     ):
-        assert repr(made(whole)) == repr(made(POSE)) == repr(made(np.array(POSE)))  # type: ignore[no-untyped-call]
+        assert repr(made(whole)) == repr(made(POSE)) == repr(made(np.array(POSE)))
         with pytest.raises(hdplan.InputError, match="a Pose, or a position of three numbers"):
-            made([0.0, 1.0])  # type: ignore[no-untyped-call]
+            made([0.0, 1.0])
     robot = hdplan.load_robot("panda")
     found = [hdplan.inverse_kinematics(robot, pose, free_rotation="all") for pose in (whole, POSE)]
     assert len(found[0])
@@ -284,7 +284,7 @@ def test_a_guess_that_does_not_fit_is_refused() -> None:
         (hdplan.Trajectory(names, np.full((4, 2), 90.0)), "guess: trajectory: waypoint 0 has joint .* its limits are"),
     ):
         with pytest.raises(hdplan.InputError, match=words):
-            hdplan.plan(scene, guess=guess)  # type: ignore[arg-type]
+            hdplan.plan(scene, guess=guess)
 
 
 def test_a_timed_motion_may_be_the_guess() -> None:
@@ -299,23 +299,23 @@ def test_a_timed_motion_may_be_the_guess() -> None:
 def test_inverse_kinematics_refuses_bad_input() -> None:
     robot = hdplan.load_robot("panda")
     for call, words in (
-        (lambda: hdplan.inverse_kinematics("panda", hdplan.Pose()), "^robot: must be a Robot or a Scene"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics("panda", hdplan.Pose()), "^robot: must be a Robot or a Scene"),
         (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), "panda_hnd"), "^link: unknown link .*panda_hand"),
         (
             lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), "panda_link0"),
             "^link: no planned joint moves 'panda_link0'",
         ),
         (lambda: hdplan.inverse_kinematics(robot, [0, 1]), "^pose: must be a Pose, or a position"),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose()), "^(pose|link): must be"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose()), "^(pose|link): must be"),
         (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed=[0, 1]), "^seed: shape"),
         (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed=[np.nan] * 7), "^seed: found nan for joint"),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed="default"), "^seed: expected 7 numbers"),  # type: ignore[arg-type]
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), all_branches=2), "^all_branches: must be"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), seed="default"), "^seed: expected 7 numbers"),
+        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), all_branches=2), "^all_branches: must be"),
         (
             lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), free_rotation="w"),
             "^free_rotation: unknown value 'w'",
         ),
-        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), 3), "^link: must be"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, hdplan.Pose(), 3), "^link: must be"),
         (lambda: hdplan.inverse_kinematics(hdplan.load_robot("baxter"), hdplan.Pose()), "^link: .*no one end effector"),
     ):
         with pytest.raises(hdplan.InputError, match=words) as refused:

@@ -115,8 +115,8 @@ def test_torques_are_those_of_the_double_pendulum(arm: Machine) -> None:
     (m, n), g = (1.3, 0.7), 9.81
     masses = [Mass("upper", m, np.array([1.0, 0, 0]), np.zeros((3, 3)))]
     masses += [Mass("lower", n, np.array([1.0, 0, 0]), np.zeros((3, 3)))]
-    values = [{"a": each[:, 0], "b": each[:, 1]} for each in (q, v, u)]
-    found = arm.torques(arm.motion(*values, np.eye(4)), masses, ["a", "b"])
+    values, rates, accelerations = ({"a": each[:, 0], "b": each[:, 1]} for each in (q, v, u))
+    found = arm.torques(arm.motion(values, rates, accelerations, np.eye(4)), masses, ["a", "b"])
     cosine, sine = np.cos(q[:, 1]), np.sin(q[:, 1])
     first = (m + n + n + 2 * n * cosine) * u[:, 0] + (n + n * cosine) * u[:, 1]
     first += (

@@ -97,7 +97,7 @@ def test_all_parts_take_what_is_documented(tmp_path: Path) -> None:
 def test_what_type_checkers_are_told_is_what_runs() -> None:
     """The `__init__` that only they see has the arguments, in order, and the defaults of the one that runs."""
     found = 0
-    for kind in (getattr(hdplan, name) for name in hdplan.__all__):
+    for kind in (getattr(hdplan, name) for name in vars(hdplan)["__all__"]):
         if not isinstance(kind, type):
             continue
         module = sys.modules[kind.__module__]

@@ -77,7 +77,7 @@ class Tally:
 
     def words(self, name: str) -> str:
         """Return the campaign's results for a person."""
-        rows = [("cases", self.cases), ("tried", self.tried), *sorted(self.kinds.items())]
+        rows: list[tuple[str, object]] = [("cases", self.cases), ("tried", self.tried), *sorted(self.kinds.items())]
         rows += [(f"sum of {name}", round(value, 6)) for name, value in sorted(self.sums.items())]
         rows += [("findings", len(self.findings)), ("seconds", round(self.seconds, 1))]
         rows += [("worst times [s]", ", ".join(f"{seconds:.2f} (case {index})" for seconds, index in self.slowest))]

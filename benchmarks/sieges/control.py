@@ -83,7 +83,7 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
     if wrong:
         inverse = np.argsort(order)
         positions = np.array(path)[:, inverse]
-        rows.write(folder / "m.json", rows.Rows(names, positions, period * np.arange(len(positions))))
+        rows.write(folder / "m.json", rows.Rows(names, positions, period * np.arange(float(len(positions)))))
     return Outcome("steps", "; ".join(wrong), len(modes), notes)
 
 
@@ -143,7 +143,7 @@ def _broken(
 ) -> list[str]:
     """Return where a clearance that a step says is proven does not hold."""
     q = path[:, np.argsort(order)]
-    places = world.places(names, q, period * np.arange(len(q)))
+    places = world.places(names, q, period * np.arange(float(len(q))))
     wrong = _contact(world, places) if not any(body.motion for body in world.bodies) else []
     world.pairs = [pair for pair in world.pairs if pair[1] >= world.robot_count]
     claims = np.array([-np.inf if value is None else value for value in proven])

@@ -8,7 +8,7 @@ and curvature against differences.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -284,10 +284,11 @@ def _reference_along(setting: int, pose_a: Array, pose_b: Array, twist: Array) -
 
     a, b, keywords = _bodies(setting)
     found = hdsdf_derivatives(a, pose_a, b, pose_b, **keywords)
-    return _along(found.gradient, found.hessian, twist)
+    return _along((found.gradient, found.hessian), twist)
 
 
-def _along(gradient: Any, hessian: Any, twist: Array) -> tuple[Array, Array]:
+def _along(derivatives: Sequence[Any], twist: Array) -> tuple[Array, Array]:
+    gradient, hessian = map(np.asarray, derivatives)
     return np.einsum("ni,ni->n", gradient, twist), np.einsum("nij,ni,nj->n", hessian, twist, twist)
 
 
@@ -337,12 +338,12 @@ Along = Callable[[int, Array, Array, Array], tuple[Array, Array | None]]
 WITNESSES: dict[str, Evaluate] = {
     "reference": _reference,
     "compiled": lambda setting, *poses: _compiled(setting).value(*poses),
-    "jax": lambda setting, *poses: tuple(np.asarray(part) for part in _jax(setting).value(*poses)),  # type: ignore[return-value]
+    "jax": lambda setting, *poses: tuple(np.asarray(part) for part in _jax(setting).value(*poses)),
     "function": _through_casadi,
 }
 DERIVATIVES: dict[str, Along] = {
     "reference": _reference_along,
-    "compiled": lambda setting, x, y, twist: _along(*_compiled(setting).hessian(x, y)[2:], twist),
-    "jax": lambda setting, x, y, twist: _along(*map(np.asarray, _jax(setting).hessian(x, y)[2:]), twist),
+    "compiled": lambda setting, x, y, twist: _along(_compiled(setting).hessian(x, y)[2:], twist),
+    "jax": lambda setting, x, y, twist: _along(_jax(setting).hessian(x, y)[2:], twist),
     "function": _casadi_along,
 }

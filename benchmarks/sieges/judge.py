@@ -99,14 +99,14 @@ def closest(world: World, places: Array, chosen: Index, within: Array) -> list[N
     if not rows:
         return []
     gaps, left, right = (np.concatenate([row[k] for row in rows]) for k in range(3))
-    number, time = (np.concatenate([np.full(len(row[0]), row[k]) for row in rows]) for k in (3, 4))
+    numbers, times = (np.concatenate([np.full(len(row[0]), row[k]) for row in rows]) for k in (3, 4))
     if len(gaps) > MOST:
         kept = np.argpartition(gaps, MOST)[:MOST]
-        left, right, number, time = left[kept], right[kept], number[kept], time[kept]
-    a, b = at[pieces.body[left], time], at[pieces.body[right], time]
-    low, high = gjk.distances(pieces, left, a, right, b, within[number])
+        left, right, numbers, times = left[kept], right[kept], numbers[kept], times[kept]
+    a, b = at[pieces.body[left], times], at[pieces.body[right], times]
+    low, high = gjk.distances(pieces, left, a, right, b, within[numbers])
     best: dict[tuple[int, int], Nearest] = {}
-    for k, (pair, when) in enumerate(zip(number.tolist(), time.tolist(), strict=True)):
+    for k, (pair, when) in enumerate(zip(numbers.tolist(), times.tolist(), strict=True)):
         key = (pair, when)
         if key not in best or high[k] < best[key].high:
             best[key] = Nearest(world.pairs[pair], int(chosen[when]), float(low[k]), float(high[k]))
@@ -206,10 +206,7 @@ def _torques(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
         return []
     if rows.velocities is None:
         return ["torques: certified without velocities"]
-    derivatives = [world.values(rows.names, rows.at(interval, s, order)) for order in range(3)]
-    for order in (1, 2):
-        derivatives[order] = {name: derivatives[order][name] for name in world.planned}
-    motion = world.machine.motion(*derivatives, world.base)
+    motion = world.motion(rows, interval, s)
     torques = np.abs(world.machine.torques(motion, world.masses(), world.planned)).max(axis=0)
     limit = per_joint(world, asked, "effort")
     found = [
@@ -256,9 +253,10 @@ def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
     """Whether the scene's own start or goal is closer than planner.clearance: less is asked for then."""
     asked = (world.content.get("planner") or {}).get("clearance", 0.0)
     ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
-    if not asked or not all(isinstance(end, dict) for end in ends):
+    given = [end for end in ends if isinstance(end, dict)]
+    if not asked or len(given) < 2:
         return False
-    q = np.array([[end[name] for name in names] for end in ends])
+    q = np.array([[end[name] for name in names] for end in given])
     times = np.array([0.0, (world.content.get("timing") or {}).get("duration", 0.0)])
     places = world.places(names, q, times)
     if inside(world, places, open_too=True):

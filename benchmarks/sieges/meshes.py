@@ -109,9 +109,9 @@ def write(path: Path, mesh: Mesh) -> None:
     """Write it as its ending says: .obj, .stl (binary) or .ply (ASCII)."""
     points, faces = mesh
     if path.suffix == ".stl":
-        head = b"siege".ljust(80, b" ") + struct.pack("<I", len(faces))
-        rows = [np.zeros(3, dtype="<f4").tobytes() + points[f].astype("<f4").tobytes() + b"\0\0" for f in faces]
-        path.write_bytes(head + b"".join(rows))
+        begin = b"siege".ljust(80, b" ") + struct.pack("<I", len(faces))
+        triangles = [np.zeros(3, dtype="<f4").tobytes() + points[f].astype("<f4").tobytes() + b"\0\0" for f in faces]
+        path.write_bytes(begin + b"".join(triangles))
     elif path.suffix == ".ply":
         head = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
         head += [f"property double {axis}" for axis in "xyz"]
@@ -128,8 +128,8 @@ def read(path: Path) -> Mesh:
     if path.suffix.lower() == ".stl":
         data = path.read_bytes()
         (count,) = struct.unpack("<I", data[80:84])
-        rows = np.frombuffer(data[84 : 84 + 50 * count], dtype=np.uint8).reshape(count, 50)[:, 12:48].tobytes()
-        return np.frombuffer(rows, dtype="<f4").astype(float).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+        corners = np.frombuffer(data[84 : 84 + 50 * count], dtype=np.uint8).reshape(count, 50)[:, 12:48].tobytes()
+        return np.frombuffer(corners, dtype="<f4").astype(float).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
     lines = [line.split() for line in path.read_text().splitlines()]
     if path.suffix.lower() == ".ply":
         counts = [int(line[2]) for line in lines if line[:1] == ["element"]]

@@ -129,7 +129,8 @@ def _proper(triangles: Array, thin: float) -> Array:
     """Return the triangles without those that are no higher than rounding."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     longest = np.max([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)], axis=0)
-    return triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 4.0 * thin * longest]
+    proper: Array = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 4.0 * thin * longest]
+    return proper
 
 
 def _moments(triangles: Array) -> Array:
@@ -193,7 +194,7 @@ def spoilt(rng: np.random.Generator, data: bytes, ending: str) -> bytes:
             case 9 if ODD[ending]:
                 data = b"\n".join([*lines[:line], str(rng.choice(ODD[ending])).encode(), *lines[line:]])
             case _:
-                other = int(rng.integers(len(lines)))
-                lines[line], lines[other] = lines[other], lines[line]
+                swapped = int(rng.integers(len(lines)))
+                lines[line], lines[swapped] = lines[swapped], lines[line]
                 data = b"\n".join(lines)
     return data

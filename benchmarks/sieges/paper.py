@@ -126,13 +126,13 @@ def minimum(x: Array, gamma: int) -> Array:
     return np.asarray(np.where(least > 0, size * above, np.where(least < 0, -size * below, 0)))
 
 
-def shaping(u: Array, gamma: int, length: float) -> Array:
+def shaping(u: Array, gamma: int, length: float | np.longdouble) -> Array:
     """Return Phi."""
     power = (np.abs(u) / length) ** gamma
     return np.asarray(u * (power / (1 + power)))
 
 
-def distance(x: Array, gamma: int, length: float) -> tuple[Array, Array]:
+def distance(x: Array, gamma: int, length: float | np.longdouble) -> tuple[Array, Array]:
     """Return D and D̃ (N,) from the separations."""
     inner = shaping(minimum(x, gamma), gamma, length)
     return shaping(-minimum(-inner, gamma), gamma, length), x.min(axis=-1).max(axis=-1)
@@ -152,7 +152,8 @@ def depth(a: Polytope, pose_a: Array, b: Polytope, pose_b: Array) -> Array:
     p, q = (np.einsum("nki,nmi->nkm", axes, points) for points in (first, second))
     gaps = np.maximum(p.min(axis=2) - q.max(axis=2), q.min(axis=2) - p.max(axis=2))
     none = np.concatenate([np.zeros((len(w), axes.shape[1] - w.shape[1]), bool), sine[:, :, 0] <= 1e-7], axis=1)
-    return np.where(none, -np.inf, gaps).max(axis=1)
+    most: Array = np.where(none, -np.inf, gaps).max(axis=1)
+    return most
 
 
 def moved(pose: Array, twist: Array, h: float) -> Array:

@@ -13,7 +13,9 @@ def turn(axis: Array, angle: Array) -> Array:
     """Return rotations (T, 3, 3) about an axis (3,) by angles (T,): I + sin θ K + (1 − cos θ) K²."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle)[:, None, None] * cross + (1.0 - np.cos(angle))[:, None, None] * (cross @ cross)
+    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    turned: Array = np.eye(3) + sine * cross + rest * (cross @ cross)
+    return turned
 
 
 def from_rpy(xyz: Any, rpy: Any) -> Array:

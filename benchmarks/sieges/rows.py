@@ -76,7 +76,8 @@ def write(path: Path, rows: Rows, locked: dict[str, float] | None = None) -> Non
     elif path.suffix == ".npz":
         arrays: dict[str, Any] = {"joint_names": np.array(rows.names), "positions": rows.positions}
         arrays |= {} if rows.times is None else {"times": rows.times}
-        np.savez(path, **arrays, **{key: values for key, values in rates.items() if values is not None})
+        arrays |= {key: values for key, values in rates.items() if values is not None}
+        np.savez(path, **arrays)
     else:
         columns = {name: rows.positions[:, i] for i, name in enumerate(rows.names)}
         for key, ending in (("velocities", ".velocity"), ("accelerations", ".acceleration")):

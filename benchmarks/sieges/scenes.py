@@ -193,10 +193,7 @@ def limits(rng: np.random.Generator, world: World, motion: rows.Rows) -> dict[st
         if spans:
             found["position"] = spans
     if rng.random() < 0.4 and motion.velocities is not None:
-        derivatives = [world.values(motion.names, motion.at(interval, s, order)) for order in range(3)]
-        for order in (1, 2):
-            derivatives[order] = {name: derivatives[order][name] for name in world.planned}
-        moved = world.machine.motion(*derivatives, world.base)
+        moved = world.motion(motion, interval, s)
         most = np.abs(world.machine.torques(moved, world.masses(), world.planned)).max(axis=0)
         found["torque"] = dict(zip(world.planned, (np.maximum(most, 0.1) * rng.choice(factors)).tolist(), strict=True))
     if not found:

@@ -193,11 +193,8 @@ def _message(rng: np.random.Generator, item: dict[str, Any]) -> dict[str, Any]:
     shape, whole = item["shape"], poses.of_scene(item.get("pose"))
     outer = poses.from_rpy(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3))
     inner = np.linalg.inv(outer) @ whole
-    sizes = {
-        "box": lambda: shape["size"],
-        "sphere": lambda: [shape["radius"]],
-        "cylinder": lambda: [shape["length"], shape["radius"]],
-    }[shape["type"]]()
+    length, radius = shape.get("length"), shape.get("radius")
+    sizes = {"box": shape.get("size"), "sphere": [radius], "cylinder": [length, radius]}[shape["type"]]
     return {
         "id": item["name"],
         "pose": _pose(outer),

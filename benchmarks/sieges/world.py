@@ -16,8 +16,9 @@ from scipy.spatial import ConvexHull
 
 from hdplan.scenes.array_types import Array
 from sieges import meshes, poses
-from sieges.gjk import Pieces
-from sieges.machine import Machine, Mass
+from sieges.gjk import Index, Pieces
+from sieges.machine import Machine, Mass, Motion
+from sieges.rows import Rows
 
 DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 NAMED = {
@@ -50,9 +51,11 @@ class World:
         self.content: dict[str, Any] = yaml.load(scene.read_text(), yaml.CSafeLoader)
         robot = self.content["robot"]
         if "name" in robot:
+            srdf: Path | None
             urdf, srdf = (DATA / file for file in NAMED[robot["name"]])
         else:
-            urdf, srdf = self.folder / robot["urdf"], self.folder / robot["srdf"] if "srdf" in robot else None
+            urdf = self.folder / robot["urdf"]
+            srdf = self.folder / robot["srdf"] if "srdf" in robot else None
         self.machine = _machine(urdf, urdf.stat().st_mtime_ns)
         locked = {name: float(value) for name, value in (robot.get("locked") or {}).items()}
         self.planned = [name for name in planned if name not in locked]
@@ -120,6 +123,12 @@ class World:
             **{name: np.full(count, value) for name, value in self.held.items()},
             **{name: q[:, names.index(name)] for name in self.planned},
         }
+
+    def motion(self, rows: Rows, interval: Index, s: Array) -> Motion:
+        """Return how the links move at places of a motion that has velocities."""
+        q, v, a = (self.values(rows.names, rows.at(interval, s, order)) for order in range(3))
+        v, a = ({name: each[name] for name in self.planned} for each in (v, a))
+        return self.machine.motion(q, v, a, self.base)
 
     def places(self, names: tuple[str, ...], q: Array, times: Array) -> Array:
         """Return where each body is (B, T, 4, 4)."""
@@ -259,7 +268,7 @@ def _even(shape: dict[str, Any], mass: float) -> Array:
             x, y, z = (np.array(shape["size"], dtype=float) ** 2).tolist()
             return np.diag([y + z, x + z, x + y]) * mass / 12.0
         case "sphere":
-            return np.eye(3) * 0.4 * mass * shape["radius"] ** 2
+            return np.eye(3) * (0.4 * mass * float(shape["radius"]) ** 2)
         case "cylinder":
             r, h = shape["radius"] ** 2, shape["length"] ** 2
             return np.diag([3 * r + h, 3 * r + h, 6 * r]) * mass / 12.0

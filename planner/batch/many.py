@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Generator, Iterable, Iterator, Sized
 from pathlib import Path
 
 from hdplan.planner.batch.installed import check_installed
@@ -28,7 +28,7 @@ def plan_many(
     seed: int = 0,
     time_limit: float = 60.0,
     in_order: bool = True,
-) -> Iterator[Outcome]:
+) -> Generator[Outcome, None, None]:
     """Plan many problems on every core of this machine or of a cluster, and yield what becomes of each.
 
         for outcome in hdplan.plan_many(scenes):
@@ -73,7 +73,7 @@ def plan_many(
 
 def _planned(
     numbered: Iterator[tuple[int, Job]], workers: Workers, options: Options, in_order: bool, of: str
-) -> Iterator[Outcome]:
+) -> Generator[Outcome, None, None]:
     tell("starting the workers")
     with worker_pool(workers) as client:
         waiting: dict[int, Outcome] = {}

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +111,9 @@ def _local(workers: int) -> Iterator[str]:
                 raise
 
 
-def outcomes(client: Client, jobs: Iterable[tuple[int, Job]], options: Options) -> Iterator[tuple[int, Outcome]]:
+def outcomes(
+    client: Client, jobs: Iterable[tuple[int, Job]], options: Options
+) -> Generator[tuple[int, Outcome], None, None]:
     """Yield the outcomes of numbered problems, as they come. Problems are taken from the iterator as workers get free.
 
     Raises InputError if the scheduler goes away.

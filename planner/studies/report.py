@@ -68,13 +68,13 @@ def csv_text(rows: Rows) -> str:
     return text.getvalue()
 
 
-def markdown_text(rows: Rows) -> str:
+def markdown_text(rows: Sequence[Mapping[str, object]]) -> str:
     """Return the rows as a Markdown table under their keys; numbers with three digits, None as a dash."""
     lines = [list(rows[0]), ["---"] * len(rows[0]), *([short(cell) for cell in row.values()] for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def short(cell: Cell) -> str:
+def short(cell: object) -> str:
     """Return a cell for reading: numbers with three digits, never in powers of ten that a reader has to unfold."""
     if cell is None:
         return "-"

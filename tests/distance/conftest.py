@@ -12,7 +12,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled import c_library
 from hdplan.scenes.array_types import Array
 from tests.distance.hard_cases import HARD, Case, place
 
@@ -41,7 +40,8 @@ PAIRS = list(combinations_with_replacement(BODIES, 2))
 
 
 def _random_pose(rng: np.random.Generator, spread: float) -> Array:
-    return place(*rng.uniform(-spread, spread, 3), Rotation.from_quat(rng.normal(size=4)))
+    x, y, z = rng.uniform(-spread, spread, 3)
+    return place(x, y, z, Rotation.from_quat(rng.normal(size=4)))
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     def counting(*args: object, **kwargs: object) -> object:
         counted.append(1)
-        return run(*args, **kwargs)  # type: ignore[call-overload]
+        return run(*args, **kwargs)
 
-    monkeypatch.setattr(c_library.subprocess, "run", counting)
+    monkeypatch.setattr(subprocess, "run", counting)
     return counted

@@ -7,6 +7,8 @@ errors of ``ROUNDING`` p² size/|D̃| (see ``test_hard_cases``).
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ PAIRS = {
     "box and tetrahedron": (BODIES["box"], BODIES["tetrahedron"]),
     "capsules": (BODIES["capsule"], BODIES["capsule"]),
 }
-SETTINGS = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "cubes": {"gamma": 2},
     "box and capsule": {"gamma": 2, "normals": "paper+edges"},
     "boxes": {"gamma": 3, "shaping_length": 0.1, "normals": "paper+centre"},
@@ -181,7 +183,7 @@ def test_boxes_have_the_true_wrenches():
     boxes = [np.concatenate([np.eye(3).ravel(), np.zeros(3), half]) for half in (HALF, [0.5, 0.3, 0.2])]
     bodies = [ConvexBody.box(2 * np.asarray(box[12:])) for box in boxes]
     rng = np.random.default_rng(6)
-    for a, b in zip(*aligned_poses(*bodies, rng, 24), strict=True):
+    for a, b in zip(*aligned_poses(bodies[0], bodies[1], rng, 24), strict=True):
         twist = rng.normal(size=12) * np.repeat([1.0, 0.0], 6)
         value, wrench, _ = (np.array(part).ravel() for part in function(_flat(a), _flat(b), *boxes, 0.0))
         right = extended.truth(bodies[0], a, bodies[1], b, twist, gamma=2, shaping_length=0.01)

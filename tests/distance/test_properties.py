@@ -114,7 +114,8 @@ def test_exact_normal_as_witness_is_exact_there_and_safe_around(names, solids, r
         assert abs(found - exact.distance) <= slack
         if exact.distance > slack:
             assert hdsdf(body_a, pose_a, body_b, pose_b, witnesses=normal) >= 0
-        steps = [place(*rng.normal(size=3) * r, Rotation.from_rotvec(rng.normal(size=3) * r)) for r in (1e-3, 0.1)]
+        twists = [rng.normal(size=(2, 3)) * r for r in (1e-3, 0.1)]
+        steps = [place(x, y, z, Rotation.from_rotvec(turn)) for (x, y, z), turn in twists]
         around = pose_a @ np.array(steps)
         near = signed_distances(body_a, around, body_b, np.array([pose_b] * 2))
         assert np.all(separation(body_a, around, body_b, pose_b, witnesses=normal) <= near + slack)
@@ -264,7 +265,7 @@ TURN = st.one_of(
     st.tuples(*[st.integers(-2, 2)] * 3).map(lambda k: Rotation.from_euler("xyz", np.array(k) * np.pi / 2)),
     st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(Rotation.from_rotvec),
 )
-POSE = st.builds(lambda p, turn: place(*(2 * np.array(p)), turn), POINT, TURN)
+POSE = st.builds(lambda p, turn: place(2 * p[0], 2 * p[1], 2 * p[2], turn), POINT, TURN)
 CHOICES = st.fixed_dictionaries(
     {
         "gamma": st.integers(1, 32),

@@ -83,19 +83,19 @@ def _scaled(found, factor):
 @pytest.mark.parametrize("name", ["casadi", "graph"])
 def test_casadi_agrees_with_numpy(name, union, settings, poses):
     found = [evaluator(witness, *union, **settings)(*poses) for witness in ("numpy", name)]
-    agree(*found, poses, union, settings["gamma"])
+    agree(found[0], found[1], poses, union, settings["gamma"])
 
 
 def test_compiled_agrees_with_numpy(poses):
     found = [evaluator(witness, BALLS, BALLS)(*poses) for witness in ("numpy", "compiled")]
-    agree(*found, poses, (BALLS, BALLS), 2)
+    agree(found[0], found[1], poses, (BALLS, BALLS), 2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["jax", "grad"])
 def test_jax_agrees_with_numpy(name, union, poses):
     found = [evaluator(witness, *union, **SETTINGS[1])(*poses) for witness in ("numpy", name)]
-    agree(*found, poses, union, SETTINGS[1]["gamma"])
+    agree(found[0], found[1], poses, union, SETTINGS[1]["gamma"])
 
 
 def test_jax_values_agree_with_numpy(poses):
@@ -111,7 +111,7 @@ def test_jax_values_agree_with_numpy(poses):
 def test_witness_normals_go_to_every_pair(poses):
     normals = np.random.default_rng(6).normal(size=(len(poses[0]), 2, 3))
     found = [evaluator(name, ELL, BODIES["box"], witness_count=2)(*poses, normals) for name in ("numpy", "casadi")]
-    agree(*found, poses, (ELL, BODIES["box"]), gamma=2)
+    agree(found[0], found[1], poses, (ELL, BODIES["box"]), gamma=2)
     bare = evaluator("numpy", ELL, BODIES["box"])(*poses)
     assert np.all(found[0].value >= bare.value)
 
@@ -140,7 +140,8 @@ def test_gradient_and_hessian_are_those_of_the_value(union, settings, poses):
 
 
 def _motion(twist):
-    pose = place(*twist[:3], Rotation.from_rotvec(twist[3:]))
+    x, y, z = twist[:3]
+    pose = place(x, y, z, Rotation.from_rotvec(twist[3:]))
     pose[:3, 3] += 0.5 * np.cross(twist[3:], twist[:3])  # to the second order
     return pose
 

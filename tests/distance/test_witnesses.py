@@ -51,9 +51,9 @@ SHARED = {
 SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 
-def _poses(branch, body_a, body_b, random_poses):
+def _poses(branch, bodies, random_poses):
     if branch == "touching":
-        return touching_poses(body_a, body_b, np.random.default_rng(5), COUNT)
+        return touching_poses(bodies[0], bodies[1], np.random.default_rng(5), COUNT)
     spread = {"deep": 0.05, "near": 0.4, "apart": 3.0}[branch]
     return random_poses(1, COUNT, spread), random_poses(2, COUNT, spread)
 
@@ -72,18 +72,18 @@ def _settings(number):
 def test_casadi_agrees_with_numpy(number, branch, random_poses):
     bodies = [BODIES[name] for name in PAIRS[number]]
     settings = _settings(5 * number + BRANCHES.index(branch))
-    poses = _poses(branch, *bodies, random_poses)
+    poses = _poses(branch, bodies, random_poses)
     found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "casadi")]
-    agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+    agree(found[0], found[1], poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
 @pytest.mark.parametrize(("names", "settings"), BATCH)
 def test_batch_agrees_with_numpy(names, settings, random_poses):
     bodies = [BODIES[name] for name in names]
     for branch in BRANCHES:
-        poses = _poses(branch, *bodies, random_poses)
+        poses = _poses(branch, bodies, random_poses)
         found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "jax")]
-        agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+        agree(found[0], found[1], poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
 @pytest.mark.parametrize("name", ["casadi", pytest.param("jax", marks=pytest.mark.slow)])
@@ -92,7 +92,7 @@ def test_witness_normals_agree(name, random_poses):
     poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)
     normals = np.random.default_rng(6).normal(size=(COUNT, 2, 3))
     found = [evaluator(witness, *bodies, witness_count=2)(*poses, normals) for witness in ("numpy", name)]
-    agree(*found, poses, bodies, gamma=2)
+    agree(found[0], found[1], poses, bodies, gamma=2)
 
 
 def test_compiled_agrees_with_interpreted_at_hard_poses():
@@ -101,16 +101,14 @@ def test_compiled_agrees_with_interpreted_at_hard_poses():
     cases = [case for case in HARD if (case.body_a, case.body_b) == bodies]
     poses = [np.array([getattr(case, name) for case in cases]) for name in ("pose_a", "pose_b")]
     found = [evaluator(name, *bodies)(*poses) for name in ("casadi", "compiled")]
-    agree(*found, poses, bodies, gamma=2)
+    agree(found[0], found[1], poses, bodies, gamma=2)
 
 
 @pytest.mark.parametrize("name", ["compiled", "jax"])
 def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_poses):
-    if name == "compiled":
-        from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled as build
-    else:
+    if name == "jax":
         pytest.importorskip("jax")
-        from hdplan.distance.batch.distance import hdsdf_batch as build
+    build = getattr(hdplan.distance, {"compiled": "hdsdf_compiled", "jax": "hdsdf_batch"}[name])
     distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)

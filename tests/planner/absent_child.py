@@ -66,9 +66,9 @@ def main() -> None:
         finder = Missing(modules)
         for name in [name for name in sys.modules if name.split(".")[0] == "hdplan"]:
             del sys.modules[name]
-        sys.meta_path.insert(0, finder)  # type: ignore[arg-type]
+        sys.meta_path.insert(0, finder)
         found.append({scene: planned(scene) for scene in scenes})
-        sys.meta_path.remove(finder)  # type: ignore[arg-type]
+        sys.meta_path.remove(finder)
     print(json.dumps(found))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.robot_spec import RobotSpec
@@ -24,6 +25,7 @@ def penalties() -> Callable[[Problem, NDArray[np.float64]], NDArray[np.float64]]
         kinematics = problem.kinematics.evaluate(configurations)
         result = np.zeros(len(configurations))
         for term in problem.terms:
+            assert isinstance(term, PairTerm)
             inside = term.inside(kinematics)
             np.add.at(result, inside.sample, 0.5 * inside.distance**2)
         return result

@@ -10,7 +10,8 @@ from dataclasses import replace
 import pytest
 
 from hdplan.planner.build import build
-from hdplan.planner.certificate.certifier import Status, certify
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.plan import plan
 from hdplan.planner.result import verdict
 from hdplan.planner.terminal.explain import explain

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.barriers import scene_barriers
-from hdplan.planner.control.settings import BarrierSettings
+from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.proof.proof import prove
@@ -55,7 +54,7 @@ def scene_of(folder: Path, follow: bool = True, **sections: Any) -> Scene:
     urdf = linkage_urdf(folder, follow)
     ends = {"start": START, "goal": GOAL}
     if not follow:
-        ends = {key: {name: float(at) for name, at in by_hand(np.array(q)).items()} for key, q in ends.items()}  # type: ignore[misc]
+        ends = {key: {name: float(at) for name, at in by_hand(np.array(q)).items()} for key, q in ends.items()}
     said = {
         "hdplan": 1,
         "robot": {"urdf": urdf.name},
@@ -124,8 +123,8 @@ def test_distances_and_verdicts_are_those_of_the_arm_moved_by_hand(tmp_path: Pat
         )
         mine, theirs = (c.certify(m, check_ends=False) for c, m in ((ours, motion), (other, by_hand_)))
         assert mine.status == theirs.status
-        for one, two in ((mine.clearance, theirs.clearance), (mine.self_clearance, theirs.self_clearance)):
-            assert one == pytest.approx(two, abs=1e-6) if one is not None else two is None
+        for here, there in ((mine.clearance, theirs.clearance), (mine.self_clearance, theirs.self_clearance)):
+            assert here == pytest.approx(there, abs=1e-6) if here is not None else there is None
         seen.add(mine.status.value)
         assert {(p.link, p.other) for p in mine.failures} == {(p.link, p.other) for p in theirs.failures}
     assert {"certified", "in_contact"} <= seen

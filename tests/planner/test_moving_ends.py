@@ -240,7 +240,7 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
     "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), "start.velocity: is of a single"),
     "a stage": (lambda s: Move(State(s.goal, [0.1, *STILL])), "goal.velocity: is of a single motion"),
     "a problem": (hdplan.build, "start.velocity: is not 0, and the path of a problem"),
-    "a controller": (lambda s: follow(Setup.of(s), None), "start.velocity: is not 0, and a controller"),  # type: ignore[arg-type]
+    "a controller": (lambda s: follow(Setup.of(s), None), "start.velocity: is not 0, and a controller"),
 }
 
 

@@ -355,4 +355,4 @@ def test_arguments_of_other_kinds_are_refused_by_name(wrong: dict[str, Any], wor
     motion = Trajectory(("panda_joint1",), np.zeros((2, 1)))
     for value in (1, [], np.zeros((2, 2))):
         with pytest.raises(InputError, match="check_ends: must be true or false"):
-            certify(planar(), motion, check_ends=value)  # type: ignore[arg-type]
+            certify(planar(), motion, check_ends=value)

@@ -55,7 +55,7 @@ SIZES = [
 REFUSES: dict[str, Callable[[Scene], object]] = {
     "a controller": lambda s: Controller.of(s),
     "barriers": lambda s: scene_barriers(s, Setup.of(s).robot, BarrierSettings()),
-    "following": lambda s: follow(Setup.of(s), None),  # type: ignore[arg-type]
+    "following": lambda s: follow(Setup.of(s), None),
     "symbols": symbolic.clearance,
     "generated code": lambda s: all_movable(Setup.of(s)),
 }

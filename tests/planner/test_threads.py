@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.collision import convex_pieces, link_bodies
 from hdplan.planner.control.barriers import BarrierSettings
-from hdplan.planner.control.controller import Controller, ControlSettings, Step
+from hdplan.planner.control.controller import Controller, Step
+from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
@@ -178,7 +180,7 @@ def test_many_plans_are_as_alone() -> None:
 @pytest.fixture
 def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a fresh process: no robot is loaded yet."""
-    monkeypatch.setattr(scene_robot, "_kept", scene_robot.OrderedDict())
+    monkeypatch.setattr(scene_robot, "_kept", OrderedDict())
 
 
 @pytest.mark.usefixtures("nothing_kept")

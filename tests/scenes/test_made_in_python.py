@@ -40,6 +40,7 @@ NAMES: tuple[Any, ...] = ("", "  ", "a\nb", "\ud800", 1, NAN, True, ["a"], {"a":
 BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}
 BOX_MADE = Box((0.1, 0.1, 0.1))
 TIMED = {"timing": {"duration": 3.0}}
+POSE = {"link": "hand", "position": [0, 0, 0], "rpy": [0, 0, 0]}
 QUATERNIONS = ([0, 0.5, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 1.02], [0, 0, 1], [0, 0, 0, NAN], "abcd", 1.0)
 
 
@@ -208,7 +209,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
         name: (
             field_of("planner", name),
             f"planner.{name}",
-            lambda v, name=name: PlannerSettings(**{name: v}),  # type: ignore[misc]
+            lambda v, name=name: PlannerSettings(**{name: v}),
             bad,
         )
         for name, bad in {
@@ -224,7 +225,6 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
         }.items()
     },
 }
-POSE = {"link": "hand", "position": [0, 0, 0], "rpy": [0, 0, 0]}
 HINTS = (", which YAML does not read as a number: write ", "; put it in quotes if it is a name")
 
 
@@ -322,7 +322,7 @@ def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
             scene.save(tmp_path / "a.yaml")
     for path in ("a.txt", "a", tmp_path, tmp_path / "no" / "a.yaml", 5, "a\0.yaml"):
         with pytest.raises(InputError):
-            scene_of().save(path)  # type: ignore[arg-type]
+            scene_of().save(path)
     assert not list(tmp_path.iterdir())
 
 
@@ -361,7 +361,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
     assert Upright("hand", "-z") == Upright("hand", [0, 0, -2])
     assert Mesh("part.stl", 2) == Mesh(Path("part.stl"), (2.0, 2.0, 2.0))
     assert PlannerSettings(waypoints=np.int64(40)).waypoints == 40
-    locked = {"finger": 1}
+    locked: dict[str, float] = {"finger": 1}
     spec = RobotSpec(name="panda", locked=locked, ignore_pairs=[["a", "b"]])
     locked["finger"] = NAN
     assert (spec.locked, spec.ignore_pairs) == ({"finger": 1.0}, (("a", "b"),))

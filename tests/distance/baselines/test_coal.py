@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import coal
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -99,7 +100,7 @@ def test_garbage_from_coal_is_refused(garbage, monkeypatch):
         arguments[-1].normal = np.array([0.0, 1.0, 0.0])
         return garbage
 
-    monkeypatch.setattr(oracle.coal, "ComputeDistance", lambda *_: wrong)
+    monkeypatch.setattr(coal, "ComputeDistance", lambda *_: wrong)
     assert signed_distance(cube, pose_a, cube, pose_b).distance == pytest.approx(0.5, abs=1e-12)
     assert signed_distances(cube, [pose_a] * 3, cube, [pose_b] * 3) == pytest.approx(0.5, abs=1e-12)
 

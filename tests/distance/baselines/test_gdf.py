@@ -130,7 +130,8 @@ UAIBOT = [
 
 @pytest.mark.parametrize(("one", "other", "distance"), UAIBOT)
 def test_the_numbers_of_the_authors_package(one, other, distance):
-    pose = place(*PLACE, Rotation.from_rotvec(TURN))
+    x, y, z = PLACE
+    pose = place(x, y, z, Rotation.from_rotvec(TURN))
     found = gdf(ConvexBody.platonic(one), pose, ConvexBody.platonic(other), np.eye(4), **TIGHT)
     assert found.distance == pytest.approx(distance, abs=5e-7)
 

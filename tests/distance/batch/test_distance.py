@@ -7,6 +7,7 @@ hard poses one by one, are in ``test_witnesses`` and ``test_hard_cases``.
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,8 +181,9 @@ def test_any_number_of_poses(random_poses):
 
 
 def test_pairs_of_equal_shapes_and_any_shaping_length_share_what_is_compiled(poses):
-    from hdplan.distance.batch.unions import evaluate
+    from hdplan.distance.batch import unions
 
+    evaluate: Any = unions.evaluate
     hdsdf_batch(BOX, POINT).value(*poses)
     compiled = evaluate._cache_size()
     hdsdf_batch(BOX, POINT, shaping_length=0.1).value(*poses)

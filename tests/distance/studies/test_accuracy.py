@@ -40,7 +40,7 @@ def entry(time: float, loss: float, near: float = 0.01, **setting: object) -> En
     """An entry of which only these numbers count."""
     bands = dict.fromkeys(BANDS, near)
     rates = dict.fromkeys(GAPS, loss)
-    chosen = replace(Setting("paper", 2, 1e-3, "float64"), **setting)  # type: ignore[arg-type]
+    chosen = replace(Setting("paper", 2, 1e-3, "float64"), **setting)
     return Entry(chosen, "a - b", rates, 0.0, bands, bands, bands, None, {"gradient": time})
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
+import shutil
 import subprocess
 import sys
 import warnings
@@ -54,8 +56,8 @@ def interpreted(function: ca.Function) -> RowFunction:
 
 def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(c_library.shutil, "which", lambda name: None)
-    monkeypatch.setattr(c_library.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.setattr(c_library, "compiler", compiler.__wrapped__)  # what a fresh process would find
     c_library._warn_once.cache_clear()
 
@@ -246,7 +248,7 @@ def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch, cache: Path) -> N
 
 def test_cc_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "my-own-cc")
-    monkeypatch.setattr(c_library.shutil, "which", lambda name: f"/bin/{name}")
+    monkeypatch.setattr(shutil, "which", lambda name: f"/bin/{name}")
     assert compiler.__wrapped__() == ("my-own-cc",)
 
 

@@ -104,7 +104,7 @@ def test_places_are_moved_with_all_that_leads_to_them() -> None:
         def off(stage: int, after: hdplan.Scene = after) -> np.ndarray:
             found = []
             for scene in (after, before):
-                each = scene.job.stages[stage]  # type: ignore[union-attr]
+                each = scene.job.stages[stage]
                 goal = getattr(each, "goal", None)
                 found.append(np.array(each.to if goal is None else goal.targets[0].pose.position))
             return found[0] - found[1]

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +147,7 @@ def alive(process: int) -> bool:
 def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
     before = children(os.getpid())  # such as the cluster of other tests
     names = ["planar_arm", "no/such.yaml", ARM]
-    found: Iterator[Outcome] = hdplan.plan_many(itertools.cycle(names), workers=1, time_limit=30)
+    found = hdplan.plan_many(itertools.cycle(names), workers=1, time_limit=30)
     assert children(os.getpid()) == before, "nothing starts before the first is asked for"
     first = [next(found) for _ in range(3)]
     assert [outcome.problem for outcome in first] == ["planar_arm/0", "such/1", "planar_arm/2"]
@@ -190,7 +189,7 @@ for outcome in hdplan.plan_many(["planar_arm"] * 1000, workers=1):
 def test_no_process_outlives_a_program_that_ends(killed: bool, tmp_path: Path) -> None:
     """A program without `if __name__ == "__main__"`, given on the command line: workers import nothing of it."""
     command, pipes = [sys.executable, "-c", SCRIPT], {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as program:  # type: ignore[call-overload]
+    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as program:
         assert program.stdout.readline() == "certified\n"
         (cluster,) = children(program.pid)
         workers = children(cluster)
@@ -251,7 +250,7 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
     with contextlib.ExitStack() as stack:
         command = [sys.executable, "-P", str(Path(crew_module.__file__).with_name("local_cluster.py")), "1"]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        server = stack.enter_context(subprocess.Popen(command, text=True, **pipes))  # type: ignore[call-overload]
+        server = stack.enter_context(subprocess.Popen(command, text=True, **pipes))
         client = stack.enter_context(worker_pool(server.stdout.readline().strip()))
         found = outcomes(client, enumerate(itertools.cycle(arms(1))), Options())
         next(found)

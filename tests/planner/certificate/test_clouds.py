@@ -48,7 +48,7 @@ def cloud_around(rng: np.random.Generator, count: int) -> Array:
 def scene_of(robot: str | RobotSpec, obstacle: Obstacle, start: Array, goal: Array, **more: object) -> Scene:
     ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
     given = {"self_collision": SelfCollision(checked=False), **more}
-    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)  # type: ignore[arg-type]
+    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)
 
 
 def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int) -> float:
@@ -158,7 +158,7 @@ def test_a_moving_cloud_and_a_held_object() -> None:
 def test_a_ball_inside_a_hollow_link_is_in_contact(tmp_path: Path) -> None:
     """No triangle of the link is near it: only its place inside the closed mesh tells."""
     outside = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
-    bent = outside.vertices * [1.0, 1.0, 0.4] + [0.0, 0.0, 1.0] * (outside.vertices[:, :1] ** 2) * 4.0
+    bent = outside.vertices * [1.0, 1.0, 0.4] + np.array([0.0, 0.0, 4.0]) * outside.vertices[:, :1] ** 2
     trimesh.Trimesh(bent, outside.faces).export(tmp_path / "bowl.stl")
     (tmp_path / "arm.urdf").write_text(
         '<robot name="arm"><link name="base"/><link name="bowl"><collision><geometry><mesh filename="bowl.stl"/>'

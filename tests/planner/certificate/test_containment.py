@@ -295,8 +295,12 @@ def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
         np.vstack([small.faces, small.faces + len(small.vertices)]),
     )
     full = Star(big.vertices, big.faces).mesh()
-    cases = (("hollow", big.mesh(), small.mesh(), True), ("full", full, small.mesh(), False))
-    cases = (*cases, ("one part in", full, dumbbell, False), ("one part in a cavity", big.mesh(), dumbbell, True))
+    cases = (
+        ("hollow", big.mesh(), small.mesh(), True),
+        ("full", full, small.mesh(), False),
+        ("one part in", full, dumbbell, False),
+        ("one part in a cavity", big.mesh(), dumbbell, True),
+    )
     for name, around, within, free in cases:
         for mesh, file in ((around, "around.stl"), (within, "within.stl")):
             to_file(mesh, tmp_path / file)

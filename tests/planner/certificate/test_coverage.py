@@ -21,6 +21,7 @@ from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import LimitFinding
 from hdplan.planner.certificate.rate_check import RateCheck
+from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
@@ -161,10 +162,10 @@ def test_shipped_scenes_lack_nothing(name: str) -> None:
 def without_bodies(name: str, own: bool) -> Callable[[pytest.MonkeyPatch], None]:
     def change(patch: pytest.MonkeyPatch) -> None:
         if own:
-            made = certifier.link_bodies
+            made = link_bodies
             patch.setattr(certifier, "link_bodies", lambda robot: [each for each in made(robot) if each.name != name])
         else:
-            of = certifier.obstacle_bodies
+            of = obstacle_bodies
             patch.setattr(certifier, "obstacle_bodies", lambda each: [] if each.name == name else of(each))
 
     return change
@@ -184,7 +185,7 @@ def without_pairs(of: Callable[[Bodies, Pairs], Any]) -> Callable[[pytest.Monkey
 
 
 def at_rest(patch: pytest.MonkeyPatch) -> None:
-    made = certifier.obstacle_bodies
+    made = obstacle_bodies
     patch.setattr(
         certifier,
         "obstacle_bodies",

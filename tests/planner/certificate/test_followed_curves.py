@@ -294,7 +294,7 @@ def test_bad_curves_are_refused() -> None:
         ([one, one.position], "must be a Pose"),
     ):
         with pytest.raises(InputError, match=words):
-            hdplan.Follow("tool", poses)  # type: ignore[arg-type]
+            hdplan.Follow("tool", poses)
     setup = setup_of("panda", [one, hdplan.Pose([1, 0, 0])], speed=0.1)
     slow = setup.changed(limits=hdplan.Limits(velocity=1.0))
     with pytest.raises(InputError, match=r"need limits\.acceleration"):

@@ -13,7 +13,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
-from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
@@ -227,7 +227,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     nodded = turned + [0, 0, 0, -0.3, 0, 0]
     bare = dataclasses.replace(scene, obstacles=())
 
-    def verdict(rows: list[Array], *asked: Upright | Within) -> object:
+    def verdict(rows: list[Array], *asked: Upright | Within) -> Certificate:
         held = dataclasses.replace(bare, path=scene_of(scene.robot, *asked).path)
         certifier = Certifier(Setup.of(held, robot))
         return certifier.certify(Trajectory(robot.joint_names, np.array(rows)), check_ends=False)
@@ -238,7 +238,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     assert good.status is Status.CERTIFIED
     assert f", tool0 upright within {good.path[0].worst:.3g} of 0.1 rad" in good.text
     assert "the point of tool0 at least " in good.text
-    assert good.departures == good.unproven == ()
+    assert (good.departures, good.unproven) == ((), ())
     bad = verdict([start, turned, nodded, turned], down, wide)
     assert bad.status is Status.OFF_PATH
     assert bad.text.startswith("off path: path.upright: tool0 is tilted by 0.2")
@@ -246,4 +246,4 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     assert bad.unproven == (1, 2)
     plain = verdict([start, turned, nodded, turned])
     assert plain.status is Status.CERTIFIED
-    assert plain.path == plain.departures == ()
+    assert (plain.path, plain.departures) == ((), ())

@@ -98,7 +98,7 @@ def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(sli
         true = exactly(
             sum(w * c.astype(np.longdouble) for w, c in zip(weights, curve.control[0], strict=True)),
             np.array([0.3, 0, 0]),
-        )  # type: ignore[arg-type]
+        )
         assert float(np.linalg.norm((found - true).astype(np.float64))) < ROUNDING
     assert min(outcomes.values()) > 50
 

@@ -6,11 +6,13 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
 from hdplan.distance.baselines.gdf import gdf
@@ -161,7 +163,7 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
     kinematics, sides = kinematics_of(robot), np.array([0.08, 0.12, 0.2])
     box = ConvexBody.box(sides)
     obstacle = random_boxes(rng, 1)[0]
-    size = obstacle.shape.size  # type: ignore[union-attr]
+    size = obstacle.shape.size
     for q in robot.draw(rng, 10):
         state, pose = kinematics.evaluate(q), np.eye(4)
         pose[:3, :3], pose[:3, 3] = state.rotations[0, 5], state.translations[0, 5]
@@ -171,6 +173,7 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
                 q
             )
             other = ConvexBody.box(size)
+            expected: float | Array
             if settings.distance == "gdf":
                 expected = gdf(box, pose, other, obstacle.pose.matrix, tolerance=2e-4, iterations=300).distance - 0.01
             elif settings.distance == "hdsdf-boxes":
@@ -248,7 +251,7 @@ def test_a_vertex_that_touches_reads_no_less(robot: Robot) -> None:
 
 def test_provably_unsafe_settings_are_refused_by_name() -> None:
     boxes = BarrierSettings("hdsdf-boxes", 2, 0.03, 0.025, 0.025, "paper-multiset")
-    for wrong, word in (
+    settings: tuple[tuple[dict[str, Any], str], ...] = (
         (dict(rate=300.0, period=0.005), "control.rate"),
         (dict(margin=0.0), "flat spot"),
         (dict(self_margin=0.0), "flat spot"),
@@ -259,20 +262,22 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(period=0.0), "ControlSettings.period"),
         (dict(speed=1.5), "ControlSettings.speed"),
         (dict(margin=math.nan), "ControlSettings.margin"),
-    ):
+    )
+    for wrong, word in settings:
         with pytest.raises(InputError, match=word) as refused:
-            ControlSettings(**wrong)  # type: ignore[arg-type]
+            ControlSettings(**wrong)
         assert "\n" not in str(refused.value)
     ControlSettings(margin=0.0, as_published=True)
-    for wrong, word in (
+    of_barriers: tuple[tuple[dict[str, Any], str], ...] = (
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
         (dict(gamma=0), "BarrierSettings.gamma"),
         (dict(shaping_length=-1.0), "BarrierSettings.shaping_length"),
-    ):
+    )
+    for wrong, word in of_barriers:
         with pytest.raises(InputError, match=word):
-            BarrierSettings(**wrong)  # type: ignore[arg-type]
+            BarrierSettings(**wrong)
 
 
 def test_what_is_called_certain_is(robot: Robot) -> None:
@@ -318,7 +323,7 @@ def test_what_known_planes_prove_is_so(robot: Robot) -> None:
 
 
 def test_flat_spot_is_where_the_gradient_fades() -> None:
-    assert straightened(0.0, 2, 1e-3) == (0.0, 0.0)
+    assert [*map(float, straightened(0.0, 2, 1e-3))] == [0.0, 0.0]
     slopes = [straightened(-delta, 2, 1e-3)[1] for delta in np.geomspace(1e-15, 1e-3, 20)]
     assert (np.diff(slopes) > 0).all()
 
@@ -671,7 +676,7 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
             continue
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.5)
 
-        def nearness(q: Array, inside: Array = inside) -> Array:
+        def nearness(q: Array, inside: NDArray[np.int64] = inside) -> Array:
             return controller.barriers.nearness(q[None], np.zeros(1), np.zeros_like(inside), inside).value
 
         near = nearness(q)

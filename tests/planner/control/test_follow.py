@@ -190,7 +190,7 @@ def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> No
     assert speeds[0].max() < 0.5 * speeds.max()
 
 
-def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:
     scene = stick_scene(Obstacle("ball", Sphere(0.05), Pose((0.0, 0.0, 2.0))))
     urdf = tmp_path / "stick.urdf"
     urdf.write_text(urdf.read_text().replace('velocity="1"', 'velocity="0"'))

@@ -42,7 +42,7 @@ LOAD = Payload("panda_hand", 2.0, (0.0, 0.02, 0.1), (0.01, 0, 0, 0.01, 0, 0.005)
 
 def _scene(robot: RobotSpec = PANDA, **changes: object) -> Scene:
     joints = JointTarget("start", state="default")
-    return replace(Scene("test", Path("test.yaml"), robot, (), joints, joints), **changes)  # type: ignore[arg-type]
+    return replace(Scene("test", Path("test.yaml"), robot, (), joints, joints), **changes)
 
 
 def _motion(robot: Robot, start: Floats, goal: Floats, duration: float) -> Trajectory:

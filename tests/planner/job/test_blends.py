@@ -119,8 +119,8 @@ def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
     step = 2e-4
     _, places, _ = driven(planned)
     first = P1 + trapezoid(0.3, 0.5, 0.8, step)[:, None] / 0.3 * (P2 - P1)
-    arc = planned.scene.job.stages[1]  # type: ignore[union-attr]
-    center = np.array(arc.center)  # type: ignore[union-attr]
+    arc = planned.scene.job.stages[1]
+    center = np.array(arc.center)
     one, other = P2 - center, P3 - center
     normal = np.cross(one, other) / np.linalg.norm(np.cross(one, other))
     angle = math.acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
@@ -166,7 +166,7 @@ def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
 def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
     """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
     scene, motion = planned.scene, planned.trajectory
-    stages = scene.job.stages  # type: ignore[union-attr]
+    stages = scene.job.stages
     for changed in ({"blend": 0.09}, {"blend": 0.11}, {"tool_speed": 0.2}):
         other = job_of(replace(stages[0], **changed), stages[1])
         assert not hdplan.certify_job(other, motion).certified
@@ -182,9 +182,10 @@ def test_moves_blend_within_the_radius() -> None:
     a motion that leaves the line earlier is not certified."""
     down = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.4, 0.1, 0.6], [math.pi, 0, 0]), free_rotation="z")
     up = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy([0.3, 0.35, 0.6], [math.pi, 0, 0]), free_rotation="z")
+    line = hdplan.Line(by=[0.0, 0.0, -0.2], link=TOOL, name="line", blend=0.05)
     stages = [
         hdplan.Move(down, name="there", blend=0.06),
-        hdplan.Line(by=[0.0, 0.0, -0.2], link=TOOL, name="line", blend=0.05),
+        line,
         hdplan.Move(up, name="away"),
     ]
     result = hdplan.plan_job(job_of(*stages))
@@ -204,7 +205,7 @@ def test_moves_blend_within_the_radius() -> None:
     off_line, half = inside & (off > 1.1e-3), times < 0.5 * (marks[1] + marks[2])
     comes = 0.9 * float(np.linalg.norm(places - begin, axis=1)[off_line & half].max())
     assert not _certified(job_of(replace(stages[0], blend=comes), *stages[1:]), result)
-    assert not _certified(job_of(stages[0], replace(stages[1], link="panda_hand_tcp"), stages[2]), result)
+    assert not _certified(job_of(stages[0], replace(line, link="panda_hand_tcp"), stages[2]), result)
     rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 

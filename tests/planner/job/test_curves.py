@@ -157,7 +157,7 @@ def test_files_are_certified_again_and_faster_ones_are_not(planned: JobResult, t
     planned.scene.save(tmp_path / "scene.yaml")
     scene, motion = hdplan.load_scene(tmp_path / "scene.yaml"), hdplan.Trajectory.load(tmp_path / "job.json")
     assert hdplan.certify_job(scene, motion).certified
-    (first, *rest) = scene.job.stages  # type: ignore[union-attr]
+    (first, *rest) = scene.job.stages
     for number, change in (
         (2, {"tool_speed": 0.049}),
         (1, {"position_tolerance": 1e-6}),

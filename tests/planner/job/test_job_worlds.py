@@ -25,7 +25,7 @@ def place(link: str, q: object) -> np.ndarray:
 
 
 def scene(*stages: object, **more: object) -> hdplan.Scene:
-    return hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=hdplan.Job(stages), **more)  # type: ignore[arg-type]
+    return hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=hdplan.Job(stages), **more)
 
 
 def default() -> list[float]:

@@ -206,7 +206,7 @@ def test_a_forged_motion_is_not_certified(scene: Scene, planned: JobResult) -> N
         lambda: shifted(motion, "positions", 0, 0, 1e-3),  # another start
         lambda: shifted(motion, "positions", rows[2], 3, 1e-3),  # the line ends elsewhere
         lambda: shifted(motion, "positions", rows[6] - 10, 3, 0.02),  # off the line
-        *(lambda n=n, by=by: moved_mark(motion, n, by) for n, by in ((2, 4), (3, -4), (6, -4), (7, 4))),  # type: ignore[misc]
+        *(lambda n=n, by=by: moved_mark(motion, n, by) for n, by in ((2, 4), (3, -4), (6, -4), (7, 4))),
         lambda: replace(motion, stages=motion.stages[:-1]),  # the last stage as a part of the one before
         lambda: replace(motion, stages=(*motion.stages[:1], *motion.stages[2:])),
     ]

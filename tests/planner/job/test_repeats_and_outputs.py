@@ -109,7 +109,7 @@ def test_marks_hold_outputs_and_the_certificate_compares_them(tmp_path: Path) ->
     assert not hdplan.certify_job(scene, replace(motion, positions=moved)).certified
     for bad in ({"glue": [1]}, {"glue": float("nan")}, {1: True}):
         with pytest.raises(InputError):
-            hdplan.Set(bad)  # type: ignore[arg-type]
+            hdplan.Set(bad)
     with pytest.raises(InputError, match="one output or more"):
         hdplan.Set({})
 

@@ -61,7 +61,7 @@ def test_all_kinds_of_joints_agree_with_pinocchio(name: str) -> None:
     _compare(_load(name), 5)
 
 
-def test_prismatic_joints_agree_with_pinocchio(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_prismatic_joints_agree_with_pinocchio(tmp_path) -> None:
     axes = ["1 0 0", "0 1 0", "0 0 1", "0.6 0 0.8"]
     links = "".join(f'<link name="l{i}"/>' for i in range(len(axes) * 2 + 1))
     joints = "".join(

@@ -47,7 +47,8 @@ def test_the_loop_is_numpy(name: str, free: str) -> None:
         target_at(robot, link, q[0], pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), free)
         for link in robot.links[-2:]
     ]
-    for target in (*poses, AllOf(poses)):
+    targets: list[PoseTarget | AllOf] = [*poses, AllOf(poses)]
+    for target in targets:
         (error, jacobian), (error_numpy, jacobian_numpy) = both_ways(Aim.at(robot, target), q)
         assert jacobian.shape == (50, 6 * len(target.poses), robot.n)
         np.testing.assert_allclose(error, error_numpy, atol=EXACT, rtol=0)

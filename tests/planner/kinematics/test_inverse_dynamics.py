@@ -45,7 +45,7 @@ def _robot(name: str, base: Pose = BASES["upright"]) -> Robot:
 def _scene(robot: str = "panda", **changes: object) -> Scene:
     joints = JointTarget("start", state="default")
     scene = Scene("test", Path("test.yaml"), RobotSpec(name=robot), (), joints, joints)
-    return replace(scene, **changes)  # type: ignore[arg-type]
+    return replace(scene, **changes)
 
 
 def _states(robot: Robot, count: int, seed: int = 0) -> tuple[Floats, Floats, Floats]:

@@ -141,7 +141,7 @@ def test_a_controller_that_samples_the_file_finds_the_curve(ending: str, held: i
 )
 def test_rates_that_do_not_fit_are_refused(rates: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        Trajectory(("a",), np.zeros((2, 1)), **rates)  # type: ignore[arg-type]
+        Trajectory(("a",), np.zeros((2, 1)), **rates)
 
 
 @pytest.mark.parametrize(

@@ -255,14 +255,14 @@ def test_what_ros2_topic_echo_prints_is_read(tmp_path: Path, name: str) -> None:
     motion = Trajectory.load(tmp_path / name)
     assert motion.joint_names == ("a", "b")
     np.testing.assert_array_equal(motion.positions, [[0.0, 1e-5], [1.0, -2.0]])
-    np.testing.assert_array_equal(motion.times, [0.0, 1.5])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(motion.times, [0.0, 1.5])
     assert motion.velocities is None
 
 
 def test_ros_1_counts_secs_and_nsecs(tmp_path: Path) -> None:
     text = ECHO.replace("nanosec:", "nsecs:").replace("sec:", "secs:").replace("nsecss", "nsecs")
     (tmp_path / "m.yaml").write_text(text)
-    np.testing.assert_array_equal(Trajectory.load(tmp_path / "m.yaml").times, [0.0, 1.5])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(Trajectory.load(tmp_path / "m.yaml").times, [0.0, 1.5])
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------

@@ -97,10 +97,10 @@ def test_what_has_no_answer_is_refused() -> None:
     assert given.times is not None
     for wrong in (given.times[0] - 1e-6, given.times[-1] + 1e-6, np.nan, np.inf, "soon", [0.0, None]):
         with pytest.raises(InputError, match="time"):
-            given.at_time(wrong)  # type: ignore[arg-type]
+            given.at_time(wrong)
     for rate in (0.0, -1.0, np.nan, "fast", 1e6 * 1e6):
         with pytest.raises(InputError, match="rate"):
-            given.sampled(rate)  # type: ignore[arg-type]
+            given.sampled(rate)
     path = Trajectory(NAMES, given.positions)
     for read in (lambda: path.at_time(0.0), lambda: path.sampled(10.0)):
         with pytest.raises(InputError, match="without times"):

@@ -28,7 +28,7 @@ def test_round_trip_keeps_every_bit(tmp_path: Path, ending: str, times: np.ndarr
     after = Trajectory.load(tmp_path / f"path{ending}")
     assert after.joint_names == before.joint_names
     assert after.positions.tobytes() == before.positions.tobytes()
-    assert (after.times is None) if times is None else (after.times.tobytes() == times.tobytes())  # type: ignore[union-attr]
+    assert (after.times is None) if times is None else (after.times.tobytes() == times.tobytes())
     if ending != ".csv":  # CSV holds the planned joints alone
         assert after.locked == before.locked
     assert [file.name for file in tmp_path.iterdir()] == [f"path{ending}"]
@@ -67,7 +67,7 @@ def test_time_runs_along_straight_lines() -> None:
 )
 def test_bad_positions_are_named(positions: list[list[float]], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        Trajectory(("a", "b"), positions)  # type: ignore[arg-type]
+        Trajectory(("a", "b"), positions)
 
 
 @pytest.mark.parametrize(

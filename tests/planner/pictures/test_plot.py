@@ -109,10 +109,10 @@ def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, m
     for lowered in (0.0, 10.0):
 
         def along(*arguments: object, lowered: float = lowered) -> Clearances:
-            real = found(*arguments)  # type: ignore[arg-type]
+            real = found(*arguments)
             return replace(real, outer=real.outer - lowered)
 
-        monkeypatch.setattr(panels.Clearances, "along", along)
+        monkeypatch.setattr(Clearances, "along", along)
         figure = sheet(planned_subject(planned))
         said = [text.get_text() for axis in figure.axes for text in axis.texts]
         assert (panels.BELOW_ZERO in said) == (lowered > 0.0)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.build import build
-from hdplan.planner.certificate.certifier import Certifier, Status
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control.simulation import replay
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.plan import plan

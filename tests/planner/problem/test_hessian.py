@@ -195,7 +195,7 @@ def test_both_solvers_need_fewer_steps(plugin: str) -> None:
         program = problem.casadi(hessian)
         given = {"print_time": False, "error_on_fail": hessian == "exact", plugin: {"print_level": 0, "tol": 1e-7}}
         solver = ca.nlpsol("solver", plugin, program.nlp, given | (program.stages if plugin == "fatrop" else {}))
-        x, count = program.guess(problem.polyline()), 0
+        x, count = ca.DM(program.guess(problem.polyline())), 0
         for weight in (1e3, 1e4, 1e5):
             found = solver(x0=x, p=weight, **program.bounds)
             x, count = found["x"], count + solver.stats()["iter_count"]

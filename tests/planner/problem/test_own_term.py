@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -114,7 +115,7 @@ class Doubled(ca.Callback):
     def get_n_out(self) -> int:
         return 1
 
-    def eval(self, given: list[ca.DM]) -> list[ca.DM]:
+    def eval(self, given: Sequence[ca.DM]) -> list[ca.DM]:
         return [2 * given[0]]
 
 
@@ -183,4 +184,4 @@ def test_two_terms_have_two_names() -> None:
 
 def test_terms_are_checked_first() -> None:
     with pytest.raises(InputError, match="terms"):
-        hdplan.plan(load_scene("planar_arm"), terms=[lambda q, step: q])  # type: ignore[list-item]
+        hdplan.plan(load_scene("planar_arm"), terms=[lambda q, step: q])

@@ -16,6 +16,7 @@ import pytest
 from hdplan.distance.symbolic import row_function
 from hdplan.planner.build import build
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import SPACING, Problem
 from hdplan.planner.problem.samples import MOST_SAMPLES, Samples
 from hdplan.planner.problem.smoothness import Smoothness
@@ -340,6 +341,8 @@ def test_obstacles_out_of_reach_are_in_no_pair() -> None:
     alone, more = build(bare(NEAR)), build(bare(NEAR, FAR_AWAY, dataclasses.replace(FAR_AWAY, name="other")))
     assert len(more.halfspace_bodies) == len(alone.halfspace_bodies) + 2
     for one, other in zip(alone.terms, more.terms, strict=True):
+        assert isinstance(one, PairTerm)
+        assert isinstance(other, PairTerm)
         assert len(one.pairs) == len(other.pairs)
 
 

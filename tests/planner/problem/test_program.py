@@ -38,7 +38,7 @@ PLUGINS: dict[str, dict[str, Any]] = {"ipopt": {"print_level": 0, "sb": "yes"}, 
 @functools.cache
 def problem_of(name: str, waypoints: int = 7) -> Problem:
     scene = load_scene(name)
-    settings = dataclasses.replace(scene.planner, waypoints=waypoints, **SCENES[name])  # type: ignore[arg-type]
+    settings = dataclasses.replace(scene.planner, waypoints=waypoints, **SCENES[name])
     return build(dataclasses.replace(scene, planner=settings))
 
 
@@ -189,7 +189,7 @@ def test_what_cannot_be_added_is_refused() -> None:
         (program.f * stranger, r"cost: depends on 'stranger'; allowed are the program's x and p"),
     ):
         with pytest.raises(InputError, match=words):
-            program.with_cost(cost)  # type: ignore[arg-type]
+            program.with_cost(cost)
     for each, bounds, words in (
         (
             lambda q, step: q.T,
@@ -203,7 +203,7 @@ def test_what_cannot_be_added_is_refused() -> None:
         (lambda q, step: q, (1, 0), r"constraint: lower \[1\.0, 1\.0\] is above upper \[0\.0, 0\.0\]"),
     ):
         with pytest.raises(InputError, match=words):
-            program.with_constraint(each, *bounds)  # type: ignore[arg-type]
+            program.with_constraint(each, *bounds)
     with pytest.raises(InputError, match=r"guess: shape \(3, 2\), expected \(7, 2\)"):
         program.guess(np.zeros((3, 2)))
     with pytest.raises(InputError, match=r"guess: numbers of shape \(7, 2\)"):

@@ -42,8 +42,8 @@ def scene_of(moving: bool = False, **changes: object) -> Scene:
         changes_of_scene: dict[str, object] = {"timing": hdplan.Timing(duration=2.0)}
     else:
         changes_of_scene = {}
-    settings = dataclasses.replace(scene.planner, waypoints=4, **changes)  # type: ignore[arg-type]
-    return dataclasses.replace(scene, obstacles=tuple(obstacles), planner=settings, **changes_of_scene)  # type: ignore[arg-type]
+    settings = dataclasses.replace(scene.planner, waypoints=4, **changes)
+    return dataclasses.replace(scene, obstacles=tuple(obstacles), planner=settings, **changes_of_scene)
 
 
 @functools.cache
@@ -157,7 +157,7 @@ def test_what_is_no_size_is_refused() -> None:
         ({"egg": hdplan.Ellipsoid([1, 1, 1])}, r"sizes: egg: of the kind ellipsoid they are no parameters; allowed"),
     ):
         with pytest.raises(InputError, match=said):
-            program.values(1.0, sizes=sizes)  # type: ignore[arg-type]
+            program.values(1.0, sizes=sizes)
     with pytest.raises(InputError, match="size: egg: of the kind ellipsoid"):
         program.size_of("egg")
     with pytest.raises(InputError, match="pose: no obstacle is named 'bell'"):

@@ -27,7 +27,7 @@ ROUNDING = 1e-12  # [m]
 
 def swept(name: str = "panda_cage", **settings: object) -> Scene:
     scene = load_scene(name)
-    return replace(scene, planner=replace(scene.planner, swept=True, **settings))  # type: ignore[arg-type]
+    return replace(scene, planner=replace(scene.planner, swept=True, **settings))
 
 
 def term_of(problem: Problem) -> SweptClearance:

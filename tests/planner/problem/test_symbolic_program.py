@@ -33,12 +33,12 @@ WEIGHT = 1e4  # of the penalty [1/m²]
 
 
 def few_waypoints(scene: Scene, count: int = 4, **changes: object) -> Scene:
-    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, waypoints=count, **changes))  # type: ignore[arg-type]
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, waypoints=count, **changes))
 
 
 @functools.cache
 def problem_of(name: str, **changes: object) -> Problem:
-    return build(few_waypoints(load_scene(name), **changes))  # type: ignore[arg-type]
+    return build(few_waypoints(load_scene(name), **changes))
 
 
 def agree(problem: Problem, motions: list[Array], exact: bool = True) -> float:
@@ -381,7 +381,7 @@ def test_what_is_no_pose_is_refused() -> None:
         program.values(1.0, {name: 2 * np.eye(4)})
     for weight in (-1.0, np.nan, "heavy", [1.0, 2.0]):
         with pytest.raises(InputError, match=r"weight: found .*, allowed is a number that is not negative"):
-            program.values(weight)  # type: ignore[arg-type]
+            program.values(weight)
     with pytest.raises(InputError, match=rf"x: {program.x.numel()} numbers are expected, found 3"):
         program.positions(np.zeros(3))
     with pytest.raises(InputError, match="solver 'ipopt': Unknown option: bogus"):

@@ -41,8 +41,9 @@ ROBOTS = [  # a robot, a link of it, and how its base stands
 ]
 
 
-def swinging(folder: Path, robot: str, link: str, base: hdplan.Pose, rng: np.random.Generator, **more: object) -> Path:
+def swinging(folder: Path, arm: tuple[str, str, hdplan.Pose], rng: np.random.Generator, **more: object) -> Path:
     """A scene and a motion of quintics that begins and ends at rest: `folder`/scene.yaml and motion.json."""
+    robot, link, base = arm
     shape = HELD[rng.integers(len(HELD))]
     held = Attached("tool", link, shape, hdplan.Pose.from_rpy([0.02, -0.03, 0.2], [0.2, 0.4, 0.6]), mass=2.0)
     load = Payload(link, 1.5, [0.05, 0.02, 0.1], [0.01, 0.001, 0.002, 0.02, -0.001, 0.015])
@@ -88,7 +89,7 @@ def bounds(world: World, spans: np.ndarray) -> np.ndarray:
     kept: list[np.ndarray] = []
     try:
         torques_kept(world)
-        effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]  # type: ignore[assignment,func-returns-value]
+        effects.torques = lambda *args: kept.append(torques(*args)) or kept[-1]
         found[0](spans)
     finally:
         effects.everywhere, effects.torques = original, torques
@@ -99,7 +100,7 @@ def bounds(world: World, spans: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("robot", ROBOTS, ids=[name for name, *_ in ROBOTS])
 def test_torques_of_pinocchio_are_within_the_bounds_which_are_tight(robot: tuple, tmp_path: Path) -> None:
     rng = np.random.default_rng(len(robot[0]))
-    setup, world, motion = read(swinging(tmp_path, *robot, rng))
+    setup, world, motion = read(swinging(tmp_path, robot, rng))
     curve, model = curve_of(setup.robot, motion), setup.loaded_model
     data = model.createData()
     order = [setup.robot.joint_names.index(x.name) for x in world.joints]
@@ -122,7 +123,7 @@ def test_torques_of_pinocchio_are_within_the_bounds_which_are_tight(robot: tuple
 
 @pytest.mark.core
 def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accepted(tmp_path: Path) -> None:
-    _, world, _ = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(5)))
+    _, world, _ = read(swinging(tmp_path, ROBOTS[0], np.random.default_rng(5)))
     spans = np.arange(0, 4, 2.0**-9)
     peak = bounds(world, np.stack([spans, spans + 2.0**-9], axis=1)).max(axis=0)
     names = [x.name for x in world.joints]
@@ -137,7 +138,7 @@ def test_a_torque_limit_just_below_the_peak_is_rejected_and_one_just_above_accep
 
 
 def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
-    folder = swinging(tmp_path, *ROBOTS[0], np.random.default_rng(6))
+    folder = swinging(tmp_path, ROBOTS[0], np.random.default_rng(6))
     motion = hdplan.Trajectory.load(folder / "motion.json")
     rates = motion.velocities.copy()
     rates[0, 3] = 1e-3
@@ -147,7 +148,7 @@ def test_a_motion_that_begins_at_speed_has_no_torques(tmp_path: Path) -> None:
 
 
 def test_a_mass_whose_inertia_is_not_known_is_not_left_out(tmp_path: Path) -> None:
-    folder = swinging(tmp_path, *ROBOTS[0], np.random.default_rng(7))
+    folder = swinging(tmp_path, ROBOTS[0], np.random.default_rng(7))
     _, world, _ = read(folder)
     world.loads[3]["inertia"][2] = float("nan")
     with pytest.raises(RejectedError, match=r"loads\[3\]\.inertia: .* finite numbers"):
@@ -178,7 +179,7 @@ def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tigh
     from hdplan.planner.certificate.certifier import Certifier
     from hdplan.planner.certificate.path_bounds import held_by
 
-    setup, world, motion = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
+    setup, world, motion = read(swinging(tmp_path, ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
     curve, chain = curve_of(setup.robot, motion), Certifier(setup).path.chain
     bonds = bonds_of(world)
     rng = np.random.default_rng(9)
@@ -211,7 +212,7 @@ def test_bounds_of_path_constraints_hold_what_the_certificate_finds_and_are_tigh
 
 @pytest.mark.parametrize("kind", CONSTRAINTS)
 def test_a_path_constraint_violated_only_between_rows_is_rejected(kind: str, tmp_path: Path) -> None:
-    _, world, _ = read(swinging(tmp_path, *ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
+    _, world, _ = read(swinging(tmp_path, ROBOTS[0], np.random.default_rng(8), path=CONSTRAINTS[kind]))
     bonds = bonds_of(world)
     spans = np.arange(0, 4, 2.0**-7)
     fine = [Motion(world, np.stack([spans, spans + 2.0**-7], axis=1)).apart(x) for x in bonds]
@@ -220,7 +221,7 @@ def test_a_path_constraint_violated_only_between_rows_is_rejected(kind: str, tmp
         assert spans[values.argmax()] % 1  # the worst is between rows
     original = effects.bonds_of_path
     try:
-        effects.bonds_of_path = lambda *_: bonds  # type: ignore[assignment]
+        effects.bonds_of_path = lambda *_: bonds
         check_path(world, [], lambda: True)
         for i, values in enumerate(fine):
             bonds[i].most = float(values.max()) * 0.97
@@ -241,7 +242,7 @@ def test_an_angle_just_beyond_what_is_allowed_is_longer_than_its_chord(angle: fl
 @pytest.mark.parametrize("free", ["none", "x", "z", "all"])
 def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(10)
-    setup, world, motion = read(swinging(tmp_path, *ROBOTS[0], rng))
+    setup, world, motion = read(swinging(tmp_path, ROBOTS[0], rng))
     model, data = setup.robot.model, setup.robot.model.createData()
     pin.framesForwardKinematics(model, data, setup.robot.pin_q(motion.positions[-1]))
     hand = data.oMf[model.getFrameId("panda_hand")]

@@ -18,6 +18,7 @@ import pytest
 from hdplan import cli
 from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.verify import RejectedError, kernel
+from hdplan.verify.balls import shown
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal
 from hdplan.verify.kernel import IN_PART, VERSION, Motion, accept, half
@@ -491,7 +492,7 @@ def test_a_name_adds_nothing_to_what_is_said(honest: Honest) -> None:
         other = json.loads(said.replace('"o"', json.dumps(name)))
         text, _ = statement(World(other, {}), {"clearance": 0.01, "self_clearance": 0.01, "claims": []})
         (own,) = re.findall("10 mm from every obstacle; (.*)", text)
-        quoted = kernel.shown(json.dumps(name))
+        quoted = shown(json.dumps(name))
         assert own == f"20 mm from obstacle {quoted}"
         (still,) = re.findall("not compared, both stand still: (.*)", text)
         assert still == f"base and obstacles {quoted}"

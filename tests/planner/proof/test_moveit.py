@@ -485,7 +485,7 @@ def test_an_axis_a_little_off_the_vertical_is_kept_within_moveits_tolerances() -
         wanted = turning(np.eye(3)["xyz".index(free)], way + [0, 0, end * np.sqrt(1 - way @ way)], rng)
         most["xyz".index(free)] = 4
         said = turned("hand", *most.tolist(), turn=wanted.as_quat().tolist())
-        (found,) = path_of({"orientation_constraints": [said]}, frames)  # type: ignore[arg-type]
+        (found,) = path_of({"orientation_constraints": [said]}, frames)
         assert found["tolerance"] > min(*most, 1.5) - 0.01
         tilt, about = found["tolerance"] + found["off"], rng.uniform(0, 2 * np.pi)
         there = [np.sin(tilt) * np.cos(about), np.sin(tilt) * np.sin(about), np.cos(tilt)]

@@ -78,8 +78,9 @@ def test_random_sizes_are_proven_nearly_as_they_are_certified(robot: str, tmp_pa
         certificate = hdplan.certify(scene, motion)
         if not certificate.certified:
             continue
-        proof = prove(file, rows)
-        head, *_ = unpack(proof.data)
+        head, *_ = unpack(prove(file, rows).data)
+        assert certificate.clearance is not None
+        assert certificate.self_clearance is not None
         assert head["clearance"] >= certificate.clearance - 1e-4
         assert head["self_clearance"] >= certificate.self_clearance - 1e-4
         done += 1

@@ -174,6 +174,7 @@ def test_every_body_is_where_hdplan_has_it(seed: int, tmp_path: Path) -> None:
 
     data, placed = robot.model.createData(), pin.GeometryData(robot.collision)
     planes, probe = Planes(world), coal.Sphere(1e-3)
+    assert curve.times is not None
     for _ in range(3):
         row, share = int(rng.integers(4)), float(rng.integers(2**10)) / 2**10
         now = np.array([curve.times[row] + share * (curve.times[row + 1] - curve.times[row])])

@@ -383,7 +383,7 @@ def no_bodies(urdf: Path) -> list[str]:
     for link in ElementTree.parse(urdf).getroot().findall("link"):
         if (inertial := link.find("inertial")) is None:
             continue
-        said = {**inertial.find("inertia").attrib, **inertial.find("mass").attrib}  # type: ignore[union-attr]
+        said = {**inertial.find("inertia").attrib, **inertial.find("mass").attrib}
         six = np.array([float(said[x]) for x in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
         moments = np.linalg.eigvalsh(inertia_of({"inertia": six}))
         room = 0.02 * np.abs(moments).max() + 2e-9

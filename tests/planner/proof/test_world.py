@@ -67,7 +67,7 @@ def world(scene: Scene | str) -> World:
 
 def written(found: World) -> World:
     """A world as a file has it."""
-    return json.loads(json.dumps(found, allow_nan=False, default=plain))  # type: ignore[no-any-return]
+    return json.loads(json.dumps(found, allow_nan=False, default=plain))
 
 
 # --- its form ---------------------------------------------------------------------------------------------------------
@@ -442,7 +442,7 @@ def test_the_first_reason_counts(tmp_path: Path) -> None:
     ]
     ends = {"start": [1.0, 1.0, 1.0, 1.0], "goal": [0.0] * 4}
     moving = Obstacle("drone", Sphere(0.1), motion=SteadyMotion())
-    scene = Scene(robot=spec, attached=held, obstacles=[Box([0.1] * 3, name="Box"), moving], **ends)  # type: ignore[arg-type]
+    scene = Scene(robot=spec, attached=held, obstacles=[Box([0.1] * 3, name="Box"), moving], **ends)
     assert not_compared(Setup.of(scene)) == [
         ["a", "a_tip", "moving as one"],
         ["a", "b", "the SRDF"],

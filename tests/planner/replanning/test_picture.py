@@ -62,9 +62,9 @@ def test_a_picture_certifies_as_a_certifier_of_the_same_scene_does() -> None:
     scene = limited("planar_arm")
     found = hdplan.plan(scene).trajectory
     robot = Setup.of(scene).robot
+    assert found.velocities is not None
+    assert found.accelerations is not None
     rows = found.positions, found.velocities, found.accelerations
-    assert rows[1] is not None
-    assert rows[2] is not None
     assert found.times is not None
     h = float(found.times[1])
     sizes = hdplan.Uncertainty(0.001, 0.0, 0.003)
@@ -79,7 +79,7 @@ def test_a_picture_certifies_as_a_certifier_of_the_same_scene_does() -> None:
         np.concatenate([rows[0], rows[0][-1:]]),
         found.locked,
         times,
-        *(np.concatenate([each, 0 * each[-1:]]) for each in rows[1:]),  # type: ignore[index, operator]
+        *(np.concatenate([each, 0 * each[-1:]]) for each in rows[1:]),
     )
     theirs = hdplan.certify(scene.with_obstacles(moving), later, robot, required=0.0)
     assert mine.certified
@@ -100,7 +100,7 @@ def test_another_start_and_goal_are_checked_as_by_a_new_certifier() -> None:
     assert other.certify(motion).certified
     assert certifier.certify(motion).status.value == "wrong_ends"  # as before
     moving = JointTarget("start", tuple(motion.positions[0].tolist()), velocity=(0.1, 0.0))
-    assert other.between(moving, other.scene.goal).certify(motion).status.value == "wrong_ends"  # type: ignore[arg-type]
+    assert other.between(moving, other.scene.goal).certify(motion).status.value == "wrong_ends"
 
 
 @pytest.mark.parametrize("cloud_first", [True, False])

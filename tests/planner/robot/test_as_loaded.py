@@ -71,7 +71,7 @@ CHANGES: dict[str, Callable[[Robot], object]] = {
     "geometry of a link": lambda r: r.link_geometry.__setitem__("forearm_link", ()),  # type: ignore[index]
     "pairs": lambda r: r.unchecked.clear(),  # type: ignore[attr-defined]
     "held joints": lambda r: r.locked.__setitem__("x", 1.0),  # type: ignore[index]
-    "array of limits": lambda r: r.lower.base.__setitem__(0, -99.0),  # type: ignore[union-attr]
+    "array of limits": lambda r: np.asarray(r.lower.base).__setitem__(0, -99.0),
 }
 
 

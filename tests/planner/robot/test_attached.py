@@ -18,6 +18,7 @@ from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.plan import plan
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
@@ -55,7 +56,7 @@ def holding(scene: Scene, shape: Shape, folder: Path, **changed: object) -> Scen
         bent[1].apply_translation((0.04, 0.0, 0.06))
         trimesh.util.concatenate(bent).export(folder / shape.file.name)
         shape = replace(shape, file=folder / shape.file.name)
-    held = replace(Attached("thing", "panda_hand", shape, TURNED), **changed)  # type: ignore[arg-type]
+    held = replace(Attached("thing", "panda_hand", shape, TURNED), **changed)
     return replace(scene, attached=(held,))
 
 
@@ -99,6 +100,8 @@ def test_absent_means_absent(carry: Scene) -> None:
     with_it = build(carry)
     assert [term.name for term in with_it.terms] == [term.name for term in problem.terms]
     for term, without in zip(with_it.terms, problem.terms, strict=True):
+        assert isinstance(term, PairTerm)
+        assert isinstance(without, PairTerm)
         assert len(term.pairs) > len(without.pairs)
 
 
@@ -175,7 +178,7 @@ def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
     ],
 )
 def test_bad_input_is_refused_by_name(carry: Scene, change: dict[str, object], said: str) -> None:
-    held = replace(Attached("thing", "panda_hand", Sphere(0.1)), **change)  # type: ignore[arg-type]
+    held = replace(Attached("thing", "panda_hand", Sphere(0.1)), **change)
     scene = replace(carry, attached=(held,))
     with pytest.raises(InputError, match=said) as caught:
         load_scene_robot(scene)

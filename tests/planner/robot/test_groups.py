@@ -308,12 +308,13 @@ def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
             load_robot(replace(spec, group=("left_tool",)))
         with pytest.raises(InputError, match=r"robot\.group\[0\]: joint 'lift' is held by robot\.locked"):
             load_robot(replace(spec, group=("lift",), locked={"lift": 0.1}))
-    for group, said in (
+    wrong: tuple[tuple[tuple[str, ...], str], ...] = (
         ((), "must not be empty"),
         (("lift", "lift"), r"\[1\]: the joint 'lift' stands there twice"),
-    ):
+    )
+    for names, said in wrong:
         with pytest.raises(InputError, match=said):
-            replace(two_arms, group=group)
+            replace(two_arms, group=names)
     fingers = tuple(load_robot(RobotSpec(name="panda")).locked)
     with pytest.raises(InputError, match=r"\[1\].*it is a mimic joint, which follows 'panda_finger_joint1'"):
         load_robot(RobotSpec(name="panda", group=fingers))

@@ -34,7 +34,7 @@ def robot(scene: Scene) -> Robot:
 
 
 def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
-    return replace(scene, limits=replace(scene.limits, **{quantity: values}))  # type: ignore[arg-type]
+    return replace(scene, limits=replace(scene.limits, **{quantity: values}))
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -42,7 +42,7 @@ def test_values_are_those_of_the_scene_in_the_robots_order(scene: Scene, robot: 
     given = np.random.default_rng(0).uniform(0.1, 5.0, robot.n)
     by_name = dict(reversed(list(zip(robot.joint_names, given.tolist(), strict=True))))
     for values, expected in ((tuple(given.tolist()), given), (by_name, given), (1.5, np.full(robot.n, 1.5))):
-        found = joint_limits(limited(scene, quantity, values), robot)  # type: ignore[arg-type]
+        found = joint_limits(limited(scene, quantity, values), robot)
         np.testing.assert_array_equal(found[quantity], expected)
     assert quantity not in joint_limits(scene, robot)
 

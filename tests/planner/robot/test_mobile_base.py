@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate.certifier import Status, certify
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import load_robot

@@ -12,8 +12,9 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-from hdplan.planner.certificate.certifier import Status, certify
-from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot import pin_model
@@ -459,7 +460,7 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monk
     trimesh.creation.icosphere(1, 0.05).export(mesh)
     target = JointTarget("start", (0.0, 0.0))
     scene = _scene(RobotSpec(urdf=urdf), target, target)
-    true = pin_model.load_mesh
+    true = load_mesh
 
     def changing(shape: Mesh, field: str) -> TriangleMesh:
         found = true(shape, field)

@@ -160,7 +160,7 @@ def test_a_load_costs_energy_and_coming_back_costs_as_much_as_going(grasp: Scene
 )
 def test_values_that_are_none_are_refused(changes: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        dataclasses.replace(load_scene("panda_cage").planner, **changes)  # type: ignore[arg-type]
+        dataclasses.replace(load_scene("panda_cage").planner, **changes)
 
 
 @pytest.mark.parametrize(

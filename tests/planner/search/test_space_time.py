@@ -47,7 +47,7 @@ def backwards(scene: Scene) -> Scene:
             times, poses = [end - time for time in each.motion.times[::-1]], each.motion.poses[::-1]
             each = Obstacle(each.name, each.shape, motion=TimedPoses(times, poses))
         obstacles.append(each)
-    start, goal = scene.goal.positions, scene.start.positions  # type: ignore[union-attr]
+    start, goal = scene.goal.positions, scene.start.positions
     return dataclasses.replace(scene, obstacles=tuple(obstacles), start=start, goal=goal)
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate.certifier import Certifier, Status, certify
+from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.pose_goals import miss_of
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.smoothness import Smoothness

@@ -89,7 +89,7 @@ def test_the_straight_line_has_one_second_opinion(monkeypatch: pytest.MonkeyPatc
 
     def counted(self: Search, *args: object, **kwargs: object) -> Solution | None:
         asked.append(kwargs.get("solver") is touches.GENTLE)
-        return clear(self, *args, **kwargs)  # type: ignore[arg-type]
+        return clear(self, *args, **kwargs)
 
     monkeypatch.setattr(Search, "clear", counted)
     assert plan(load_scene("panda_corridor")).certified

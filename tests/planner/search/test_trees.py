@@ -166,7 +166,14 @@ def test_what_a_line_meets_is_known_even_where_its_proofs_disagree() -> None:
     things move farther than the bounds say. It is what was met, and is slid along."""
     problem = exact("panda_cage")
     *joints, kept = space_of(problem).fields
-    small = tuple(Record(each.kind, *each.fields[:4], 0.05 * each.fields[4], *each.fields[5:]) for each in kept)
+    assert isinstance(kept, tuple)
+
+    def nearer(pairs: Record) -> Record:
+        bound = pairs.fields[4]
+        assert isinstance(bound, float | np.ndarray)
+        return Record(pairs.kind, *pairs.fields[:4], 0.05 * bound, *pairs.fields[5:])
+
+    small = tuple(map(nearer, kept))
     trees = Trees(problem, Record("space", *joints, small), np.random.default_rng(0))
     assert trees.grow(32) is not None or min(map(len, trees.nodes)) > 9
     for nodes in trees.nodes:

@@ -687,7 +687,7 @@ def test_a_guess_that_is_none_is_refused(solver: str) -> None:
         with pytest.raises(InputError, match=r"^guess: shape \(.*\), expected \(12, 2\)"):
             solve(problem, solver=solver, guess=np.zeros(shape))
     with pytest.raises(InputError, match=r"^guess: numbers"):
-        solve(problem, solver=solver, guess=[["a", 1]] * 12)  # type: ignore[arg-type]
+        solve(problem, solver=solver, guess=[["a", 1]] * 12)
     with pytest.raises(InputError, match=r"^guess: numbers"):  # not its real part
         solve(problem, solver=solver, guess=line(problem) * 1j)
 

@@ -67,7 +67,7 @@ def wild(problem: Problem, spread: float = 0.5) -> Array:
 
 def run(problem: Problem, solver: str, guess: Array | None = None, **budget: object) -> Solution:
     options = {"iterations": SAMPLED[solver], **budget}
-    return solve(problem, solver=solver, guess=guess, budget=Budget(**options))  # type: ignore[arg-type]
+    return solve(problem, solver=solver, guess=guess, budget=Budget(**options))
 
 
 @every_solver

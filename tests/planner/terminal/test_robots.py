@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal import robots
 from hdplan.scenes.robot_files.library import RobotFiles
 from hdplan.scenes.robot_spec import RobotSpec
@@ -20,7 +20,7 @@ URDF = """<robot name="two"><link name="base"/>
 def test_what_is_kept_is_what_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     urdf, loads = tmp_path / "two.urdf", list[str]()
     urdf.write_text(URDF)
-    read = robots.load_robot
+    read = load_robot
 
     def load(spec: RobotSpec) -> Robot:
         loads.append(str(spec.name))

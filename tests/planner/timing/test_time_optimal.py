@@ -23,7 +23,7 @@ ROUNDING = 1e-6  # [–] of a limit
 SEIDEL = 1e-5  # [–] by which toppra's law differs: its programs have tolerances, and may fail at a pace
 
 
-class Path(AbstractGeometricPath):  # type: ignore[misc]
+class Path(AbstractGeometricPath):
     """A spline as toppra takes it."""
 
     def __init__(self, spline: PathSpline) -> None:
@@ -41,7 +41,7 @@ class Path(AbstractGeometricPath):  # type: ignore[misc]
         return np.asarray(self.spline(path_positions, order))
 
 
-class AsRows(LinearConstraint):  # type: ignore[misc]
+class AsRows(LinearConstraint):
     """Any rows, as toppra takes them."""
 
     def __init__(self, rows: PathRows, dof: int) -> None:
@@ -110,9 +110,8 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
         given += [as_torques(rng, spline)] * (trial % 2)
         rows = [each for each in given if each is not None]
         if trial % 4 == 3:  # hardly any law
-            rows.append(
-                PathRows(*rng.normal(size=(2, GRID + 1, 3)), np.full((GRID + 1, 3), 10.0 ** rng.uniform(-3, 1)))
-            )
+            a, b = rng.normal(size=(2, GRID + 1, 3))
+            rows.append(PathRows(a, b, np.full((GRID + 1, 3), 10.0 ** rng.uniform(-3, 1))))
         found = []
         for loops in (library(), None):
             monkeypatch.setattr(module, "library", lambda loops=loops: loops)

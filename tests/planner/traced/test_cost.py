@@ -69,7 +69,7 @@ def test_value_and_gradient_are_the_planners_with_any_leading_axes(name: str) ->
 def dense(of: Problem, motion: Array, weight: float) -> Array:
     """The planner's Gauss-Newton Hessian as one matrix."""
     found, n = of.evaluate(motion, weight), of.robot.n
-    whole: Array = np.kron(of.smoothness.matrix[1:-1, 1:-1], np.eye(n))
+    whole = np.kron(of.smoothness.matrix[1:-1, 1:-1], np.eye(n)).astype(float)
     for k, block in enumerate(found.diagonal):
         whole[n * k : n * k + n, n * k : n * k + n] += block
     for k, block in enumerate(found.coupling):  # of the next waypoint (rows) with this one

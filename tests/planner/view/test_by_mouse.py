@@ -15,6 +15,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan as plan_scene
 from hdplan.planner.view import live
 from hdplan.planner.view.drawing.colors import CONTACT, intensities
 from hdplan.planner.view.layers import LAYERS
@@ -223,7 +224,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
 ) -> None:
     """Plans take as long as the mouse is pressed: until then pair and depth are said, and nothing is certified."""
     page, viewer = served(scene, (NAME, trajectory))
-    planned, late = live.plan, [True]
+    planned, late = plan_scene, [True]
 
     def slowly(*given: Any, **named: Any) -> Any:
         while late[0]:
@@ -257,12 +258,12 @@ def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) 
     page, viewer = served(scene, eye=(1.6, -1.4, 1.2), target=(0.3, 0.0, 0.4))
     place = selected(page, viewer, GOAL)
     arrow_dragged(page, viewer, place, 0.06 * place[:3, 2], steps=5)
-    until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")  # type: ignore[union-attr]
+    until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")
     page.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
     calm(viewer)
     target = viewer.edited.target
-    assert dataclasses.replace(target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]  # type: ignore
+    assert dataclasses.replace(target, pose=scene.goal.targets[0].pose) == scene.goal.targets[0]
     q = viewer.edited.goal
     tab_of(page, "Joints")
     press(page, "another")

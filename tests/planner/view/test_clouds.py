@@ -68,7 +68,7 @@ def test_points_are_sent_once_and_coloured_by_height_or_by_clearance(opened: Ope
     bright = cloud.points.colors.astype(float).sum(axis=1)
     height = sent[:, 2]
     assert bright[height > 0.059].min() > bright[height < 0.051].max()
-    motion = viewer.motions.active.motion  # type: ignore[union-attr]
+    motion = viewer.motions.active.motion
     tips, up = motion.tip, float(motion.tip[:, 2].min()) - 0.12
     viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, up))))
     viewer.worker.ask("color", lambda: cloud.color(viewer.robot, motion))
@@ -112,10 +112,10 @@ def test_of_huge_clouds_some_points_are_drawn(opened: Opener, monkeypatch: pytes
 
 def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Opener) -> None:
     viewer = opened(seen())
-    boxes = viewer.panel.layers.boxes
-    assert boxes.node is None
+    assert viewer.panel.layers.boxes.node is None
     viewer.panel.layers.set(BOXES, True)
     viewer.worker.settle(PATIENCE)
+    boxes = viewer.panel.layers.boxes
     assert boxes.node.visible
     before = boxes.node.vertices
     assert len(before) % 8 == 0

@@ -76,7 +76,7 @@ def test_every_size_of_every_shape_is_typed(opened: Opened, scene: Scene) -> Non
     for word, shape in NEW.items():
         count = len(viewer.scene.obstacles)
         press(page, word)
-        until(lambda count=count: len(viewer.scene.obstacles) == count + 1, f"no {word} is added")  # type: ignore[misc]
+        until(lambda count=count: len(viewer.scene.obstacles) == count + 1, f"no {word} is added")
         calm(viewer)
         for key in (each.name for each in fields(shape) if not each.kw_only):
             if key == "points":
@@ -87,7 +87,7 @@ def test_every_size_of_every_shape_is_typed(opened: Opened, scene: Scene) -> Non
                 until(lambda key=key: getattr(last(viewer).shape, key)[1] == (0.2, 0.0, 0.0), "the points stay")
                 continue
             typed(page, viewer, f"{key} [m]", "0.123")
-            until(lambda key=key: first_of(viewer, key) == 0.123, f"{word}: {key} stays as it was")  # type: ignore[misc]
+            until(lambda key=key: first_of(viewer, key) == 0.123, f"{word}: {key} stays as it was")
         before = last(viewer)
         typed(page, viewer, "position [m]", "1.5")
         until(lambda: last(viewer).pose.position[0] == pytest.approx(1.5), f"{word} stays where it was")

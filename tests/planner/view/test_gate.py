@@ -16,7 +16,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view import gate as module, server as serving
+from hdplan.planner.view import gate as module
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
@@ -61,7 +61,7 @@ def opened(viewer: Viewer, path: str, **headers: str) -> ClientConnection:
     """A browser's connection, through which it would see and change everything."""
     return connect(
         f"ws://127.0.0.1:{viewer.port}{path.rstrip('/')}",
-        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+        subprotocols=[f"viser-v{viser.__version__}"],
         additional_headers=headers,
         max_size=None,
         compression=None,
@@ -286,7 +286,7 @@ def test_a_viser_that_makes_its_server_in_another_way_is_refused(scene: Scene, m
         return made[0]
 
     unguarded = websockets.asyncio.server.serve
-    monkeypatch.setattr(serving.viser, "ViserServer", otherwise)
+    monkeypatch.setattr(viser, "ViserServer", otherwise)
     with pytest.raises(InputError, match="cannot be guarded"):
         open_viewer(scene, port=8380)
     with pytest.raises(OSError, match="refused"):

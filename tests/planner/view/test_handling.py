@@ -24,6 +24,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Points
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
@@ -94,7 +95,9 @@ def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewe
         if key != "points":
             assert getattr(selected(viewer).shape, key) == sizes[key]
         else:
-            assert selected(viewer).shape.points[1] == (0.1, 0.0, 0.0)  # type: ignore[union-attr]
+            shape = selected(viewer).shape
+            assert isinstance(shape, Points)
+            assert shape.points[1] == (0.1, 0.0, 0.0)
     sent(viewer, field(viewer, "clearance [m]"), "0.002")
     sent(viewer, field(viewer, "obstacle"), "duplicate")
     names = [obstacle.name for obstacle in viewer.scene.obstacles]
@@ -233,7 +236,7 @@ def test_postures_of_a_goal_pose_are_gone_through_and_kept(opened: Opener) -> No
     assert not np.array_equal(seen[1], seen[2])
     assert "posture 3 of" in str(viewer.panel.jogging._said.content)
     sent(viewer, field(viewer, "posture"), "keep as joint values")
-    np.testing.assert_array_equal(viewer.scene.goal.positions, seen[2])  # type: ignore[union-attr]
+    np.testing.assert_array_equal(viewer.scene.goal.positions, seen[2])
     for q in reversed(seen):
         sent(viewer, field(viewer, "history"), "undo")
         np.testing.assert_array_equal(viewer.edited.goal, q)
@@ -413,7 +416,7 @@ def test_what_is_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer)
     gate.set()
     assert viewer.worker.settle(20)
     ball = selected(viewer)
-    assert (ball.shape.radius, ball.clearance) == (0.07, 0.004)  # type: ignore[union-attr]
+    assert (ball.shape.radius, ball.clearance) == (0.07, 0.004)
     assert viewer.scene.planner.clearance == 0.002
     assert viewer.edited.goal[0] == jogged
     assert [handle.value for handle, _ in typed] == [value for _, value in typed]

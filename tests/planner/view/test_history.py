@@ -76,7 +76,7 @@ def test_what_is_done_to_a_motion_is_undone_and_done_again(viewer: Viewer, do: s
         by_worker(viewer, lambda: planned(viewer, f"{NAME} 2"))
     else:
         told = {"do": do, "motion": shown.number, "answer": "mine"}
-        viewer.panel.page._handlers[do](None, told)  # type: ignore[arg-type]
+        viewer.panel.page._handlers[do](None, told)
         assert viewer.worker.settle(20)
     after = seen(viewer)
     assert after != before
@@ -118,7 +118,7 @@ def test_what_is_planned_late_takes_no_other_motion_s_place(
     """Chosen, brought back, or left over after a removal while a plan was under way."""
     by_worker(viewer, lambda: planned(viewer, "other"))
     begun, gate = threading.Event(), threading.Event()
-    plain = module.plan
+    plain = plan
 
     def late(*given: Any, **named: Any) -> Any:
         begun.set()

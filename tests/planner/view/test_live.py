@@ -14,6 +14,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan as plan_scene
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import live as module
 from hdplan.planner.view.edited_scene import Edited
@@ -78,7 +79,7 @@ def test_a_motion_that_no_longer_holds_is_said_at_once_with_pair_and_depth(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate = threading.Event()
-    plan = module.plan
+    plan = plan_scene
 
     def late(*given: Any, **named: Any) -> Any:
         gate.wait(20)
@@ -102,7 +103,7 @@ def test_the_newest_scene_is_planned_and_those_between_are_dropped(
 ) -> None:
     planned: list[Scene] = []
     begun, gate = threading.Event(), threading.Event()
-    plan = module.plan
+    plan = plan_scene
 
     def noted(scene: Scene, **named: Any) -> Any:
         planned.append(scene)
@@ -224,7 +225,7 @@ def test_a_goal_pose_keeps_its_tolerance_and_free_axis(grasp: Edited) -> None:
     tip = Tip.of(grasp.robot)
     before = grasp.target
     place = place_of(grasp, GOAL, tip)
-    assert place == before.poses[0].pose  # type: ignore[union-attr]
+    assert place == before.poses[0].pose
     moved = dataclasses.replace(place, position=(0.52, 0.12, 0.4))
     after, words = dragged(grasp, GOAL, moved, tip)
     assert words == ""

@@ -13,7 +13,7 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view import scene_edits
-from hdplan.planner.view.drawing.motion import shortened
+from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, TIGHT
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.page_script import NARROWEST, WIDTH
@@ -64,7 +64,7 @@ def test_a_value_that_was_refused_leaves_its_field(viewer: Viewer, field: str, v
 
 def test_an_exponent_is_refused_in_words(viewer: Viewer) -> None:
     before = viewer.edited
-    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})  # type: ignore[arg-type]
+    viewer.panel.page._handlers["exponent"](None, {"do": "exponent"})
     assert viewer.worker.settle(20)
     assert "without an exponent" in viewer.panel.editing.said
     assert viewer.edited is before
@@ -102,7 +102,7 @@ def test_esc_selects_nothing_also_while_something_is_dragged(viewer: Viewer) -> 
 def test_new_shapes_stand_on_the_eyes_side_where_there_is_room(angle: float) -> None:
     empty = Edited.of(Setup.of(load_scene("planar_arm"))).changed(obstacles=())
     eye = 3.0 * np.array([np.cos(angle), np.sin(angle), 0.3])
-    ends = [place_of(empty, Thing(end), scene_edits.Tip.of(empty.robot)).position for end in ("start", "goal")]
+    ends = [place_of(empty, Thing(end), Tip.of(empty.robot)).position for end in ("start", "goal")]
 
     def placed(*eyes: np.ndarray) -> tuple[float, float]:
         """How much room there is, and how far it is from the eye."""

@@ -79,12 +79,16 @@ def test_a_path_without_times_has_no_rates(opened: Opener, scene: Scene, traject
 
 def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, timed: Trajectory) -> None:
     """The other one is dashed, over the same seconds, and ends where it ends."""
+    assert timed.times is not None
+    assert timed.velocities is not None
+    assert timed.accelerations is not None
     slow = dataclasses.replace(
         timed, times=1.5 * timed.times, velocities=timed.velocities / 1.5, accelerations=timed.accelerations / 2.25
     )
     viewer = opened(limited, found=timed, slow=slow)
     asked(viewer, "position")
     plots = viewer.panel._plots
+    assert slow.times is not None
     own, other = curve(plots.joints, "elbow"), curve(plots.joints, "elbow of slow")
     assert (own[0].max(), other[0].max()) == pytest.approx((timed.times[-1], slow.times[-1]))
     assert own[1][-1] == pytest.approx(other[1][-1])
@@ -93,6 +97,7 @@ def test_two_motions_are_compared_on_one_axis(opened: Opener, limited: Scene, ti
 
 
 def test_markers_stand_at_the_closest_moment_and_at_stages(opened: Opener, limited: Scene, timed: Trajectory) -> None:
+    assert timed.times is not None
     staged = dataclasses.replace(timed, stages=(StageMark("reach", 0), StageMark("place", 20)))
     viewer = opened(limited, found=staged)
     by_worker(viewer, lambda: None)

@@ -137,7 +137,7 @@ def test_plans_that_follow_each_other_are_kept_but_not_for_ever(opened: Opener, 
     ]
 
     def finish(result: object) -> None:
-        viewer.worker.ask("planned", lambda: viewer.panel.planning._finish(viewer.scene, result, "found"))  # type: ignore[arg-type]
+        viewer.worker.ask("planned", lambda: viewer.panel.planning._finish(viewer.scene, result, "found"))
         assert viewer.worker.settle(20)
 
     for result in results:

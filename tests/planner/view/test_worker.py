@@ -27,7 +27,7 @@ def test_of_jobs_that_wait_the_newest_of_each_kind_is_done(worker: Worker) -> No
     gate = threading.Event()
     worker.ask("gate", lambda: gate.wait(5) and None)
     for k in range(50):
-        worker.ask("time", lambda k=k: done.append(f"time {k}"))  # type: ignore[misc]
+        worker.ask("time", lambda k=k: done.append(f"time {k}"))
     worker.ask("layers", lambda: done.append("layers"))
     gate.set()
     assert worker.settle(5)

@@ -137,7 +137,7 @@ class Writer:
         body.bodies.append(below)
         return text
 
-    def _framed(self, write, inherited: str | None, frame: np.ndarray | None = None) -> str:  # type: ignore[no-untyped-def]
+    def _framed(self, write, inherited: str | None, frame: np.ndarray | None = None) -> str:
         """Write something, sometimes in one frame or two."""
         frame = np.eye(4) if frame is None else frame
         if self.rng.uniform() > 0.25:

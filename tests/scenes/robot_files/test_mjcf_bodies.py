@@ -72,7 +72,7 @@ def check(model: Model, urdf: ElementTree.Element, rng: np.random.Generator) -> 
             assert near(own[:3, 3], place[:3, 3], 1e-9)
             if shape in ("capsule", "cylinder"):  # round about their axes, and the same upside down
                 assert abs(own[:3, 2] @ place[:3, 2]) == pytest.approx(1.0, abs=1e-9)
-                said = [numbers(geometry, "radius")[0], numbers(geometry, "length")[0] / 2]
+                said = np.append(numbers(geometry, "radius"), numbers(geometry, "length") / 2)
             else:
                 assert near(own, place, 1e-9)
                 said = {

@@ -81,7 +81,7 @@ def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [1.5, (1.0, 2.0), {"j1": 3.0}])
 def test_every_rate_is_written_read_and_known_to_editors(tmp_path: Path, rate: str, value: JointValues) -> None:
     """A new limit of rate is an entry of QUANTITIES and a field of Limits, and nothing else in files."""
-    limits = Limits(**{rate: value})  # type: ignore[arg-type]
+    limits = Limits(**{rate: value})
     assert limits != Limits()
     scene = replace(read(tmp_path, TIMED), limits=limits)
     assert scene.timed
@@ -105,8 +105,8 @@ def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     assert not read(tmp_path, "limits: {position: {j1: [0, 1]}}\n").timed
     said = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
     assert said.timing == Timing(scale=0.5)
-    held = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
-    assert held.attached[0].mass is None
+    said = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
+    assert said.attached[0].mass is None
 
 
 def test_an_axis_is_of_length_one(tmp_path: Path) -> None:
@@ -267,7 +267,7 @@ def test_inertias_of_real_bodies_are_taken(tmp_path: Path) -> None:
         points = rng.normal(size=(5, 3)) * shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
         inertia = sum((p @ p) * np.eye(3) - np.outer(p, p) for p in points)
         given = [float(inertia[i, j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
-        scene = replace(random_scene(0), payload=Payload("hand", 1.0, inertia=tuple(given)))  # type: ignore[arg-type]
+        scene = replace(random_scene(0), payload=Payload("hand", 1.0, inertia=tuple(given)))
         (tmp_path / "random.yaml").write_text(scene_text(scene), encoding="utf-8")
         assert load_scene(tmp_path / "random.yaml").payload == scene.payload
 
@@ -338,7 +338,7 @@ def random_scene(seed: int) -> Scene:
         payload=payload,
         path=PathConstraints(
             tossed(Upright("null", (x, y, z), float(rng.uniform(1e-3, math.pi)))),
-            tossed(Within("~", (positive(), *size), pose(), vector())),  # type: ignore[arg-type]
+            tossed(Within("~", (positive(), *size), pose(), vector())),
         ),
         timing=Timing(min(positive(), 0.99 * MOST_ROWS / rate), rate=rate),
     )

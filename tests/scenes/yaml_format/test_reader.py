@@ -93,7 +93,7 @@ def test_sections_with_nothing_behind_them_are_defaults(tmp_path: Path) -> None:
     ],
 )
 def test_shapes(tmp_path: Path, text: str, shape: object) -> None:
-    assert obstacles(tmp_path, f"{{shape: {text}}}") == (Obstacle("obstacle0", shape, Pose()),)  # type: ignore[arg-type]
+    assert obstacles(tmp_path, f"{{shape: {text}}}") == (Obstacle("obstacle0", shape, Pose()),)
 
 
 @pytest.mark.parametrize(

@@ -333,9 +333,11 @@ class Maker:
         own = kinds[int(self.rng.integers(3))]
         spec = replace(spec, check_pairs=((self.name(), self.name()),) * own.checked)
         held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
+        path = PathConstraints(*(self.maybe(each, None) for each in (upright, within, relative, follow)))
+        carried = self.maybe(payload, None)
         if self.rng.random() < 0.3:  # of what is unknown of a robot there are no proofs beside these
-            limits, upright, within, relative, follow = replace(limits, torque=None), None, None, None, None
-            payload, settings = None, replace(settings, objective="smoothness")
+            limits, settings = replace(limits, torque=None), replace(settings, objective="smoothness")
+            path, carried = PathConstraints(), None
             lag = Tracking(self.number(high=1.0), {self.name(): self.number()})
             spec = replace(spec, tracking=lag, calibration=Calibration(self.number(high=1.0), self.number(high=3.0)))
         return Scene(
@@ -350,8 +352,8 @@ class Maker:
             attached=self.maybe((held,), ()),
             self_collision=own,
             limits=limits,
-            payload=self.maybe(payload, None),
-            path=PathConstraints(*(self.maybe(each, None) for each in (upright, within, relative, follow))),
+            payload=carried,
+            path=path,
             timing=timing,
         )
 
@@ -374,7 +376,7 @@ def with_a_job() -> Scene:
         Set({"valve": True, "level": 0.5, "state": "on"}, name="valve", **every),
         Wait(0.5, name="stand", **every),
     ])  # fmt: skip
-    return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)  # type: ignore[arg-type]
+    return replace(load_scene("empty"), goal=None, limits=Limits(acceleration=2.0), job=job)
 
 
 def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
@@ -412,7 +414,7 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
 
 def test_numbers_of_other_kinds_are_written_as_what_they_are(tmp_path: Path) -> None:
     scene = load_scene("empty")
-    ball = Obstacle("ball", Sphere(np.float64(1e-5)), Pose((np.float32(0.5), np.int64(2), -0.0)))  # type: ignore[arg-type]
+    ball = Obstacle("ball", Sphere(np.float64(1e-5)), Pose((np.float32(0.5), np.int64(2), -0.0)))
     again = back(replace(scene, obstacles=(ball,)), tmp_path)
     assert again.obstacles[0].shape == Sphere(1e-5)
     assert again.obstacles[0].pose.position == (0.5, 2.0, 0.0)
