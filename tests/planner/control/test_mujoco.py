@@ -34,7 +34,7 @@ def _panda(**changes: object) -> hdplan.Scene:
     """A Panda that goes round a box."""
     box = hdplan.Obstacle("box", hdplan.Box([0.1, 0.1, 0.5]), [0.55, 0, 0.35])
     ends = {"start": [-0.6, -0.3, 0, -2, 0, 1.8, 0.785], "goal": [0.6, -0.3, 0, -2, 0, 1.8, 0.785]}
-    return hdplan.Scene(**{"robot": "panda", "obstacles": [box], "limits": LIMITS, **ends, **changes})  # type: ignore[arg-type]
+    return hdplan.Scene(**{"robot": "panda", "obstacles": [box], "limits": LIMITS, **ends, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -218,7 +218,7 @@ def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -
         done = control.Loop(arm).replan(replanner, 10.0)
     assert not done.why
     assert done.commands[-1].mode.value == "arrived"
-    assert np.abs(done.positions[-1] - np.array(scene.goal.positions)).max() < 0.01  # type: ignore[union-attr]
+    assert np.abs(done.positions[-1] - np.array(scene.goal.positions)).max() < 0.01
     assert np.abs(done.errors).max() <= 0.01
 
 

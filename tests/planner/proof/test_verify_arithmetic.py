@@ -26,7 +26,7 @@ from hdplan.verify.world import World
 from .worlds import read_and_planned
 
 SOURCE = Path(balls.__file__).parent
-KERNEL = ("balls", "world", "kernel", "unknown", "effects", "verdict")
+KERNEL = ("balls", "bounds", "world", "kernel", "unknown", "effects", "follow", "turns", "verdict")
 
 
 def imported(module: Path) -> set[str]:

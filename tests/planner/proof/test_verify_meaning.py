@@ -312,10 +312,6 @@ MISSPELT: dict[str, dict[str, Any]] = {
     "quaternion": {"robot": {**SCENE["robot"], "base": {"quaternion_xyzw": [0.1, 0.2, 0.3, 0.9]}}},
     "mass": {"payload": {"link": "fore", "mass": -1}, "limits": {"torque": 90, "acceleration": 10}},
     "path.position": {"path": {"position": {"link": "fore", "size": [9, 9]}}},
-    "'tool' is no link": {
-        "attached": [{"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}],
-        "path": {"upright": {"link": "tool", "tolerance": 3}},
-    },
 }
 
 
@@ -326,6 +322,17 @@ def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: st
     with pytest.raises(hdplan.InputError):
         hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1]))
     with pytest.raises(RejectedError, match=words):
+        claimed(*two, "start", "goal", "velocity", "path")
+
+
+def test_a_path_of_what_is_held_is_not_known_to_the_checker(tmp_path: Path) -> None:
+    """hdplan knows it as it knows a link."""
+    tool = {"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}
+    path = {"upright": {"link": "tool", "tolerance": 3}}
+    timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
+    two = files(tmp_path, {"timing": {"duration": 2}, "attached": [tool], "path": path}, timed)
+    assert hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1])).path
+    with pytest.raises(RejectedError, match="'tool' is no link"):
         claimed(*two, "start", "goal", "velocity", "path")
 
 

@@ -107,7 +107,8 @@ def test_another_start_and_goal_are_checked_as_by_a_new_certifier() -> None:
 def test_a_cloud_takes_the_place_of_no_obstacle_with_its_name(cloud_first: bool) -> None:
     seen = Sightings.of(limited("planar_arm"), 0.0)
     box, cloud = hdplan.Box([0.1, 0.1, 0.1], name="cloud", pose=[2, 0, 0]), hdplan.Cloud([[3.0, 0.0, 0.0]], 0.01)
-    first, second = (None, cloud), ([box], None)
+    first: tuple[list[hdplan.Box] | None, hdplan.Cloud | None] = (None, cloud)
+    second: tuple[list[hdplan.Box] | None, hdplan.Cloud | None] = ([box], None)
     if not cloud_first:
         first, second = second, first
     seen = seen.updated(1.0, *first, None)

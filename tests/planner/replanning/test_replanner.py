@@ -278,7 +278,7 @@ def test_an_executor_that_fails_costs_a_way_and_no_command() -> None:
         drive.period()
         assert said in drive.step().why
     with pytest.raises(hdplan.InputError, match="executor: must be of the class Executor"):
-        hdplan.Replanner(limited("planar_arm"), executor=5)  # type: ignore[arg-type]
+        hdplan.Replanner(limited("planar_arm"), executor=5)
 
 
 def test_a_robot_that_is_at_its_goal_has_arrived() -> None:
