@@ -90,7 +90,7 @@ def test_what_is_shown_follows_the_stages(opened: Open, scene: Scene, planned: J
 
 
 def test_no_verdict_outlives_its_scene(opened: Open) -> None:
-    """Whatever is done in whatever order, what is called certified is certified in the scene that is shown."""
+    """Any acts in any order: what is called certified is certified in the scene that is shown."""
     planned = plan_job(there_and_wait())
     viewer = opened(planned.scene, planned.trajectory)
     viewer.live.value = False
