@@ -55,7 +55,7 @@ class EditedJob:
 
     @cached_property
     def setup(self) -> Setup:
-        """What is drawn."""
+        """The drawn scene."""
         return before_it(self.scene) if self.shown is None else self.shown.setup
 
     @property
@@ -65,7 +65,7 @@ class EditedJob:
 
     @cached_property
     def movables(self) -> tuple[Movable, ...]:
-        """What can be dragged: places with all stages that lead there, and objects that no stage grips."""
+        """Things that can be dragged: places with all stages that lead there, and objects that no stage grips."""
         job = self.scene.job
         assert job is not None
         spots = spots_of(self.scene)
@@ -106,7 +106,7 @@ class EditedJob:
         raise InputError(f"{name}: is no longer in the scene")
 
     def _positions(self, spot: Spot) -> list[tuple[float, float, float]]:
-        """Where the stages of a spot go; none if one of them cannot be moved."""
+        """The positions to which the stages of a spot go; none if one of them cannot be moved."""
         try:
             found = [position_of(self.scene, number) for number in spot.stages if number < spot.number]
         except InputError:

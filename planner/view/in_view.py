@@ -1,4 +1,4 @@
-"""What the cameras look at in a scene with its motions: the robot at both ends and on its way, and the paths."""
+"""The subject of the cameras in a scene with its motions: the robot at both ends and on its way, and the paths."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class JobHandles:
 
     @property
     def thing(self) -> Movable | None:
-        """What is selected, as it is now."""
+        """The selected thing, as it is now."""
         return next((each for each in self._viewer.edited.movables if each.label == self._selected), None)
 
     @property

@@ -30,7 +30,7 @@ RESIZED = 0.02  # by which a picture's aspect changes at least
 
 
 class Subject(Protocol):
-    """What the cameras look at, as it is now."""
+    """The subject of the cameras, as it is now."""
 
     @property
     def robot(self) -> Robot:
@@ -38,7 +38,7 @@ class Subject(Protocol):
 
     @property
     def obstacles(self) -> Sequence[ObstacleNode]:
-        """What may stand between the eye and the robot."""
+        """Obstacles, which may stand between the eye and the robot."""
 
     def postures(self) -> Array:
         """Return configurations (k, n) of the robot that belong in the picture."""

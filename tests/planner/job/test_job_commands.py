@@ -54,8 +54,10 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
         code, out, err = command(line)
         assert (code, out) == (2, ""), line
         assert "job: holds several motions" in err, line
-    code, _, err = command("view job.yaml motion.json")
-    assert (code, "job: is shown as a page or a film, --record" in err) == (2, True)
+    code, _, err = command("view job.yaml motion.json motion.json")
+    assert (code, "one motion at a time is shown of a job, 2 are given" in err) == (2, True)
+    code, _, err = command("view job.yaml motion.json --proof job.proof")
+    assert (code, "--proof: job.proof is drawn for a single motion" in err) == (2, True)
     code, _, err = command("sample job.yaml -o table.csv")
     assert (code, "whose places are drawn: give --jitter" in err) == (2, True)
     code, _, err = command("sample job.yaml -o table.csv --jitter 0.01")
