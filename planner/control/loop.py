@@ -100,7 +100,7 @@ class Loop:
                 f"{self.most:g} is allowed: move it there first"
             )
         due = [(float(motion.times[mark.row] - motion.times[0]), mark) for mark in motion.stages]
-        return self.along(Curve(motion.curve.control[:, :, columns], motion.times), due, begins)
+        return self.along(motion.curve.columns(columns), due, begins)
 
     def along(
         self,
