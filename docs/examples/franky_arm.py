@@ -1,5 +1,5 @@
-"""Drive a Franka arm by franky with the loop that drives the body in MuJoCo. NOT RUN ON HARDWARE; try it slowly, hand on
-the stop button. `python franky_arm.py ADDRESS` is for a robot; without an address the motion runs in MuJoCo."""
+"""Drive a Franka arm by franky with the loop that drives the body in MuJoCo. NOT RUN ON HARDWARE; try it slowly, hand
+on the stop button. `python franky_arm.py ADDRESS` is for a robot; without an address the motion runs in MuJoCo."""
 
 import dataclasses
 import sys
