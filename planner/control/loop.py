@@ -30,7 +30,7 @@ Reference = Callable[[float], tuple[Array, Array] | None]
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """What an arm did: one row for every period."""
+    """The motion of an arm as it was measured: one row for every period."""
 
     joint_names: tuple[str, ...]  # (n,)
     times: Array  # (k,) [s] from the beginning
