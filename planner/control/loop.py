@@ -53,7 +53,7 @@ class Executed:
 
     @property
     def trajectory(self) -> Trajectory:
-        """What was measured, as a motion: its times, positions and velocities. Raises InputError for less than two
+        """The same as a motion: its measured times, positions and velocities. Raises InputError for less than two
         rows."""
         return Trajectory(self.joint_names, self.positions, {}, self.times, self.velocities)
 
