@@ -30,7 +30,7 @@ Reference = Callable[[float], tuple[Array, Array] | None]
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """What an arm did: one row for every period."""
+    """The motion of an arm as it was measured: one row for every period."""
 
     joint_names: tuple[str, ...]  # (n,)
     times: Array  # (k,) [s] from the beginning
@@ -53,7 +53,7 @@ class Executed:
 
     @property
     def trajectory(self) -> Trajectory:
-        """What was measured, as a motion: its times, positions and velocities. Raises InputError for less than two
+        """The same as a motion: its measured times, positions and velocities. Raises InputError for less than two
         rows."""
         return Trajectory(self.joint_names, self.positions, {}, self.times, self.velocities)
 
@@ -100,7 +100,7 @@ class Loop:
                 f"{self.most:g} is allowed: move it there first"
             )
         due = [(float(motion.times[mark.row] - motion.times[0]), mark) for mark in motion.stages]
-        return self.along(Curve(motion.curve.control[:, :, columns], motion.times), due, begins)
+        return self.along(motion.curve.columns(columns), due, begins)
 
     def along(
         self,

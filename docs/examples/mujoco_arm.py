@@ -1,0 +1,27 @@
+"""A Panda in MuJoCo executes a plan; how far it is off becomes the tube in which the next plan is proven."""
+
+import dataclasses
+
+import numpy as np
+
+import hdplan
+from hdplan import control
+
+scene = dataclasses.replace(
+    hdplan.load_scene("panda_cage"), limits=hdplan.Limits(velocity="urdf", acceleration=5, jerk=300)
+)
+arm = control.MuJoCoArm.of(scene)
+loop = control.Loop(arm)
+
+first = loop.follow(hdplan.plan(scene).trajectory)
+print(f"off by {1e3 * np.abs(first.errors).max():.1f} mrad")
+
+# What was measured, and as much again, is what the arm may be off; the motion is proven for all of it.
+known = dataclasses.replace(scene, robot=hdplan.RobotSpec("panda", tracking=first.tracking.times(2)))
+planned = hdplan.plan(known)
+print(planned.certificate.text)
+
+arm.place(planned.trajectory.positions[0])
+done = loop.follow(planned.trajectory)
+tube = np.array(known.robot.tracking.position)
+print("within the tube:", bool((np.abs(done.errors) <= tube).all()))
