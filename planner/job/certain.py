@@ -14,7 +14,6 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.job.certify import certified_stage, standing
 from hdplan.planner.job.following import NotFollowedError, along_poses, drawn_through, length_of, smooth_parts
 from hdplan.planner.job.joining import Piece, one_after_other
-from hdplan.planner.job.places import link_pose, pose_of
 from hdplan.planner.job.redundancy import ways_along
 from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
@@ -24,8 +23,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
-from hdplan.scenes.path_constraints import Follow
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
 PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
@@ -91,7 +89,8 @@ class Certain:
     def ways_along(self, setup: Setup, at: Array, start: Array | None) -> Iterator[Array]:
         """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
         first pose is reached: well away from what stands around first."""
-        follow, certifier = setup.scene.path.follow or _straight(setup, at), Certifier(setup)
+        follow, certifier = setup.scene.path.follow, Certifier(setup)
+        assert follow is not None
         if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
             return  # nothing is left open along the curve
         for beside in SPARE_CLEARANCES:
@@ -100,7 +99,8 @@ class Certain:
 
     def _guided(self, world: World, number: int, start: Array, way: Array | None) -> Piece:
         setup = stage_setup(world, number)
-        follow = setup.scene.path.follow or _straight(setup, start)
+        follow = setup.scene.path.follow
+        assert follow is not None
         from hdplan.planner.timing.retiming import smooth
 
         parts = smooth_parts(follow)
@@ -150,12 +150,3 @@ def _between(way: Callable[[float], Array], first: float, last: float, share: fl
 
 def _is_free(certifier: Certifier, clearance: float, q: Array) -> bool:
     return certifier.is_clear(q, clearance)
-
-
-def _straight(setup: Setup, start: Array) -> Follow:
-    """Return the line of a stage along which nothing turns."""
-    assert isinstance(setup.scene.goal, Goals)
-    (target,) = setup.scene.goal.targets
-    assert isinstance(target, PoseTarget)
-    assert target.link is not None
-    return Follow(target.link, (pose_of(link_pose(setup.robot, start, target.link)), target.pose))

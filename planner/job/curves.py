@@ -16,7 +16,6 @@ import numpy as np
 
 from hdplan.planner.geometry.rotations import matrices_of, turn_of, vectors_of
 from hdplan.planner.job.blends import CHORD, Blend, Leg, UnblendedError
-from hdplan.planner.job.line import as_constraints
 from hdplan.planner.job.places import link_pose, pose_of, poses_of
 from hdplan.planner.job.world import Corner, World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
@@ -40,11 +39,6 @@ def along_curve(world: World, number: int) -> dict[str, Any]:
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     assert isinstance(stage, Curve)
-    begins = begins_at(stage, world)
-    if isinstance(stage, Line) and _is_plain(stage) and not stage.blend and world.corner is None:
-        link = link_of(stage, world)
-        goal, path = as_constraints(stage, world.robot, link, begins, _end(stage, world, begins))
-        return {"goal": goal, "path": path}
     poses, lost = blended_poses(world, number)
     target = PoseTarget(
         link_of(stage, world),
@@ -249,12 +243,6 @@ def settled(corner: Corner, rotation: Array) -> Corner:
     turn = matrices_of(angle * np.eye(3)[[axis]])[0]
     goal[:3, :3] = goal[:3, :3] @ turn
     return replace(corner, pose=pose_of(goal), free="none")
-
-
-def _is_plain(stage: Line) -> bool:
-    """True if a line is one along which nothing turns, and nothing is said of the tool's speed."""
-    turned = stage.turn is not None or stage.rpy is not None or stage.free_rotation != "none"
-    return not turned and stage.tool_speed is None and stage.tool_acceleration is None
 
 
 def _frame(stage: Line | Circle | Along, world: World, begins: Array) -> Array:

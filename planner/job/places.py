@@ -27,15 +27,7 @@ def fixed_link(robot: Robot) -> tuple[str, Array]:
     for link, index in links_of(robot).items():
         if robot.model.frames[index].parentJoint == 0:
             return link, np.asarray(robot.model.frames[index].placement.homogeneous)
-    raise InputError(f"{robot.name} has no link that stands fast in the world, which lines and `touch` need")
-
-
-def along(direction: Array) -> Array:
-    """Return a rotation (3, 3) that takes the x axis to a unit vector."""
-    other = np.eye(3)[int(np.abs(direction).argmin())]
-    side = np.cross(direction, other)
-    side /= np.linalg.norm(side)
-    return np.stack([direction, side, np.cross(direction, side)], axis=1)
+    raise InputError(f"{robot.name} has no link that stands fast in the world, which `touch` needs")
 
 
 def pose_of(matrix: Array) -> Pose:

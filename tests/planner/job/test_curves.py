@@ -268,3 +268,17 @@ def test_a_curve_without_a_time_law_names_the_stage(monkeypatch: pytest.MonkeyPa
     scene = hdplan.Scene(robot="panda", start="default", limits=LIMITS, job=hdplan.Job([line]))
     with pytest.raises(UnsolvableError, match=r"job\[0\] \(crawl\): no time law was found"):
         hdplan.plan_job(scene)
+
+
+def test_a_line_that_is_driven_there_and_back_and_there_is_not_certified() -> None:
+    """A plain one, too: all of it is within the tolerance of the line, and its ends are where they are to be."""
+    limits = hdplan.Limits(acceleration=5.0)
+
+    def scene(*stages: hdplan.Line) -> hdplan.Scene:
+        return hdplan.Scene(robot="panda", start="default", limits=limits, job=hdplan.Job(stages))
+
+    there, back = hdplan.Line(by=[0.05, 0.0, 0.0]), hdplan.Line(by=[-0.05, 0.0, 0.0])
+    assert hdplan.plan_job(asked := scene(replace(there, name="once"))).certified
+    motion = hdplan.plan_job(scene(there, back, there)).trajectory
+    thrice = replace(motion, stages=(replace(motion.stages[0], name="once"),))
+    assert "off path" in hdplan.certify_job(asked, thrice).text

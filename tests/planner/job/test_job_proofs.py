@@ -261,6 +261,7 @@ def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: 
         {"let_go": {"joints": {FINGER: 0.025}}},
         {"grip": {"link": "panda_link0"}},
         {"away": {"limits": hdplan.Limits(acceleration=0.5)}},
+        {"lift": {"link": "bar", "touch": [["bar", "shelf"]]}},  # lines of what is held are not known
     ],
 )
 def test_the_proof_of_another_job_is_rejected(

@@ -169,16 +169,16 @@ def test_the_scene_of_a_stage_is_one_like_any_other(planned: JobResult, tmp_path
 
 
 def test_the_checker_accepts_the_proof_of_a_stage_that_touches(planned: JobResult, tmp_path: Path) -> None:
-    """By itself, of the one in which the can stands on the table; and not for another scene."""
-    (stage,) = [each for each in planned.certificate.stages if each.name == "lift"]
-    scene, motion, proof = (tmp_path / f"lift.{ending}" for ending in ("yaml", "json", "proof"))
+    """By itself, of the one in which fingers close on the can; and not for another scene. Curves are no scene's."""
+    (stage,) = [each for each in planned.certificate.stages if each.name == "grip"]
+    scene, motion, proof = (tmp_path / f"grip.{ending}" for ending in ("yaml", "json", "proof"))
     stage.scene.save(scene)
     stage.trajectory.save(motion)
     hdplan.prove(scene, motion).save(proof)
     assert run_verify(str(scene), motion, proof) == 0
-    written = scene.read_text(encoding="utf-8")
-    assert written.count('"touch_links": ["can"]') == 1
-    scene.write_text(written.replace('"touch_links": ["can"]', '"touch_links": []'), encoding="utf-8")
+    written, touching = scene.read_text(encoding="utf-8"), '"touch_links": ["panda_leftfinger", "panda_rightfinger"]'
+    assert written.count(touching) == 1
+    scene.write_text(written.replace(touching, '"touch_links": []'), encoding="utf-8")
     assert run_verify(str(scene), motion, proof) == 1
 
 
@@ -279,7 +279,7 @@ def test_what_was_let_go_is_an_obstacle_where_it_lies(scene: Scene, planned: Job
         (1, {"frame": "tol"}, "line.frame: unknown 'tol'"),
         (1, {"link": "hand"}, "unknown link 'hand'"),
         (1, {"link": "panda_link0"}, "line.link: no planned joint moves 'panda_link0'"),
-        (1, {"by": [0.0, 0.0, 2.5]}, "2.5 m long"),
+        (1, {"by": [0.0, 0.0, 2.5]}, "cannot be brought along beyond"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(scene: Scene, number: int, fields: dict[str, Any], words: str) -> None:
