@@ -279,7 +279,7 @@ class Retimer:
             if shortest is None or found.duration < shortest.duration:
                 shortest = found
             parts = max(math.ceil(stretch * law.duration / row - 1e-9), parts + 1)
-        return Quickest(law, math.inf, 0) if shortest is None else shortest
+        return Quickest(Averaged(law, 0.5), math.inf, 0) if shortest is None else shortest
 
     def _stretched(self, spline: PathSpline, law: Stepwise, window: int, parts: int) -> tuple[Quickest, float]:
         """Return the motion with a law of so many parts averaged over a window of so many more, and its stretch."""
