@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
-LITTLE = 1e-3  # relative stretch of a motion that its window is wide enough for
+LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion that its window is wide enough for; that has other causes
 DENSER = 5  # times that a motion, stretched, gets more rows
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
@@ -233,8 +233,9 @@ class Retimer:
     def _windowed(self, spline: PathSpline, law: Stepwise) -> Quickest:
         """Return the shortest motion of those with a few windows. The stretch that the narrowest needs calls for a
         wider one, if it is for the law's jerk, which falls with the window. What follows is wider, where the motion is
-        stretched, or else narrower, as long as that may gain much: no motion is shorter than its law and its window. At
-        last a window lies between two numbers of rows, with more rows to it."""
+        stretched, or else narrower, as long as that may gain much: no motion is shorter than its law and its window.
+        Where it is stretched much, and a wider window does not help, it was too wide. At last a window lies between two
+        numbers of rows, with more rows to it."""
         parts, row = math.ceil(law.duration * self.rate - 1e-9), 1.0 / self.rate
         self._check_rows(law.duration)
         narrow, stretch = self._stretched(spline, law, FEWEST_ROWS, max(parts, FEWEST_PARTS))
@@ -242,35 +243,43 @@ class Retimer:
         if not math.isfinite(widest):
             raise HdplanError("no time law was found within the limits on the executed curve")
         window = max(round(min(FEWEST_ROWS * stretch**3, widest)), FEWEST_ROWS)
-        found = self._averaged(spline, law, window, row)
+        found, turned = self._averaged(spline, law, window, row), False
         for _ in range(WINDOWS):
-            wider = found.stretch > 1.0 + LITTLE
-            other = window + (1 if wider else -1) * max(window // 4, 1)
-            least = law.duration + (window + (0.25 if wider else -0.75) * max(window // 4, 1)) * row
+            wider = found.stretch > 1.0 + LITTLE and not turned
+            step = max(window // (2 if turned else 4), 1)
+            other = window + (step if wider else -step)
+            least = law.duration + (window + (0.25 if wider else -0.75) * step) * row
             if other < FEWEST_ROWS or found.duration <= (1.0 + GAIN) * least:
                 break
             next_ = self._averaged(spline, law, other, row)
-            if next_.duration >= found.duration < math.inf:
-                between = self._averaged(
-                    spline, law, max(window, other), 0.5 * (window + other) / max(window, other) * row
-                )
-                return between if between.duration <= (1.0 - GAIN) * found.duration else found
-            window, found = other, next_
-        return found
+            if next_.duration < found.duration or math.isinf(found.duration):
+                window, found = other, next_
+            elif wider and found.stretch > 1.0 + MUCH:
+                turned = True
+            else:
+                between = 0.5 * (window + other) / max(window, other) * row
+                next_ = self._averaged(spline, law, max(window, other), between)
+                found = next_ if next_.duration <= (1.0 - GAIN) * found.duration else found
+                break
+        return min(found, narrow, key=lambda each: each.duration)
 
     def _averaged(self, spline: PathSpline, law: Stepwise, window: int, row: float) -> Quickest:
         """Return the motion with a law averaged over a window, in rows of it, stretched as far as the limits on the
-        executed curve need; rows lie `row` apart, or closer, so that they still do where they are stretched."""
-        parts = max(math.ceil(law.duration / row - 1e-9), FEWEST_PARTS)
+        executed curve need; rows lie `row` apart, or closer, so that they still do where they are stretched, if that
+        has an end: a law that is quick where the path turns back is stretched more, the closer its rows lie."""
+        parts, shortest = max(math.ceil(law.duration / row - 1e-9), FEWEST_PARTS), None
         for _ in range(DENSER):
-            self._check_rows(law.duration / parts * (parts + window))
+            if parts + window > MOST_ROWS:
+                break
             found, stretch = self._stretched(spline, law, window, parts)
             if stretch * law.duration <= (1.0 + 1e-12) * parts * row:
                 return found
             if not math.isfinite(stretch):
                 break
+            if shortest is None or found.duration < shortest.duration:
+                shortest = found
             parts = max(math.ceil(stretch * law.duration / row - 1e-9), parts + 1)
-        return found._replace(duration=math.inf)
+        return Quickest(Averaged(law, 0.5), math.inf, 0) if shortest is None else shortest
 
     def _stretched(self, spline: PathSpline, law: Stepwise, window: int, parts: int) -> tuple[Quickest, float]:
         """Return the motion with a law of so many parts averaged over a window of so many more, and its stretch."""

@@ -331,3 +331,20 @@ def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
         rows = np.clip(drawn, robot.lower, robot.upper)  # many rest on a limit
         trajectory, _ = Retimer(Setup.of(scene, robot))(Trajectory(robot.joint_names, rows, robot.locked))
         assert beyond_limits(trajectory.curve, robot) is None
+
+
+@pytest.mark.parametrize("jerk", [1.0, 10.0, 1e3])
+@pytest.mark.parametrize("joints", [1, 7])
+def test_a_path_that_turns_back_finds_a_law_however_quick_it_may_be_there(jerk: float, joints: int) -> None:
+    """Where all of a path turns back, u̇ may jump: jerk that no wider window lowers calls for a slower law, not none."""
+    scene, robot = limited(Limits(velocity=50.0, acceleration=1e4, jerk=jerk))
+    rng = np.random.default_rng([joints, round(jerk)])
+    way = np.cumsum(np.where(np.arange(robot.n) < joints, rng.normal(scale=0.1, size=(8, robot.n)), 0.0), axis=0)
+    path = np.clip(robot.configuration(scene.start) + way, robot.lower, robot.upper)
+    ends = {"start": path[0].tolist(), "goal": path[-1].tolist()}
+    setup = Setup.of(dataclasses.replace(scene, **ends), robot)
+    timed = Retimer(setup)(Trajectory(robot.joint_names, path, robot.locked)).trajectory
+    rests = sum(float((32.0 * np.abs(step).max() / jerk) ** (1.0 / 3.0)) for step in np.diff(path, axis=0))  # at each
+    assert all(use.within for use in RateCheck(setup).check(timed.curve).uses)
+    assert timed.times is not None
+    assert timed.times[-1] <= rests
