@@ -114,7 +114,7 @@ class AtOnce(Executor):
         return future
 
 
-def of_replanner() -> dict[str, str]:
+def of_replanner() -> dict[str, str | float | None]:
     person = hdplan.Uncertainty(0.01, speed=0.4)
     shape, speed = hdplan.Capsule(0.1, 0.6), 0.3
     scene = hdplan.Scene(
