@@ -188,7 +188,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ): "others go to `_rates`, which is complete",
     ("planner/view/obstacle_fields.py", "ObstacleFields.update", "motion"): "tells whether fields are built anew",
     ("planner/view/obstacle_fields.py", "_duration", "motion"): "asserts that it is given timed poses",
-    ("planner/view/stage.py", "Stage._node", "seen"): "other nodes are drawn by `skins.obstacle_mesh`",
+    ("planner/view/drawing/standing.py", "Standing._node", "seen"): "other nodes are drawn by `skins.obstacle_mesh`",
     ("planner/view/things.py", "turns", "shape"): "a ball alone looks the same when it is turned",
     ("scenes/moveit/constraints.py", "_within", "shape"): "refuses all but boxes in words for the user",
     ("scenes/moveit/planning_scene.py", "_attached", "seen"): "chooses solids among what messages hold",
