@@ -117,6 +117,23 @@ class Gate:
         return True
 
 
+class Served:
+    """Base of viewers that a server shows behind a gate."""
+
+    server: Any  # viser's
+    gate: Gate
+
+    @property
+    def port(self) -> int:
+        """The port on which it is served."""
+        return int(self.server.get_port())
+
+    def address(self, watch: bool = False) -> str:
+        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
+        shared. Raises KeyError if it is not."""
+        return self.gate.address(self.port, watch)
+
+
 @dataclass
 class _File:
     """A file that is on its way."""

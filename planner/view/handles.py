@@ -135,18 +135,8 @@ class Handles:
             viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
             self._say("its handle is where it is at 0 s; it moves on as before")
         self._at = pose = place_of(viewer.edited, thing, viewer.stage.tip)
-        x, y, z, w = pose.quaternion_xyzw
         self._handles += 1
-        self._handle = viewer.server.scene.add_transform_controls(
-            f"/handle/{self._handles}",
-            scale=SIZE,
-            fixed=True,
-            line_width=4.0,
-            position=pose.position,
-            wxyz=(w, x, y, z),
-            depth_test=False,
-            disable_rotations=not turns(viewer.edited, thing),
-        )
+        self._handle = add_handle(viewer.server, self._handles, pose, turns(viewer.edited, thing))
         self._handle.on_update(self._dragged)
 
     def _chosen(self) -> None:
@@ -168,3 +158,18 @@ class Handles:
 
     def _say(self, text: str) -> None:
         self._said.content = small(text)
+
+
+def add_handle(server: Any, number: int, pose: Pose, turning: bool) -> Any:
+    """Draw the handle of this number at a pose, and return it; one that does not turn moves alone."""
+    x, y, z, w = pose.quaternion_xyzw
+    return server.scene.add_transform_controls(
+        f"/handle/{number}",
+        scale=SIZE,
+        fixed=True,
+        line_width=4.0,
+        position=pose.position,
+        wxyz=(w, x, y, z),
+        depth_test=False,
+        disable_rotations=not turning,
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.drawing.nodes import ObstacleNode, pose_of
 from hdplan.planner.view.edited_job import Movable
-from hdplan.planner.view.handles import NOTHING, SIZE
+from hdplan.planner.view.handles import NOTHING, add_handle
 from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
@@ -107,18 +107,8 @@ class JobHandles:
             return
         edited = self._viewer.edited
         pose = edited.place_of(thing)
-        x, y, z, w = pose.quaternion_xyzw
         self._handles += 1
-        self._handle = self._viewer.server.scene.add_transform_controls(
-            f"/handle/{self._handles}",
-            scale=SIZE,
-            fixed=True,
-            line_width=4.0,
-            position=pose.position,
-            wxyz=(w, x, y, z),
-            depth_test=False,
-            disable_rotations=not edited.turns(thing),
-        )
+        self._handle = add_handle(self._viewer.server, self._handles, pose, edited.turns(thing))
         self._handle.on_update(self._dragged)
 
     def _chosen(self) -> None:

@@ -20,7 +20,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.gate import Gate
+from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.history import History
 from hdplan.planner.view.in_view import few_of
 from hdplan.planner.view.job_handles import JobHandles
@@ -43,7 +43,7 @@ OTHER_ROBOT = "is a scene of another robot, or without a job: open it with hdpla
 FAILED = "hdplan failed here ({error}): plan again"
 
 
-class JobViewer:
+class JobViewer(Served):
     """A scene with a job in the browsers of one server."""
 
     def __init__(
@@ -106,16 +106,6 @@ class JobViewer:
         self.page.on("stage", self._go_to_stage)
 
     # --- what is shown --------------------------------------------------------------------------------------------
-
-    @property
-    def port(self) -> int:
-        """The port on which it is served."""
-        return int(self.server.get_port())
-
-    def address(self, watch: bool = False) -> str:
-        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
-        shared. Raises KeyError if it is not."""
-        return self.gate.address(self.port, watch)
 
     @property
     def verdict(self) -> str:

@@ -25,7 +25,7 @@ from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_scene import Edited
-from hdplan.planner.view.gate import Gate
+from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Kept, Motions, Shown
@@ -45,7 +45,7 @@ State = tuple[Edited, tuple[Kept, ...], int | None]
 FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
 
-class Viewer:
+class Viewer(Served):
     """A scene in the browsers of one server."""
 
     def __init__(
@@ -81,16 +81,6 @@ class Viewer:
         self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
-
-    @property
-    def port(self) -> int:
-        """The port on which it is served."""
-        return int(self.server.get_port())
-
-    def address(self, watch: bool = False) -> str:
-        """Return where browsers find it: where everything can be changed, or where it is only watched, if that is
-        shared. Raises KeyError if it is not."""
-        return self.gate.address(self.port, watch)
 
     @property
     def scene(self) -> Scene:

@@ -224,14 +224,20 @@ FORGED_JOBS = [
 ]
 
 
+def other_job(scene: Scene, tip: Any, folder: Path, changes: dict[str, Any]) -> Path:
+    """The file of the scene with changes of its job's stages."""
+    other = folder / "other.yaml"
+    replace(scene, goal=None, job=job(tip, **changes)).save(other)
+    return other
+
+
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("changes", FORGED_JOBS, ids=str)
 def test_the_motion_of_another_job_is_rejected(
     scene: Scene, files: Files, tip: Any, tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     _, motion, data = files
-    other = tmp_path / "other.yaml"
-    replace(scene, goal=None, job=job(tip, **changes)).save(other)
+    other = other_job(scene, tip, tmp_path, changes)
     with pytest.raises(RejectedError):
         claimed(other, motion, data)
 
@@ -251,8 +257,7 @@ def test_the_proof_tells_no_other_world(
     scene: Scene, files: Files, tip: Any, tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     _, motion, data = files
-    other = tmp_path / "other.yaml"
-    replace(scene, goal=None, job=job(tip, **changes)).save(other)
+    other = other_job(scene, tip, tmp_path, changes)
     with pytest.raises(RejectedError):
         check_job(other, motion, data)
 

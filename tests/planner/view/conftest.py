@@ -11,6 +11,7 @@ pytest.importorskip("viser", reason="the viewer is optional: pip install viser")
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
+from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
@@ -46,6 +47,16 @@ def opened() -> Iterator[Opener]:
     for viewer in viewers:
         viewer.close()
     assert not complaints
+
+
+@pytest.fixture
+def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    """A viewer for pages in a real browser; see `in_browser.plainly`."""
+    from tests.planner.view.in_browser import plainly
+
+    viewer = plainly(scene, (NAME, trajectory))
+    yield viewer
+    viewer.close()
 
 
 @pytest.fixture(scope="session")

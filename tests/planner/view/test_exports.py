@@ -6,7 +6,7 @@ from __future__ import annotations
 import io
 import threading
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,12 +17,11 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.archive import archive
 from hdplan.planner.view import exports
-from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.verify import verify
-from tests.planner.view.in_browser import Tabs, address, by_worker, plainly, press, tab_of
+from tests.planner.view.in_browser import Tabs, address, by_worker, press, tab_of
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -94,13 +93,6 @@ def test_a_browser_that_is_gone_ends_nothing(opened: Opener, scene: Scene, traje
     by_worker(viewer, lambda: viewer.panel.exports._begin("picture", gone))
     until(lambda: "not saved: AttributeError" in said(viewer), "it is not said")
     by_worker(viewer, lambda: viewer.panel.exports._asked_for("no such thing", gone))
-
-
-@pytest.fixture
-def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    viewer = plainly(scene, (NAME, trajectory))
-    yield viewer
-    viewer.close()
 
 
 @pytest.mark.slow

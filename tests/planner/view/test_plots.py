@@ -4,7 +4,7 @@ timeline, and a page's drag decides which."""
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,11 +14,10 @@ import pytest
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.view.drawing.plot import Plot
-from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_browser import Tabs, address, by_worker, plainly
+from tests.planner.view.in_browser import Tabs, address, by_worker
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -136,13 +135,6 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
         assert plots.view == pytest.approx((0.4, 0.8))
     told('{"do": "zoom", "from": 0, "to": 0}')
     assert plots.view == (0.0, 1.0)
-
-
-@pytest.fixture
-def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    viewer = plainly(scene, (NAME, trajectory))
-    yield viewer
-    viewer.close()
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +18,6 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view import scene_edits
 from hdplan.planner.view.layers import FRAMES, NAMES, TRAIL
 from hdplan.planner.view.marks import POSTURES
-from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import START, Thing, obstacle_of
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.viewer import Viewer
@@ -27,7 +26,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, read_obstacles, shipped_scenes
 from hdplan.scenes.yaml_format.writer import obstacle_text
-from tests.planner.view.in_browser import Tabs, address, by_worker, calm, plainly
+from tests.planner.view.in_browser import Tabs, address, by_worker, calm
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -186,13 +185,6 @@ def test_marks_are_the_motions_and_the_obstacles_own(viewer: Viewer, trajectory:
     viewer.show(0.3)
     assert (layers.trail.nodes, layers.frames.node, layers.names.labels) == ([], None, {})
     assert "tip [m]" in viewer.panel._table.content
-
-
-@pytest.fixture
-def served(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    viewer = plainly(scene, (NAME, trajectory))
-    yield viewer
-    viewer.close()
 
 
 @pytest.mark.slow
