@@ -59,6 +59,14 @@ class ForkSafeLock:
         self._lock = threading.Lock()
 
 
+class _Turn:
+    """The lock of a value under way, and the number of callers that hold it or wait."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.callers = 0
+
+
 def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
     """Cache the `most` last used values of a function, by its arguments, which must be hashable.
 
@@ -69,7 +77,7 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
 
     def decorate(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
         made: OrderedDict[Hashable, Made] = OrderedDict()
-        under_way: dict[Hashable, threading.Lock] = {}
+        under_way: dict[Hashable, _Turn] = {}
         changing = ForkSafeLock()  # guards the two above; never held while a value is made
         after_fork(under_way.clear)
 
@@ -80,21 +88,24 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
                 if key in made:
                     made.move_to_end(key)
                     return made[key]
-                turn = under_way.setdefault(key, threading.Lock())
-            with turn:
-                with changing:
-                    if key in made:  # by the thread that had the lock before
-                        return made[key]
-                try:
+                turn = under_way.setdefault(key, _Turn())
+                turn.callers += 1
+            try:
+                with turn.lock:
+                    with changing:
+                        if key in made:  # by the thread that had the lock before
+                            return made[key]
                     value = make(*args, **kwargs)
                     with changing:
                         made[key] = value
                         while len(made) > most:
                             made.popitem(last=False)
                     return value
-                finally:
-                    with changing:
-                        under_way.pop(key, None)
+            finally:
+                with changing:  # kept for those who wait: after an error, one of them tries, and no newcomer beside it
+                    turn.callers -= 1
+                    if not turn.callers and under_way.get(key) is turn:
+                        del under_way[key]
 
         return find
 

@@ -9,6 +9,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -265,13 +266,19 @@ def test_made_once_makes_each_value_once_and_keeps_the_latest() -> None:
 
 def test_a_failure_is_not_kept() -> None:
     tries: list[int] = []
+    under_way = threading.Lock()
 
     @made_once(2)
     def fails_first(number: int) -> int:
-        tries.append(number)
-        if len(tries) == 1:
-            raise ValueError("once")
-        return number
+        assert under_way.acquire(blocking=False), "a second thread makes the value beside the first"
+        try:
+            tries.append(number)
+            time.sleep(0.01)  # time for a late thread to come while those of before still wait
+            if len(tries) == 1:
+                raise ValueError("once")
+            return number
+        finally:
+            under_way.release()
 
     def work(index: int) -> int:
         try:
