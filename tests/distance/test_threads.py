@@ -9,7 +9,6 @@ import pickle
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -266,19 +265,13 @@ def test_made_once_makes_each_value_once_and_keeps_the_latest() -> None:
 
 def test_a_failure_is_not_kept() -> None:
     tries: list[int] = []
-    under_way = threading.Lock()
 
     @made_once(2)
     def fails_first(number: int) -> int:
-        assert under_way.acquire(blocking=False), "a second thread makes the value beside the first"
-        try:
-            tries.append(number)
-            time.sleep(0.01)  # time for a late thread to come while those of before still wait
-            if len(tries) == 1:
-                raise ValueError("once")
-            return number
-        finally:
-            under_way.release()
+        tries.append(number)
+        if len(tries) == 1:
+            raise ValueError("once")
+        return number
 
     def work(index: int) -> int:
         try:
@@ -287,6 +280,38 @@ def test_a_failure_is_not_kept() -> None:
             return -1
 
     assert sorted(together(work)) == [-1] + [7] * (THREADS - 1)
+    assert tries == [7, 7]
+
+
+def test_after_a_failure_a_newcomer_waits_beside_those_who_waited() -> None:
+    tries, waiting, second_in, go_on = [], threading.Event(), threading.Event(), threading.Event()
+
+    @made_once(2)
+    def fails_first(number: int) -> int:
+        tries.append(number)
+        if len(tries) == 1:
+            second.start()
+            waiting.wait(10)
+            second.join(0.05)  # long enough to reach the lock, where the second waits
+            raise ValueError("once")
+        second_in.set()
+        go_on.wait(10)
+        return number
+
+    def call() -> None:
+        waiting.set()
+        fails_first(7)
+
+    second, newcomer = threading.Thread(target=call), threading.Thread(target=call)
+    with pytest.raises(ValueError, match="once"):
+        fails_first(7)
+    assert second_in.wait(10)
+    newcomer.start()
+    newcomer.join(0.05)
+    assert tries == [7, 7]  # the failure and the second; the newcomer waits for its value
+    go_on.set()
+    for thread in (second, newcomer):
+        thread.join(10)
     assert tries == [7, 7]
 
 
