@@ -48,7 +48,7 @@ tiago_shelf, ur5_ceiling, ur5_pallet, ur5_palletize, ur5_payload, ur5_scan, ur5_
 
 Exit codes: 0 certified; 1 no certified motion was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (its results so far are written, marked as such); 2 bad input;
-3 an internal error.""",
+3 an internal error; 4 a proof is accepted in part.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
