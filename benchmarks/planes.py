@@ -22,7 +22,7 @@ from hdplan.distance.studies.stopwatch import seconds_per_query
 from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec

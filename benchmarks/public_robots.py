@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec

@@ -33,7 +33,8 @@ import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision.link_bodies import fit_report
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import HdplanError, InputError, TimeLimitError
 from hdplan.scenes.obstacles import Obstacle

@@ -18,7 +18,7 @@ from pathlib import Path
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.link_bodies import enclosed, link_key
 from hdplan.planner.collision.shipped_bodies import ARMS, FILE, KINDS, RESULTS
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.robot_spec import RobotSpec

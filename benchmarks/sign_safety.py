@@ -30,7 +30,7 @@ from hdplan.distance.normals import RUNGS
 from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec

@@ -20,7 +20,7 @@ import pytest
 from hdplan import cli
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import check_time, seconds_left, time_limit
 from hdplan.scenes.errors import InputError, TimeLimitError

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 from sieges import meshes, mutations

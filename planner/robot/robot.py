@@ -1,7 +1,8 @@
 """A robot for planner and certificate: Pinocchio model, collision geometry, joints, self-collision pairs, named states.
 
-RobotSpec (name or URDF, base, locked joints) -> `Robot`: fixed base, locked joints removed from the model, one
-coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, with the base where the scene puts it.
+`loading.load_robot` makes it of a RobotSpec (name or URDF, base, locked joints): fixed base, locked joints removed from
+the model, one coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, with the base where the
+scene puts it.
 """
 
 from __future__ import annotations
@@ -16,33 +17,19 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.robot.always_touching import always_touching
 from hdplan.planner.robot.as_loaded import AsLoaded
-from hdplan.planner.robot.linkage import Linkage, room_of, rules_of
-from hdplan.planner.robot.pin_model import motion_axes, move_base, read_model, without_joints
-from hdplan.planner.robot.planned_joints import planned_joints, range_of
-from hdplan.planner.robot.self_pairs import (
-    ALWAYS_TOUCHING,
-    CONTACT_SAMPLES,
-    EXCESS,
-    NEVER_TOUCHING,
-    always_in_contact,
-    excluded,
-    never_in_contact,
-)
+from hdplan.planner.robot.linkage import Linkage
+from hdplan.planner.robot.pin_model import motion_axes
+from hdplan.planner.robot.self_pairs import CONTACT_SAMPLES, NEVER_TOUCHING
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import LISTED_NAMES, InputError, UnsolvableError, listed, nearest
-from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.files import Stamps
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import TURN, Pose
-from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
-from hdplan.scenes.robot_files.library import description_of, source_of
+from hdplan.scenes.robot_files.description import Semantics
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
-from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
-from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.values import checked
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
 SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same
@@ -254,159 +241,3 @@ class Robot:
                 asked = "; is it in degrees? hdplan takes radians" if degrees else ""
                 raise UnsolvableError(f"{beyond}{asked}", "end_beyond_limits")
         return q
-
-
-# --- loading ---------------------------------------------------------------------------------------------
-
-
-def load_robot(robot: str | RobotSpec) -> Robot:
-    """Load a robot: one of example-robot-data by its name, or that of a RobotSpec, such as a URDF (and SRDF) file.
-
-    The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
-    group, or else all joints except those of a hand. Mimic joints, and those that the SRDF calls passive, are never
-    planned: mimic joints move with the joint that they follow, where that is planned.
-    All other joints are held: at the scene's value (at most EXCESS beyond the limits), or else at the value of the
-    first named state that has one, or else at 0, or as near to it as their limits allow.
-
-    Raises:
-        InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
-    """
-    spec: RobotSpec = checked(robot_spec, robot, "robot")
-    name, urdf, srdf, _ = description_of(spec)
-    source = source_of(spec)
-    files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
-    tree, semantics = read_words(source, srdf)
-    files += stamps_of(tree.files[1:])  # known only now
-    full, geometry, meshes = read_model(source)
-    if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
-        read = len(geometry.geometryObjects)
-        raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
-
-    joints = [str(joint) for joint in full.names][1:]
-    for joint in spec.locked:
-        if joint not in joints:
-            raise InputError(f"robot.locked: unknown joint '{joint}'{nearest(joint, joints)}")
-    for joint, kind in zip(joints, itertools.islice(full.joints, 1, None), strict=True):
-        if kind.nv != 1:
-            raise InputError(
-                f"robot: joint '{joint}' of {name} has {kind.nv} coordinates ({kind.shortname()}); "
-                "only joints with one coordinate can be planned"
-            )
-    ranges = {joint: range_of(full, joint) for joint in joints}
-    for joint, value in spec.locked.items():
-        low, high = ranges[joint]
-        if not low - EXCESS <= value <= high + EXCESS:
-            raise InputError(
-                f"robot.locked or start: joint '{joint}' is to be held at {value:g}, more than {EXCESS:g} beyond its "
-                f"limits [{low:g}, {high:g}]"
-            )
-    planned, group, notes = planned_joints(full, ranges, spec, tree, semantics, name)
-    if spec.base_joints is not None:
-        planned += [joint for joint in BASE_JOINTS if joint not in (*planned, *spec.locked)]
-    rules = {joint: rule for joint, rule in rules_of(tree, joints).items() if rule.leader in planned and rule.factor}
-    for joint in spec.locked:
-        if joint in rules:
-            raise InputError(
-                f"robot.locked: joint '{joint}' follows '{rules[joint].leader}', which is planned: hold that one"
-            )
-    resting = [joint for joint in joints if joint not in (*planned, *rules)]
-    held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in resting}
-    notes += [*tree.notes, *semantics.notes]
-    if not geometry.geometryObjects:
-        notes.append(f"no link of {name} has collision geometry, so it cannot touch anything")
-    if lost := [joint for joint, (followed, _, _) in tree.mimics.items() if followed not in tree.joints]:
-        notes.append(f"joints that mimic one that {name} does not have, held: {listed(lost)}")
-    for joint, (followed, factor, offset) in tree.mimics.items():
-        should = factor * held.get(followed, 0.0) + offset
-        if joint in held and joint not in lost and abs(held[joint] - should) > SAME_PLACE:
-            follows = f"following '{followed}' it would be at {should:g}"
-            notes.append(f"joint '{joint}' is held at {held[joint]:g}; {follows}")
-    by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
-    if by_default:
-        notes.append(f"joints held: {listed(by_default)}")
-
-    apart = never_in_contact(full, geometry, held) if srdf is None else ()
-    model, collision = without_joints(full, geometry, held)
-    move_base(model, collision, pin.SE3(spec.base.matrix))
-
-    link_geometry: dict[str, tuple[int, ...]] = {}
-    link_joint: dict[str, int] = {}
-    for index, item in enumerate(collision.geometryObjects):
-        link = str(model.frames[item.parentFrame].name)
-        link_geometry[link] = (*link_geometry.get(link, ()), index)
-        link_joint[link] = int(item.parentJoint)
-    names, linkage = tuple(str(joint) for joint in model.names)[1:], None
-    lower, upper = np.array([ranges[joint] for joint in names]).reshape(-1, 2).T
-    if rules:
-        linkage = Linkage.of(names, rules)
-        names = tuple(names[i] for i in linkage.own.tolist())
-        notes += [f"joints that move with others: {', '.join(map(linkage.rule, linkage.followers))}"]
-        within = np.array([room_of(joint, rules, ranges) for joint in names])
-        for i in np.flatnonzero((within != np.stack([lower, upper], axis=1)[linkage.own]).any(axis=1)).tolist():
-            low, high = within[i].tolist()
-            notes.append(f"joint '{names[i]}': limits narrowed to [{low:g}, {high:g}] by those of what follows it")
-        lower, upper = within.T
-    loaded = Robot(
-        name=name,
-        model=model,
-        collision=collision,
-        joint_names=names,
-        lower=lower,
-        upper=upper,
-        inner=np.stack([lower, upper]),
-        locked=held,
-        links=tuple(link_geometry),
-        link_joint=link_joint,
-        link_geometry=link_geometry,
-        self_pairs=(),
-        named_states=semantics.named_states(group),
-        semantics=semantics,
-        notes=(),
-        files=(*files, *meshes),
-        base=spec.base,
-        impossible=_moved(tree.impossible, model),
-        linkage=linkage,
-    )
-    unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(loaded, tree, semantics, spec)
-    every = [link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2)]
-    asked = {link_pair(a, b) for a, b in spec.check_pairs}
-    touching = always_in_contact(loaded, (pair for pair in every if pair not in unchecked and pair not in asked))
-    unchecked |= dict.fromkeys(always_touching(loaded, touching, EXCESS), ALWAYS_TOUCHING)
-    if never := list(unchecked.values()).count(NEVER_TOUCHING):
-        notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")
-    if always := [pair for pair in touching if pair in unchecked]:
-        notes.append(f"link pairs that are proven always to touch, not checked: {_words(always)}")
-    if doubtful := tuple(pair for pair in touching if pair not in unchecked):
-        notes.append(
-            f"link pairs in contact at each of {CONTACT_SAMPLES} sampled configurations, which is no proof, so they "
-            f"are checked: {_words(doubtful)}; name them in robot.ignore_pairs, or an SRDF, if they may touch"
-        )
-    pairs = tuple(pair for pair in every if pair not in unchecked)
-    return replace(loaded, self_pairs=pairs, unchecked=unchecked, doubtful=doubtful, notes=tuple(notes))
-
-
-def _words(pairs: Iterable[LinkPair]) -> str:
-    return ", ".join(f"{a}-{b}" for a, b in pairs)
-
-
-def _moved(links: tuple[str, ...], model: pin.Model) -> tuple[str, ...]:
-    """Return those of the links that a joint of the model moves."""
-    carried = {str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint}
-    return tuple(link for link in links if link in carried)
-
-
-def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantics: Semantics) -> float:
-    """Return the value of a joint that is not planned."""
-    if joint in spec.locked:
-        return float(spec.locked[joint])
-    if joint in tree.mimics and tree.mimics[joint][0] in tree.joints:
-        followed, factor, offset = tree.mimics[joint]
-        at = _held_at(followed, model, spec, tree, semantics) if followed in model.names else 0.0  # a fixed joint
-        return factor * at + offset
-    states = semantics.named_states(None).values()
-    value = next((state[joint] for state in states if joint in state), 0.0)
-    index = model.getJointId(joint)
-    if model.joints[index].nq != 1:
-        return value
-    at = model.joints[index].idx_q
-    return float(np.clip(value, model.lowerPositionLimit[at], model.upperPositionLimit[at]))

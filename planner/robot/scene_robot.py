@@ -14,7 +14,8 @@ import numpy as np
 
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.robot.as_loaded import check_as_loaded
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.tracking import tracking
 from hdplan.scenes.attached import Attached

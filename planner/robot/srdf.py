@@ -8,9 +8,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.pin_model import read_model
 from hdplan.planner.robot.planned_joints import range_of, with_range
-from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.description import read_tree

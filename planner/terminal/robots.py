@@ -11,7 +11,8 @@ from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.link_bodies import fit_report
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.robot.link_frame import end_effector
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import stamps_of
 from hdplan.scenes.poses import Pose

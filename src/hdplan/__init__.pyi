@@ -23,7 +23,8 @@ from hdplan.planner.proof.proof import Proof as Proof, prove as prove
 from hdplan.planner.replanning.command import Command as Command
 from hdplan.planner.replanning.replanner import Replanner as Replanner
 from hdplan.planner.result import PlanResult as PlanResult
-from hdplan.planner.robot.robot import Robot as Robot, load_robot as load_robot
+from hdplan.planner.robot.loading import load_robot as load_robot
+from hdplan.planner.robot.robot import Robot as Robot
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics as inverse_kinematics
 from hdplan.planner.search.search import Event as Event
 from hdplan.planner.solvers import solve as solve

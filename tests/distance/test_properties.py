@@ -16,7 +16,7 @@ from hdplan.distance.normals import RUNGS
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, separating_axis_distance, separation
 from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.robot_spec import RobotSpec
 from tests.distance.hard_cases import place
 from tests.distance.witnesses import agree, evaluator

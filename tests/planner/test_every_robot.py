@@ -9,7 +9,8 @@ import pytest
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle

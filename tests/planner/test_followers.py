@@ -20,7 +20,8 @@ from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.proof.proof import prove
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics
 from hdplan.scenes.array_types import Array

@@ -17,7 +17,8 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.problem import path_speed, samples
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.solvers import newton_step
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec

@@ -15,7 +15,7 @@ from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import jobs_of
 from hdplan.planner.certificate.certifier import check_configuration
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene

@@ -22,7 +22,8 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.motion.motion_bounds import Chain, Motion
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array

@@ -16,7 +16,8 @@ from hdplan.planner.certificate.exact_proximity import Piece, hull_piece, link_p
 from hdplan.planner.certificate.part_distance import closest_parts, distance
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached

@@ -15,7 +15,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.robot_spec import RobotSpec

@@ -19,7 +19,8 @@ from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec

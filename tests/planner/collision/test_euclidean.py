@@ -22,7 +22,8 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_b
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.poses import Pose

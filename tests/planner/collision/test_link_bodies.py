@@ -21,7 +21,8 @@ from hdplan.planner.collision.link_fit import fitted
 from hdplan.planner.collision.shipped_bodies import ARMS
 from hdplan.planner.collision.sphere_swept_fit import Swept, Target, finished, rough_fits
 from hdplan.planner.collision.standing_out import outside
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.planner_settings import LINK_BODIES
 from hdplan.scenes.poses import Pose

@@ -13,7 +13,8 @@ from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import enclosed, in_joint, link_bodies, link_triangles
 from hdplan.planner.collision.link_parts import link_parts
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
 

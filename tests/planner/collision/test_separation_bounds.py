@@ -25,7 +25,8 @@ from hdplan.planner.collision.collision_model import CollisionModel, collision_m
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.limits import Limits

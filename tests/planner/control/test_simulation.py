@@ -17,7 +17,8 @@ from hdplan.planner.control.computed_torque import Arm, execute
 from hdplan.planner.control.simulation import Simulation, replay
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError

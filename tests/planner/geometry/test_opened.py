@@ -24,7 +24,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.problem.assemble import assemble
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.scenes.attached import Attached

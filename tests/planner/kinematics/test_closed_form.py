@@ -12,7 +12,8 @@ import pytest
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.closed_form import ClosedForm, Kind, closed_form
 from hdplan.planner.robot.link_frame import link_frame, link_poses
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics, reaching
 from hdplan.planner.terminal.robots import describe
 from hdplan.scenes.poses import Pose

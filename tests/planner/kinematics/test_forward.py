@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names

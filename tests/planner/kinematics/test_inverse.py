@@ -8,7 +8,8 @@ import pytest
 
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.kinematics.inverse import Aim
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.targets import FREE_ROTATIONS, AllOf, PoseTarget

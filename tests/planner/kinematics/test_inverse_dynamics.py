@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics, inverse_dynamics
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.loads import loaded_model
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.robot_spec import RobotSpec
 
 

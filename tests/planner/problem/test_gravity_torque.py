@@ -20,7 +20,8 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem import gravity_torque
 from hdplan.planner.problem.gravity_torque import GravityMeasure, GravityTorques, StaticTorque, static_torque
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain

@@ -17,7 +17,7 @@ from hdplan.planner.problem.gravity_torque import GravityTorques
 from hdplan.planner.problem.hinge import Measure
 from hdplan.planner.problem.path_terms import LEVER, RelativeMeasure, UprightMeasure, WithinMeasure
 from hdplan.planner.problem.second_order import by_joints, point_along
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.robot_spec import RobotSpec
 

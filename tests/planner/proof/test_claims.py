@@ -13,7 +13,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.motion.robot_curve import curve_of
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.path_constraints import Relative, Upright, Within

@@ -17,7 +17,7 @@ import hdplan
 from hdplan.planner.geometry.shape_table import operations
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.proof.planes import Planes
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.robot_files.library import data_folder, description_of, robot_names
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import RejectedError

@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import not_compared, world_of
 from hdplan.planner.proof.world_values import frame_of
 from hdplan.planner.robot.link_frame import end_effector
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array

@@ -17,7 +17,8 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.always_touching import _balls, _distance
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, EXCESS
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.link_pairs import link_pair

@@ -15,7 +15,8 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError

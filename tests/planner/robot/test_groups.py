@@ -15,7 +15,7 @@ import yaml
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached

@@ -14,7 +14,7 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits

@@ -11,7 +11,7 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE, NEIGHBOURS
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene

@@ -14,7 +14,8 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.commands.robots import run_robots
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, EXCESS, NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.loads import with_loads
-from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.view.drawing.skins import visual_skins
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec

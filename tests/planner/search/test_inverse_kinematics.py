@@ -12,7 +12,8 @@ import pytest
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.certificate.pose_goals import miss_of
 from hdplan.planner.kinematics import inverse
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.inverse_kinematics import APART, inverse_kinematics, reaching
 from hdplan.scenes.errors import InputError

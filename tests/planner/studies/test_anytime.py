@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
 from hdplan.scenes.yaml_format.reader import load_scene
 

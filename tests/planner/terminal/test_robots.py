@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.terminal import robots
 from hdplan.scenes.robot_files.library import RobotFiles
 from hdplan.scenes.robot_spec import RobotSpec

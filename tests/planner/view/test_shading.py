@@ -7,7 +7,7 @@ import colorsys
 import numpy as np
 import pytest
 
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.view.drawing.shading import DARKEST, LIGHTEST, STEP, luma_of, shade, told_apart
 from hdplan.planner.view.drawing.skins import visual_skins
 from hdplan.scenes.scene import Scene

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.geometry.opened import opened
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.drawing import skins as module
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins

@@ -18,7 +18,7 @@ import yaml
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.joint_limits import joint_limits
-from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError

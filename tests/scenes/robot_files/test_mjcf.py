@@ -12,7 +12,8 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import read_robot

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.loading import load_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_spec import RobotSpec
