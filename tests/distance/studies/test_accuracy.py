@@ -25,7 +25,7 @@ from hdplan.distance.studies.study_poses import NEAR_GAPS, study_bodies, study_p
 
 TINY = Plan(
     ("capsule - box", "box - board"), (("paper", 2, "float64"), ("paper+centre", 2, "float64")), (1e-3, 1e-2),
-    ("value", "gradient"), random=BLOCK, near=BLOCK,
+    ("value",), random=BLOCK, near=BLOCK,
 )  # fmt: skip
 Steps = list[tuple[int, int, str]]
 
@@ -62,7 +62,7 @@ def test_errors_and_rates_obey_their_laws(tiny: tuple[Study, Steps]) -> None:
             assert 0 < e.median_error[band] <= e.high_error[band]
         assert e.sign_lost == 0.0
         assert e.bend is None
-        assert set(e.seconds) == {"value", "gradient"}
+        assert set(e.seconds) == {"value"}
 
 
 def test_the_sign_depends_on_the_normals_alone_and_more_of_them_see_more(tiny: tuple[Study, Steps]) -> None:
