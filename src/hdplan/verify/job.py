@@ -105,6 +105,7 @@ class Job:
                 need(known, f"obstacle '{name}': its uncertainty goes with no job, in which it may be held")
                 into[name] = {**entry, "name": name}
         self.at_first = dict(self.standing)
+        self.taken = dict[str, dict[str, Any]]()  # what two hands hold, as the second one has it
         self.rates = dict[str, list[float]]()  # of the arm, where it does not rest
         self.corner: Corner | None = None  # of the stage before, if that is blended into this one
         self.marks = self.marks_of(rows)
@@ -148,11 +149,16 @@ class Job:
         limits = stage.beside.get("limits", top.get("limits", {}))
         if stage.fingers:
             mine = stage.beside["limits"] if "limits" in stage.beside else of_fingers(limits)
-            yield self.part(stage, rows, limits=mine, **self.of_fingers(stage))
+            moved = self.of_fingers(stage)
+            self.check_both(moved)
+            yield self.part(stage, rows, limits=mine, **moved)
             only = {key: x for key, x in top.get("limits", {}).items() if key == "position"}
             rested = rows.still([*self.arm], [*self.arm.values()])
             yield self.part(stage, rested, limits=only, robot=self.bare, start=still, goal=still, arm=True)
             return
+        for name, other in self.taken.items():
+            words = f"'{name}' is held by '{self.held[name]['link']}' and '{other['link']}'"
+            need(stage.kind not in ARM, f"{words}: one has to let go before an arm moves")
         if stage.kind not in ARM:
             need(not rows.moves(), "the robot moves where it is to stand still")
         if stage.kind == "wait":
@@ -234,6 +240,29 @@ class Job:
         at, _ = placed(joints.tree, base, {}, self.everywhere(joints, arm))
         return {link: widened(pose) for link, (_, pose) in at.items()}
 
+    def frames(self, arm: dict[str, float] | None = None) -> dict[str, Pose]:
+        """Placements of all links and held objects, with the arm as it is or as given."""
+        places = self.links(arm)
+        return places | {name: self.held_at(name, places) for name in self.held}
+
+    def moves(self, link: str) -> bool:
+        """True for a link, or a held object, that the arm moves."""
+        at, carrier = self.joints().at, self.held[link].get("link") if link in self.held else link
+        return carrier in at and at[carrier][0] >= 0
+
+    @property
+    def targets(self) -> Targets:
+        """The reader of the targets of moves."""
+        return Targets(self.joints(), False, [name for name in self.held if self.moves(name)])
+
+    def check_both(self, moved: dict[str, Any]) -> None:
+        """Reject fingers that move a link of two that hold one object: it would go with that one, and not with the
+        other."""
+        joints = Joints(moved["robot"], moved["start"], self.reader.joints.tree, self.reader.joints.semantics)
+        for name, other in self.taken.items():
+            for link in (self.held[name]["link"], other["link"]):
+                need(joints.at[link][0] < 0, f"'{name}' is held by two hands, and '{link}' moves with the fingers")
+
     def of_fingers(self, stage: Stage) -> dict[str, Any]:
         """The sections in which fingers move, and the arm stands still."""
         joints, asked = self.joints(), mapping(stage.said["joints"], "joints", " ".join(stage.said["joints"]))
@@ -296,7 +325,7 @@ class Job:
     def carrier(self, stage: Stage) -> str:
         """The link that carries an object which is gripped."""
         joints = self.joints()
-        link = stage.said["link"] if "link" in stage.said else Targets(joints, False).end_effector()
+        link = stage.said["link"] if "link" in stage.said else self.targets.end_effector()
         need(link in joints.at, f"grip.link: '{link}' is not known")
         return str(link)
 
@@ -310,22 +339,35 @@ class Job:
         return str(stage.said["object"]), tuple(self.fingers_on(stage) or [self.carrier(stage)])
 
     def take(self, stage: Stage) -> None:
-        """Take hold of an object as it stands."""
+        """Take hold of an object as it stands, or as another hand holds it."""
         joints, places, name = self.joints(), self.links(), stage.said["object"]
-        shape, place = self.solid(name), self.place(name, places)
+        first, place = self.held.get(name), self.place(name)
+        shape = first["shape"] if first else self.solid(name)
         link, touching = self.carrier(stage), self.fingers_on(stage)
         for other in touching:
             need(joints.at[other][0] == joints.at[link][0], f"grip: '{other}' does not move with '{link}'")
-        del self.standing[name]
         held = {"name": name, "link": link, "shape": shape, "pose": back(places[link], place)}
-        mass = {"mass": stage.said["mass"]} if "mass" in stage.said else {}
-        self.held[name] = {**held, **mass, "touch_links": touching}
+        mass = {"mass": x["mass"] for x in (first, stage.said) if x and "mass" in x}
+        held = {**held, **mass, "touch_links": touching}
+        if first is None:
+            del self.standing[name]
+            self.held[name] = held
+            return
+        need(name not in self.taken, f"grip.object: '{name}' is held by two hands already")
+        apart = joints.at[first["link"]][0] != joints.at[link][0]
+        need(apart, f"grip.object: '{name}' is held by '{first['link']}', which moves with '{link}'")
+        near = listing(first.get("touch_links"), name)
+        self.held[name], self.taken[name] = {**first, "touch_links": [*dict.fromkeys([*near, *touching])]}, held
 
     def let_go(self, stage: Stage) -> None:
-        """Leave a held object where it is; nobody may touch it any more."""
+        """Leave a held object where it is: to the hand that holds it too, or standing there, where nobody may touch it
+        any more."""
         name = stage.said["object"]
         need(name in self.held, f"release.object: '{name}' is not held")
-        place = self.place(name, self.links())
+        if name in self.taken:
+            self.held[name] = self.taken.pop(name)
+            return
+        place = self.place(name)
         shape = self.held.pop(name)["shape"]
         self.standing[name] = {**self.at_first.get(name, {"name": name, "shape": shape}), "pose": place}
         for other, each in self.held.items():
@@ -338,10 +380,14 @@ class Job:
         need("shape" in self.standing[name], f"'{name}' is no object that can be touched, or held")
         return self.standing[name]["shape"]
 
-    def place(self, name: str, places: dict[str, Pose]) -> Pose:
+    def place(self, name: str) -> Pose:
         """Pose of an object."""
         if name in self.standing:
             return scenes.pose_of(self.standing[name].get("pose"), name)
+        return self.held_at(name, self.links())
+
+    def held_at(self, name: str, places: dict[str, Pose]) -> Pose:
+        """Pose of a held object, by those of the links."""
         held = self.held[name]
         need(held.get("link") in places, f"'{name}': its link is not known")
         return compose(places[held["link"]], scenes.pose_of(held.get("pose"), name))

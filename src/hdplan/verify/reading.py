@@ -149,7 +149,7 @@ class Reader:
         listed = joints.listed()
         held, touching, around, tracks, own = self.others(len(listed))
         own_bodies = [*self.link_bodies(), *held]
-        targets = Targets(joints, bool(top.get("from_request")))
+        targets = self.targets(held)
         found, off = limits(top, joints, targets), top.get("self_collision", True) is False
         return {
             "hdplan_world": VERSION,
@@ -205,6 +205,11 @@ class Reader:
             touching |= {frozenset((name, x)) for x in near}
         return held, touching
 
+    def targets(self, held: list[Any]) -> Targets:
+        """The reader of start and goal, which may be about held objects that move."""
+        moved = {x["name"] for x in held if x["joint"] >= 0}
+        return Targets(self.joints, bool(self.top.get("from_request")), moved)
+
     def wanted(self, own: dict[str, Any]) -> dict[str, Any]:
         """Demands of the scene that need no robot."""
         timing, planner = self.top.get("timing", {}), self.top.get("planner", {})
@@ -223,7 +228,7 @@ class Reader:
         joints, top = self.joints, self.top
         held, touching, around, tracks, own = self.others(len(joints.told["joints"]))
         check_left_out(joints, touching, top.get("self_collision", True) is False)
-        targets = Targets(joints, bool(top.get("from_request")))
+        targets = self.targets(held)
         ends = dict[str, Any]()
         for end, read in (("start", lambda x: [targets.target(x, "start")]), ("goal", targets.goals)):
             try:
