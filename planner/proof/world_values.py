@@ -68,7 +68,8 @@ def plain_shape(shape: Shape | Seen) -> Plain:
     """Return the shape of an obstacle or a held object whose file was read."""
     if isinstance(shape, Cloud):
         balls = balls_in(shape).array
-        return _swept(balls[:, :3], np.repeat(balls[:, 3:], 3, axis=1), np.arange(len(balls))[:, None])
+        found = _swept(balls[:, :3], np.repeat(balls[:, 3:], 3, axis=1), np.arange(len(balls))[:, None])
+        return {**found, "off": off(balls)}  # as those of a depth image are worked out
     if isinstance(shape, Voxels | OctoMap):
         boxes = boxes_in(shape).array
         corners = np.where(CORNERS > 0, boxes[:, None, 3:], boxes[:, None, :3])

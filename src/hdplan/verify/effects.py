@@ -289,7 +289,8 @@ def chord(angle: float) -> float:
 
 def link_of(world: World, name: Any) -> tuple[int, Pose]:
     """The joint that carries a link or a held object, and where its frame is in that of the joint."""
-    found = {x.name: (x.joint, x.pose) for x in world.pieces if x.kind == "held"} | world.links
+    found: dict[str, tuple[int, Pose]] = {x.name: (x.joint, x.pose) for x in world.pieces if x.kind == "held"}
+    found |= world.links
     need(name in found, f"'{name}' is no link of the world, and not held")
     return found[name]
 

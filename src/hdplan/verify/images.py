@@ -72,10 +72,10 @@ def _png(data: bytes, what: str) -> Any:
     once = kinds[:1] == [b"IHDR"] and kinds[-1] == b"IEND" and kinds.count(b"IHDR") == kinds.count(b"IEND") == 1
     plain = all(x in (b"IHDR", b"IDAT", b"IEND") or x[:1].islower() for x in kinds) and b"acTL" not in kinds
     need(once and plain, f"{what}: is cut short, or no plain PNG")
-    width, height, bits, *rest = struct.unpack(">IIBBBBB", chunks[0][1])
-    need(bits in (8, 16) and rest == [0, 0, 0, 0], f"{what}: 8 or 16 bits of one channel are expected, not interlaced")
+    width, height, bits, *others = struct.unpack(">IIBBBBB", chunks[0][1])
+    need(bits in (8, 16) and not any(others), f"{what}: 8 or 16 bits of one channel are expected, not interlaced")
     step, size = bits // 8, height * (1 + width * bits // 8)
-    need(0 < width and 0 < size <= MOST_BYTES, f"{what}: is empty, or too large")
+    need(width > 0 and 0 < size <= MOST_BYTES, f"{what}: is empty, or too large")
     stream = zlib.decompressobj()
     raw = stream.decompress(b"".join(content for kind, content in chunks if kind == b"IDAT"), size + 1)
     need(len(raw) == size and stream.eof and not stream.unused_data, f"{what}: has more or fewer pixels than it says")

@@ -104,6 +104,7 @@ class Job:
                 known = entry.get("uncertainty") is None
                 need(known, f"obstacle '{name}': its uncertainty goes with no job, in which it may be held")
                 into[name] = {**entry, "name": name}
+        reader.around()  # of what was seen, balls are left out where the job begins
         self.at_first = dict(self.standing)
         self.taken = dict[str, dict[str, Any]]()  # what two hands hold, as the second one has it
         self.rates = dict[str, list[float]]()  # of the arm, where it does not rest
@@ -227,9 +228,8 @@ class Job:
 
     def everywhere(self, joints: Joints, arm: dict[str, float] | None = None) -> dict[str, float]:
         """The values of all joints, of the arm's as it is or as given."""
-        found = {**joints.held, **(arm or self.arm)}
-        for name, (leader, factor, add) in joints.rules.items():
-            found[name] = factor * found[leader] + add
+        found = joints.everywhere(arm or self.arm)
+        for name in joints.rules:
             need(abs(found[name]) <= LARGEST, f"joint '{name}': follows to beyond {LARGEST:g}")
         return found
 
@@ -347,8 +347,8 @@ class Job:
         for other in touching:
             need(joints.at[other][0] == joints.at[link][0], f"grip: '{other}' does not move with '{link}'")
         held = {"name": name, "link": link, "shape": shape, "pose": back(places[link], place)}
-        mass = {"mass": x["mass"] for x in (first, stage.said) if x and "mass" in x}
-        held = {**held, **mass, "touch_links": touching}
+        masses = [x["mass"] for x in (stage.said, first or {}) if "mass" in x]
+        held |= {"touch_links": touching, **({"mass": masses[0]} if masses else {})}
         if first is None:
             del self.standing[name]
             self.held[name] = held

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from . import scene as scenes
-from .balls import compose, named, need, rejecting
+from .balls import Pose, compose, named, need, rejecting
 from .joints import Joints
+from .left_out import staying
 from .limits import limits, limits_of_other
 from .loads import loads
 from .messages import message_of
@@ -26,6 +27,7 @@ from .pairs import check_left_out, not_compared
 from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
 from .rviz import ENDING, exported
+from .seen import balls_of, shape_of
 from .semantics import Semantics
 from .sizes import sizes
 from .targets import Targets
@@ -78,6 +80,7 @@ class Reader:
 
     def __init__(self, scene: Path, motion: Path, told: Any, request: Path | None, robot: str | None) -> None:
         self.files, self.told = Files(), scenes.Told(told)
+        self.clouds, self.left_out = dict[str, dict[str, Any]](), dict[str, None]()  # what was seen, by its name
         self.folder = scene.absolute().parent
         data = self.files.read("scene", scene)
         self.top = scenes.read_scene(scene, data) if request is None else {}
@@ -173,7 +176,7 @@ class Reader:
         """Held objects and the pairs of them that may touch; obstacles, the joints that carry them, beside `count`
         of the robot, and their own clearances."""
         held, touching = self.held_bodies()
-        around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
+        around, motions, own = self.around()
         names = [x["name"] for x in [*held, *around]]
         for each in names:
             need(names.count(each) == 1, f"'{each}': the name is taken")
@@ -185,6 +188,22 @@ class Reader:
                 tracks += [{**x, "parent": first + x["parent"] if x["parent"] >= 0 else -1} for x in carriers]
                 body |= {"joint": count + len(tracks) - 1, **scenes.frame(place)}
         return held, touching, around, tracks, own
+
+    def around(self) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
+        """Obstacles, the motions of some, and their own clearances."""
+        return scenes.obstacles(self.top, self.folder, self.files, self.told, self.seen)
+
+    def seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
+        """The shape of what was seen, once: of a cloud or a depth image its balls, of all else as the proof has it."""
+        if name not in self.clouds:
+            what, said = f"{named(name)} ({kind})", value if isinstance(value, dict) else {}
+            found = balls_of(kind, value, what, self.folder, self.files) if kind in ("cloud", "depth") else None
+            ignores = bool(said.get("ignore_robot") or said.get("ignore"))
+            if found is None or (ignores and isinstance(self.joints, OtherRobot)):
+                self.clouds[name] = self.told.shape(name, None, what)
+            else:
+                self.clouds[name] = shape_of(*found, staying(self, name, said, found[0], pose) if ignores else np.s_[:])
+        return self.clouds[name]
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """Held objects, and the pairs that may touch."""
@@ -256,7 +275,8 @@ class Reader:
         found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
         words = ", ".join("-".join(map(named, pair)) for pair in found)
         of = f" of the robot {named(whose)}" if whose else ""
-        said = [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
+        said = [*self.left_out]
+        said += [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:
