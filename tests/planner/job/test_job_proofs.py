@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import coal
@@ -22,12 +21,12 @@ from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
-from hdplan.verify.balls import Ball, RejectedError
+from hdplan.verify.balls import HERE, RejectedError
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import parts_of
-from hdplan.verify.reach import apart
+from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
@@ -281,12 +280,11 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
             turn[:, 0] *= np.linalg.det(turn)
             at = rng.uniform(-0.3, 0.3, 3)
             points, _, sweep, off = shape_of(said, "a shape")
-            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep[0]))
+            pieces.append((turn, at, Piece("a", "obstacle", 0, "a", -1, HERE, points, off, sweep[0])))
             places.append(coal.Transform3s(turn, at))
-        still: Any = SimpleNamespace(turn=Ball(np.eye(3)[None, None]), at=Ball(np.zeros((1, 1, 3))))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         exact = max(0.0, coal.distance(coal_one, places[0], coal_other, places[1], request, result))
-        assert apart(still, *pieces) == pytest.approx(exact, abs=2e-5)
+        assert between(*pieces) == pytest.approx(exact, abs=2e-5)
 
 
 def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
