@@ -23,7 +23,7 @@ from .joints import Joints
 from .motion import SAME, Rows
 from .other_robot import OtherRobot
 from .reading import Reader, Reading
-from .robot import placed
+from .robot import placed, upward
 from .stages import ARM, Stage, stages_of
 from .targets import Targets
 from .text import listing, mapping
@@ -238,7 +238,9 @@ class Job:
         joints = self.joints()
         base = scenes.pose_of(self.spec.get("base"), "robot.base")
         at, _ = placed(joints.tree, base, {}, self.everywhere(joints, arm))
-        return {link: widened(pose) for link, (_, pose) in at.items()}
+        above = joints.tree.above
+        follow = {link: any(x in joints.rules for x, _ in upward(above, link)) for link in at}
+        return {link: widened(pose) if follow[link] else pose for link, (_, pose) in at.items()}
 
     def frames(self, arm: dict[str, float] | None = None) -> dict[str, Pose]:
         """Placements of all links and held objects, with the arm as it is or as given."""

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan.planner.job.proof import prove_job
 from hdplan.planner.job.result import JobResult
 from hdplan.scenes.errors import InputError
 
@@ -69,7 +70,10 @@ def test_what_is_held_is_brought_to_a_pose_as_a_link_is(placed: JobResult, tmp_p
     scene, file = tmp_path / "scene.yaml", tmp_path / "job.json"
     placed.scene.save(scene)
     placed.save(file)
-    assert hdplan.certify_job(hdplan.load_scene(scene), hdplan.Trajectory.load(file)).certified
+    proof = prove_job(scene, file)
+    assert proof.certificate.certified
+    assert proof.text.startswith("accepted: a job of 7 stages")
+    assert proof.text.count("bar follows its curve of 2 poses") == 2
 
 
 def test_what_is_not_held_is_no_link(placed: JobResult) -> None:

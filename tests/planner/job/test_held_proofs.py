@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,10 +16,11 @@ import hdplan
 from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.verify.balls import RejectedError
-from hdplan.verify.checking import check_job, check_part
+from hdplan.verify.checking import check, check_job, check_part
 from hdplan.verify.job import read_job
 from hdplan.verify.kernel import parts_of
 
+from ..proof.worlds import packed as packed_world, unpacked
 from .forging import judged, packed, worlds
 
 Files = tuple[Path, Path, bytes]
@@ -186,3 +188,27 @@ def test_a_proof_cannot_say_who_holds_it(files: Files) -> None:
                 with pytest.raises(RejectedError):
                     check_part(part, forged)
     assert tried > 60
+
+
+def test_a_single_motion_leads_what_is_held(scene: hdplan.Scene, tmp_path: Path) -> None:
+    """To a pose of its own frame, where it is, and nowhere else; what does not move is nothing to lead."""
+    bar = hdplan.Attached("bar", "left", scene.obstacles[0].shape, hdplan.Pose.from_rpy([0.13, 0.0, 0.0], [0, 0, 0.3]))
+    there = hdplan.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.3])
+    path = hdplan.PathConstraints(upright=hdplan.Upright("bar", "z", 0.01))
+    changes = {"obstacles": [], "attached": [bar], "job": None, "goal": hdplan.PoseTarget("bar", there), "path": path}
+    alone = replace(scene, **changes)
+    alone.save(tmp_path / "scene.yaml")
+    result = hdplan.plan(alone)
+    result.save(tmp_path / "motion.json")
+    proof = hdplan.prove(tmp_path / "scene.yaml", tmp_path / "motion.json")
+    assert proof.text.startswith("accepted: ")
+    (said,) = [line for line in proof.text.splitlines() if line.startswith("  also proven: ")]
+    assert {"goal", "path"} <= {*said.removeprefix("  also proven: ").split(", ")}
+    head, world, rest = unpacked(proof.data)
+    other = tmp_path / "other.yaml"
+    for link in ("left", "right", "root", "cup"):
+        replace(alone, goal=hdplan.PoseTarget(link, there)).save(other)
+        head["files"]["scene"] = hashlib.sha256(other.read_bytes()).hexdigest()
+        world["goal"][0]["poses"][0]["link"] = link
+        with pytest.raises(RejectedError, match="goal: "):
+            check(other, tmp_path / "motion.json", packed_world(head, world, rest))
