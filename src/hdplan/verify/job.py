@@ -24,6 +24,7 @@ from .motion import SAME, Rows
 from .other_robot import OtherRobot
 from .reading import Reader, Reading
 from .robot import placed, upward
+from .sizes import AROUND
 from .stages import ARM, Stage, stages_of
 from .targets import Targets
 from .text import listing, mapping
@@ -101,8 +102,8 @@ class Job:
                 name = scenes.word(entry.get("name", f"{key.removesuffix('s')}{i}"), f"{key}[{i}]")
                 need(name not in self.things and name not in joints.at, f"'{name}': the name is taken")
                 need("motion" not in entry, f"obstacle '{name}': moves, which goes with no job")
-                known = entry.get("uncertainty") is None
-                need(known, f"obstacle '{name}': its uncertainty goes with no job, in which it may be held")
+                unsure = mapping(entry.get("uncertainty") or {}, name, " ".join(AROUND.values()))
+                need(not unsure.get("speed"), f"obstacle '{name}': uncertainty.speed: with a job")
                 into[name] = {**entry, "name": name}
         reader.around()  # of what was seen, balls are left out where the job begins
         self.at_first = dict(self.standing)
@@ -380,6 +381,8 @@ class Job:
         """The shape of what stands and can be touched or held."""
         need(name in self.standing, f"there is no object '{name}' that stands")
         need("shape" in self.standing[name], f"'{name}' is no object that can be touched, or held")
+        known = not any((self.standing[name].get("uncertainty") or {}).values())
+        need(known, f"'{name}': has an uncertainty, and is held or touched: its place must be known")
         return self.standing[name]["shape"]
 
     def place(self, name: str) -> Pose:

@@ -303,12 +303,15 @@ def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, b
 
 
 def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
-    """An object that is held would be known exactly, and what is let go stand where it was let go."""
+    """An object that is held would be known exactly, and what is let go stand where it was let go; what may be touched
+    stands in no place of its own; and what walks does so by the time of one motion."""
     path, motion, data = files
     unsure = {"position": 1e-7}
-    for part, key in (("obstacles", "uncertainty"), ("robot", "calibration"), ("robot", "tracking")):
+    places = [("obstacles", 0, "uncertainty", unsure), ("obstacles", 1, "uncertainty", unsure)]
+    places += [("obstacles", 2, "uncertainty", {"speed": 1e-7})]
+    for part, number, key, size in (*places, ("robot", 0, "calibration", unsure), ("robot", 0, "tracking", unsure)):
         said = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (said[part] if part == "robot" else said[part][0])[key] = unsure
+        (said[part] if part == "robot" else said[part][number])[key] = size
         other = tmp_path / "other.yaml"
         other.write_text(json.dumps(said), encoding="utf-8")
         with pytest.raises(RejectedError, match=key):
@@ -333,3 +336,39 @@ def test_a_job_begins_and_ends_at_rest_as_the_planner_has_it(files: tuple[Path, 
             check_job(other, motion, data)
         with pytest.raises(InputError, match="velocity"):
             hdplan.load_scene(other)
+
+
+def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
+    """In every stage; a proof tells no smaller size, and is none of a scene with a larger one."""
+    near, size = [0.55, 0.0, 0.95], hdplan.Uncertainty(0.02, 0.1)
+    others = [each for each in scene.obstacles if each.name != "far"]
+
+    def unsure(uncertainty: hdplan.Uncertainty | None) -> Scene:
+        post = hdplan.Obstacle("post", hdplan.Box([0.05, 0.1, 0.1]), near, uncertainty=uncertainty)
+        return replace(scene, goal=None, obstacles=[*others, post])
+
+    result = hdplan.plan_job(unsure(size))
+    assert result.certified, result.text
+    known = hdplan.certify_job(unsure(None), result.trajectory)
+    least = [
+        each.certificate.clearance - other.certificate.clearance
+        for each, other in zip(known.stages, result.certificate.stages, strict=True)
+        if each.certificate.worst is not None and each.certificate.worst.other == "post"
+    ]
+    assert least
+    assert min(least) >= 0.02
+    path, motion, other = tmp_path / "scene.yaml", tmp_path / "motion.json", tmp_path / "other.yaml"
+    unsure(size).save(path)
+    result.save(motion)
+    proof = prove_job(path, motion)
+    assert proof.text.startswith("accepted: a job of 5 stages")
+    assert "obstacle post is up to 0.02 m, 0.1 rad about its origin and 0 m/s away" in proof.text
+    told = worlds(proof.data)
+    for part, world in zip(read_job(path, motion, told), told, strict=True):
+        check_part(part, world)
+        for forged in ({}, {"sizes": {**world["sizes"], "around": {}}}):
+            with pytest.raises(RejectedError, match="sizes"):
+                check_part(part, {**{key: x for key, x in world.items() if key != "sizes"}, **forged})
+    unsure(hdplan.Uncertainty(0.5, 0.1)).save(other)
+    with pytest.raises(RejectedError):
+        judged(other, motion, proof.data)
