@@ -73,7 +73,8 @@ def plain_shape(shape: Shape | Seen) -> Plain:
     if isinstance(shape, Voxels | OctoMap):
         boxes = boxes_in(shape).array
         corners = np.where(CORNERS > 0, boxes[:, None, 3:], boxes[:, None, :3])
-        return _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
+        found = _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
+        return {**found, "off": off(corners)}
     outline = operations(shape).outline  # refuses what it does not know
     if isinstance(shape, ReadMesh):
         return plain_mesh(ordered(shape.mesh))

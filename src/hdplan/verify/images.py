@@ -49,7 +49,7 @@ def _npy(data: bytes, what: str) -> Any:
     said = ast.literal_eval(data[8 + size : begins].decode("ascii").strip())
     need(type(said) is dict and {*said} == {"descr", "fortran_order", "shape"}, f"{what}: its head")
     kind, backwards, shape = said["descr"], said["fortran_order"], said["shape"]
-    need(type(kind) is str and re.fullmatch(r"([<>][iuf][248])|(\|[iu]1)", kind), f"{what}: numbers of another kind")
+    need(type(kind) is str and re.fullmatch(r"([<>][iuf][248])|(\|[biu]1)", kind), f"{what}: numbers of another kind")
     need(type(backwards) is bool and type(shape) is tuple, f"{what}: its head")
     need(all(type(x) is int and 0 < x < MOST_BYTES for x in shape), f"{what}: its shape")
     count = int(np.prod([1, *shape], dtype=object))

@@ -45,7 +45,7 @@ class Around(NamedTuple):
 
 def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose: Pose) -> Any:
     """Which of an obstacle's balls stay (m,): all but those that the proof has left out, which the scene must allow."""
-    stay = kept(centres.mid, reader.told.centres(name))
+    stay = kept(centres.mid, reader.told.points(name))
     if stay.all():
         return stay
     left = centres.mid[~stay] @ pose[0].mid.T + pose[1].mid

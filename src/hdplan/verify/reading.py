@@ -18,6 +18,7 @@ from .joints import Joints
 from .left_out import staying
 from .limits import limits, limits_of_other
 from .loads import loads
+from .maps import boxes_of
 from .messages import message_of
 from .motion import Rows
 from .moveit import sections, sections_around
@@ -194,16 +195,21 @@ class Reader:
         return scenes.obstacles(self.top, self.folder, self.files, self.told, self.seen)
 
     def seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
-        """The shape of what was seen, once: of a cloud or a depth image its balls, of all else as the proof has it."""
+        """The shape of what was seen, once: what the checker does not read as the proof has it."""
         if name not in self.clouds:
-            what, said = f"{named(name)} ({kind})", value if isinstance(value, dict) else {}
-            found = balls_of(kind, value, what, self.folder, self.files) if kind in ("cloud", "depth") else None
-            ignores = bool(said.get("ignore_robot") or said.get("ignore"))
-            if found is None or (ignores and isinstance(self.joints, OtherRobot)):
-                self.clouds[name] = self.told.shape(name, None, what)
-            else:
-                self.clouds[name] = shape_of(*found, staying(self, name, said, found[0], pose) if ignores else np.s_[:])
+            self.clouds[name] = self.read_seen(name, kind, value, pose)
         return self.clouds[name]
+
+    def read_seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
+        """Balls of a cloud or a depth image, or boxes of a map."""
+        what, where = f"{named(name)} ({kind})", (self.folder, self.files)
+        if kind in ("voxels", "octomap") and value != "":  # as MoveIt's is
+            return boxes_of(kind, value, what, *where, self.told.points(name))
+        found = balls_of(kind, value, what, *where) if kind in ("cloud", "depth") else None
+        ignores = found is not None and bool(value.get("ignore_robot") or value.get("ignore"))
+        if found is None or (ignores and isinstance(self.joints, OtherRobot)):
+            return self.told.shape(name, None, what)
+        return shape_of(*found, staying(self, name, value, found[0], pose) if ignores else np.s_[:])
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """Held objects, and the pairs that may touch."""

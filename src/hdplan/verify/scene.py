@@ -152,10 +152,10 @@ class Told:
         self.taken[what] = None
         return dict(own[number or 0])
 
-    def centres(self, name: str) -> Any:
-        """The centres (k, 3) of the balls that an obstacle is, some of which the scene may have left out."""
+    def points(self, name: str) -> Any:
+        """The points (k, 3) of an obstacle that was seen: how it is put together, the proof may say in part."""
         own = [x["shape"]["points"] for x in self._bodies if x["name"] == name and x["kind"] == "obstacle"]
-        need(len(own) == 1, f"'{name}': the proof does not say which of its balls are left out")
+        need(len(own) == 1, f"'{name}': the proof does not have it")
         return numbers(own[0], (-1, 3), f"'{name}'")
 
 
