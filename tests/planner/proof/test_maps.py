@@ -64,7 +64,7 @@ def test_boxes_of_a_grid_are_just_its_cells(seed: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["bt", "ot"])
 @pytest.mark.parametrize("unknown", ["free", "occupied"])
 def test_octomaps_are_read_as_the_planner_reads_them(kind: str, unknown: str, tmp_path: Path) -> None:
-    for seed in range(5):
+    for seed in range(2):
         content = written(cells_of(seed), kind)
         (tmp_path / "room.bt").write_bytes(content)
         told = corners(boxes_in(OctoMap(content, unknown)).array)
@@ -72,7 +72,7 @@ def test_octomaps_are_read_as_the_planner_reads_them(kind: str, unknown: str, tm
         for said in ({"file": "room.bt"}, {"content": coded}):
             found = read("octomap", {**said, "unknown": unknown}, told, tmp_path)
             np.testing.assert_allclose(found["points"], told, rtol=0, atol=1e-9)
-        for cut in (*range(0, len(content), 11), len(content) - 1):
+        for cut in (*range(0, len(content), len(content) // 7), len(content) - 1):
             with pytest.raises(RejectedError):
                 read("octomap", {"content": base64.b64encode(content[:cut]).decode(), "unknown": unknown}, told)
         for data in (content + b"0", content.replace(b"OcTree\n", b"ColorOcTree\n"), b""):
