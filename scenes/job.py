@@ -236,3 +236,10 @@ class Job(Checked):
     def names(self) -> tuple[str, ...]:
         """The names of the stages."""
         return tuple(stage_name(stage, i) for i, stage in enumerate(self.stages))
+
+    def handling(self, name: str) -> str | None:
+        """Return the first stage that grips an object, or in which something may touch it; None if there is none."""
+        for said, stage in zip(self.names, self.stages, strict=True):
+            if getattr(stage, "object", None) == name or any(name in pair for pair in stage.touch):
+                return said
+        return None

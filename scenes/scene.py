@@ -155,13 +155,23 @@ class Scene(Checked):
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None:
                 raise FieldError("moves by the time of one motion, which no job has", f"obstacles[{i}].motion")
-            if obstacle.uncertainty is not None:
-                raise FieldError("is of single motions: no proof of a job knows it", f"obstacles[{i}].uncertainty")
+            self._check_size(self.job, obstacle, f"obstacles[{i}].uncertainty")
         for key in ("tracking", "calibration"):
             if getattr(self.robot, key) is not None:
                 raise FieldError("is of single motions: no proof of a job knows it", f"robot.{key}")
         if self.from_request:
             raise FieldError("is of MoveIt's requests, which hold no job", "from_request")
+
+    def _check_size(self, job: Job, obstacle: Obstacle, field: str) -> None:
+        """Refuse an uncertain place of what a job holds or touches, and one that grows with the time."""
+        if obstacle.uncertainty is None or not any(dataclasses.astuple(obstacle.uncertainty)):
+            return
+        if obstacle.uncertainty.speed:
+            raise FieldError("is of single motions, with a time of their own", f"{field}.speed")
+        if (stage := job.handling(obstacle.name)) is not None:
+            raise FieldError(
+                f"is given, and in the stage '{stage}' it is held or touched: its place must be known", field
+            )
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
         """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises

@@ -5,9 +5,10 @@ p ± a/2 ± b/2, and parallelograms of neighbours leave no hole between them. It
 
     r = ½ √(|a|² + |b|² + 2 |a·b|)
 
-with the larger a of both sides, and so with b. Without such a neighbour the surface is taken to face the camera, with
-a = (z/fx, 0, 0) and b = (0, z/fy, 0). Two pixels whose depths differ by more than STEEPEST times z/fx, or z/fy, with
-the smaller z, are not of one surface: there is an edge between them, and nothing was seen there.
+with a of either side, and so with b: the largest of the four counts. Where one side has no such neighbour the other's
+way is taken; without both the surface is taken to face the camera, with a = (z/fx, 0, 0) and b = (0, z/fy, 0). Two
+pixels whose depths differ by more than STEEPEST times z/fx, or z/fy, with the smaller z, are not of one surface: there
+is an edge between them, and nothing was seen there.
 
 How steep that is counts from the ray, not from the picture: the way between the two pixels is w e + Δz d, with w = z/fx
 of the nearer one, e = (1, 0, 0) and d = (s, t, 1) the ray of the farther one. For |Δz| = STEEPEST w its angle with the
@@ -18,6 +19,7 @@ inclined against the rays by up to 78.5° is one surface.
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ from hdplan.scenes.files import Stamps, read_file
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
 
+NEARLY = 1.0 + 1e-12  # by which depths may be beyond the range, and steps steeper, as they are rounded
 STEEPEST = 5.0  # step in depth over a pixel's width: an inclination of 78.5° against the ray
 ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small
 MOST_PIXELS = 20_000_000  # of an image: a larger one would fill the memory
@@ -44,34 +47,35 @@ def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
     low, high = depth.range
     with np.errstate(invalid="ignore"):
         measured = (image > 0.0) & (z < np.inf)
-        seen = measured & (z >= low) & (z <= high)
+        seen = measured & (z * NEARLY >= low) & (z <= high * NEARLY)
     if not seen.any():
         raise InputError(f"has no pixel from {low:g} to {high:g} m: is its scale {depth.scale:g} m?")
     height, width = image.shape
     z = np.where(seen, z, 0.0)
     place = np.stack([(np.arange(width) - cx) / fx * z, ((np.arange(height) - cy) / fy)[:, None] * z, z], axis=2)
-    along = _neighbours(place, seen, 1, np.stack([z / fx, 0.0 * z, 0.0 * z], axis=2))[seen]
-    down = _neighbours(place, seen, 0, np.stack([0.0 * z, z / fy, 0.0 * z], axis=2))[seen]
-    squares = (along**2).sum(axis=1) + (down**2).sum(axis=1) + 2.0 * np.abs((along * down).sum(axis=1))
+    along = _ways(place, seen, 1, np.stack([z / fx, 0.0 * z, 0.0 * z], axis=2))
+    down = _ways(place, seen, 0, np.stack([0.0 * z, z / fy, 0.0 * z], axis=2))
+    squares = np.zeros(np.count_nonzero(seen))
+    for a, b in itertools.product(along, down):
+        square = (a**2).sum(axis=1) + (b**2).sum(axis=1) + 2.0 * np.abs((a * b).sum(axis=1))
+        squares = np.maximum(squares, square)
     out_of_range = int(np.count_nonzero(measured & ~seen))
     return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * ABOVE]), out_of_range)
 
 
-def _neighbours(place: Array, seen: Mask, axis: int, facing: Array) -> Array:
-    """Return the way (h, w, 3) to the neighbour on the same surface along an axis, the longer one of two; `facing`
-    where there is none."""
+def _ways(place: Array, seen: Mask, axis: int, facing: Array) -> tuple[Array, Array]:
+    """Return the ways (m, 3) from what was seen to its neighbours on the same surface along an axis, of both sides: the
+    other one's where there is none; `facing` where there is none on either side."""
     one, other = (slice(None),) * axis + (slice(None, -1),), (slice(None),) * axis + (slice(1, None),)
     step = place[other] - place[one]
     across = facing.max(axis=2)
-    steep = STEEPEST * np.minimum(across[one], across[other])
+    steep = STEEPEST * NEARLY * np.minimum(across[one], across[other])
     joined = seen[one] & seen[other] & (np.abs(step[..., 2]) <= steep)
-    length = np.where(joined, (step**2).sum(axis=2), 0.0)
-    before, after = np.zeros(seen.shape), np.zeros(seen.shape)
-    before[other], after[one] = length, length
-    steps = facing.copy()
-    steps[one][joined & (after >= before)[one]] = step[joined & (after >= before)[one]]
-    steps[other][joined & (before > after)[other]] = step[joined & (before > after)[other]]
-    return steps
+    before, after = facing.copy(), facing.copy()
+    for way, last in ((before, other), (after, one)):
+        for side in (other if last is one else one, last):  # the last one counts
+            way[side][joined] = step[joined]
+    return before[seen], after[seen]
 
 
 def read_image(path: Path) -> Array:

@@ -28,7 +28,7 @@ REACH = 5e-3  # [m] from what is to hold an object, beyond which it cannot be ta
 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:
     """Return what there is after a stage whose motion ends at joint values q (n,) of its own scene's robot. Raises
-    InputError for an object that is out of reach."""
+    InputError for an object that is out of reach, and for fingers that carry what another hand holds, too."""
     assert world.scene.job is not None
     stage = world.scene.job.stages[number]
     match stage:
@@ -38,10 +38,10 @@ def after(world: World, number: int, robot: Robot, q: Array) -> World:
         case Set() | Wait():
             return world
         case Grip() | Release():
-            there = _with_hand(world, robot, q) if stage.joints else world
-            if stage.object is None:
-                return there
             with naming(stage_source(world.scene, number)):
+                there = _with_hand(world, robot, q) if stage.joints else world
+                if stage.object is None:
+                    return there
                 if isinstance(stage, Grip):
                     return _taken(there, stage, stage.object)
             return _let_go(there, stage.object)
@@ -50,6 +50,11 @@ def after(world: World, number: int, robot: Robot, q: Array) -> World:
 
 
 def _with_hand(world: World, robot: Robot, q: Array) -> World:
+    links, frames = links_of(robot), robot.model.frames
+    for other in world.taken:
+        for link in (world.holding(other.name).link, other.link):
+            if frames[links[link]].parentJoint != 0:
+                raise InputError(f"joints: '{other.name}' is held by two hands, and '{link}' moves with these fingers")
     moved = dict(zip(robot.unfolded.joint_names, robot.expand(q).tolist(), strict=True))
     return replace(world, hand=tuple({**dict(world.hand), **moved}.items()))
 

@@ -68,11 +68,13 @@ def plain_shape(shape: Shape | Seen) -> Plain:
     """Return the shape of an obstacle or a held object whose file was read."""
     if isinstance(shape, Cloud):
         balls = balls_in(shape).array
-        return _swept(balls[:, :3], np.repeat(balls[:, 3:], 3, axis=1), np.arange(len(balls))[:, None])
+        found = _swept(balls[:, :3], np.repeat(balls[:, 3:], 3, axis=1), np.arange(len(balls))[:, None])
+        return {**found, "off": off(balls)}  # as those of a depth image are worked out
     if isinstance(shape, Voxels | OctoMap):
         boxes = boxes_in(shape).array
         corners = np.where(CORNERS > 0, boxes[:, None, 3:], boxes[:, None, :3])
-        return _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
+        found = _swept(corners.reshape(-1, 3), np.zeros((1, 3)), np.arange(8 * len(boxes)).reshape(-1, 8))
+        return {**found, "off": off(corners)}
     outline = operations(shape).outline  # refuses what it does not know
     if isinstance(shape, ReadMesh):
         return plain_mesh(ordered(shape.mesh))

@@ -25,7 +25,7 @@ MOST_PARTS = 20  # of a job, for each of which the check may take as much time
 
 JOB = """of a job: what is gripped is then held as it stood, and what is let go stays where it was let go"""
 READ = """the files read are those whose hashes are in the proof, and describe the robot and its surroundings
-Python's XML and JSON, and PyYAML, read what is written"""
+Python's XML, JSON and zip, and PyYAML, read what is written"""
 
 
 @dataclass(frozen=True)

@@ -288,9 +288,11 @@ def chord(angle: float) -> float:
 
 
 def link_of(world: World, name: Any) -> tuple[int, Pose]:
-    """The joint that carries a link, and where the link is in its frame."""
-    need(name in world.links, f"'{name}' is no link of the world")
-    return world.links[name]
+    """The joint that carries a link or a held object, and where its frame is in that of the joint."""
+    found: dict[str, tuple[int, Pose]] = {x.name: (x.joint, x.pose) for x in world.pieces if x.kind == "held"}
+    found |= world.links
+    need(name in found, f"'{name}' is no link of the world, and not held")
+    return found[name]
 
 
 def bonds_of_path(world: World, said: Any, begins: Callable[[], bool]) -> list[Bond]:

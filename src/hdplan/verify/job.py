@@ -17,20 +17,16 @@ from pathlib import Path
 from typing import Any
 
 from . import scene as scenes
-from .balls import Ball, Pose, RejectedError, compose, dot, named, need, rejecting
+from .balls import RejectedError, named, need, rejecting
+from .hands import Hands
 from .job_curves import Corner, check_radius, corner_after, following, settled
 from .joints import Joints
-from .motion import SAME, Rows
-from .other_robot import OtherRobot
+from .motion import Rows
 from .reading import Reader, Reading
-from .robot import placed
 from .stages import ARM, Stage, stages_of
-from .targets import Targets
 from .text import listing, mapping
 
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter
-ROUNDED = 1e-11  # that joints which follow, rounded, may move what they carry; of at most LARGEST
-LARGEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -55,17 +51,6 @@ def read_job(scene: Path, motion: Path, told: list[Any], robot: str | None = Non
         return [*Job(reader, stages).parts()]
 
 
-def widened(pose: Pose) -> Pose:
-    """A pose, with what joints that follow are rounded by."""
-    turn, at = pose
-    return Ball(turn.mid, turn.rad + ROUNDED), Ball(at.mid, at.rad + ROUNDED)
-
-
-def back(pose: Pose, other: Pose) -> Pose:
-    """A pose of the world in the frame of another one."""
-    return dot("ji,jk->ik", pose[0], other[0]), dot("ji,j->i", pose[0], other[1] - pose[1])
-
-
 @contextmanager
 def within(stage: Stage) -> Iterator[None]:
     """Name a stage in what is rejected."""
@@ -75,44 +60,15 @@ def within(stage: Stage) -> Iterator[None]:
         raise RejectedError(f"stage '{stage.name}': {error}") from None
 
 
-class Job:
-    """The state in which a stage begins: arm, fingers, what is held and what stands."""
+class Job(Hands):
+    """The state in which a stage begins, and the worlds that follow from it."""
 
     def __init__(self, reader: Reader, stages: list[Stage]) -> None:
         """Take what there is at first."""
-        top, joints, rows = reader.top, reader.joints, reader.rows
-        need(not isinstance(joints, OtherRobot), "job: can be checked with a robot in URDF alone")
-        said = {*top} & {"path", "from_request", "goal"}
-        said |= {"timing.duration"} & {f"timing.{x}" for x in top.get("timing", {})}
-        said |= {f"robot.{x}" for x in ("calibration", "tracking") if joints.spec.get(x) is not None}
-        need(not said and top.get("self_collision") is not False, f"{', '.join(said) or 'self_collision'}: with a job")
-        self.reader, self.stages, self.rows, self.spec = reader, stages, rows, joints.spec
-        start = Targets(joints, False).target(top["start"], "start")
-        need("velocity" not in start, "start.velocity: with a job, whose stages begin at rest")
-        self.arm = dict(zip(joints.lead, start["joints"], strict=True))
-        given = top["start"].get("joints")
-        self.hand = {x: joints.held[x] for x in (given if isinstance(given, dict) else ()) if x in joints.held}
-        for name, value in start["others"].items():
-            here = self.everywhere(joints)[name]
-            need(abs(here - value) <= SAME, f"start: '{name}' stands at {here:g}")
-        self.standing, self.held = dict[str, dict[str, Any]](), dict[str, dict[str, Any]]()
-        for into, key in ((self.standing, "obstacles"), (self.held, "attached")):
-            for i, entry in enumerate(listing(top.get(key), key)):
-                name = scenes.word(entry.get("name", f"{key.removesuffix('s')}{i}"), f"{key}[{i}]")
-                need(name not in self.things and name not in joints.at, f"'{name}': the name is taken")
-                need("motion" not in entry, f"obstacle '{name}': moves, which goes with no job")
-                known = entry.get("uncertainty") is None
-                need(known, f"obstacle '{name}': its uncertainty goes with no job, in which it may be held")
-                into[name] = {**entry, "name": name}
-        self.at_first = dict(self.standing)
-        self.rates = dict[str, list[float]]()  # of the arm, where it does not rest
+        super().__init__(reader)
+        self.stages, self.rows = stages, reader.rows
         self.corner: Corner | None = None  # of the stage before, if that is blended into this one
-        self.marks = self.marks_of(rows)
-
-    @property
-    def things(self) -> dict[str, dict[str, Any]]:
-        """Standing and held objects."""
-        return {**self.standing, **self.held}
+        self.marks = self.marks_of(reader.rows)
 
     def marks_of(self, rows: Rows) -> list[int]:
         """The rows at which the stages begin, and the last row."""
@@ -148,11 +104,16 @@ class Job:
         limits = stage.beside.get("limits", top.get("limits", {}))
         if stage.fingers:
             mine = stage.beside["limits"] if "limits" in stage.beside else of_fingers(limits)
-            yield self.part(stage, rows, limits=mine, **self.of_fingers(stage))
+            moved = self.of_fingers(stage)
+            self.check_both(moved)
+            yield self.part(stage, rows, limits=mine, **moved)
             only = {key: x for key, x in top.get("limits", {}).items() if key == "position"}
             rested = rows.still([*self.arm], [*self.arm.values()])
             yield self.part(stage, rested, limits=only, robot=self.bare, start=still, goal=still, arm=True)
             return
+        for name, other in self.taken.items():
+            words = f"'{name}' is held by '{self.held[name]['link']}' and '{other['link']}'"
+            need(stage.kind not in ARM, f"{words}: one has to let go before an arm moves")
         if stage.kind not in ARM:
             need(not rows.moves(), "the robot moves where it is to stand still")
         if stage.kind == "wait":
@@ -198,81 +159,12 @@ class Job:
         holding = None if arm or stage.kind != "grip" or "object" not in stage.said else self.holding(stage)
         return Part(name, about, read, arm, holding, stage.curve)
 
-    @property
-    def bare(self) -> dict[str, Any]:
-        """The robot's section where the arm moves: the fingers stand as they are."""
-        return {**self.spec, "locked": {**(self.spec.get("locked") or {}), **self.hand}}
-
-    @property
-    def arm_at(self) -> dict[str, Any]:
-        """The arm's values, as a start or goal, and its rates, where it does not rest."""
-        return {"joints": [*self.arm.values()], **self.rates}
-
     def passing(self, rows: Rows) -> dict[str, list[float]]:
         """The arm's rates at the last row, by as many as the motion has."""
         need(len(rows.given) > 1, "is to go over into the next stage, and the motion has no velocities")
         columns = [rows.names.index(x) for x in self.arm]
         found = (rows.given[1:][k][-1, columns].tolist() for k in range(len(rows.given) - 1))
         return dict(zip(("velocity", "acceleration"), found, strict=False))
-
-    def joints(self) -> Joints:
-        """The joints where the arm moves."""
-        return Joints(self.bare, self.arm_at, self.reader.joints.tree, self.reader.joints.semantics)
-
-    def everywhere(self, joints: Joints, arm: dict[str, float] | None = None) -> dict[str, float]:
-        """The values of all joints, of the arm's as it is or as given."""
-        found = {**joints.held, **(arm or self.arm)}
-        for name, (leader, factor, add) in joints.rules.items():
-            found[name] = factor * found[leader] + add
-            need(abs(found[name]) <= LARGEST, f"joint '{name}': follows to beyond {LARGEST:g}")
-        return found
-
-    def links(self, arm: dict[str, float] | None = None) -> dict[str, Pose]:
-        """Placements of all links, with the arm as it is or as given."""
-        joints = self.joints()
-        base = scenes.pose_of(self.spec.get("base"), "robot.base")
-        at, _ = placed(joints.tree, base, {}, self.everywhere(joints, arm))
-        return {link: widened(pose) for link, (_, pose) in at.items()}
-
-    def of_fingers(self, stage: Stage) -> dict[str, Any]:
-        """The sections in which fingers move, and the arm stands still."""
-        joints, asked = self.joints(), mapping(stage.said["joints"], "joints", " ".join(stage.said["joints"]))
-        tree = joints.tree
-        leaders = {x: y.mimic[0] for x, y in tree.joints.items() if y.mimic}
-        leaders |= {x: rule[0] for x, rule in tree.rules(tree.movable).items()}
-        for joint in asked:
-            need(joint in joints.held, f"joints: '{joint}' is none of the fingers'")
-            need(leaders.get(joint, joint) in asked, f"joints: '{joint}' follows '{leaders.get(joint)}'")
-        group = [x for x in asked if x not in leaders]
-        fixed = {**(self.spec.get("locked") or {}), **self.hand, **self.arm}
-        locked = {x: at for x, at in fixed.items() if leaders.get(x, x) not in group}
-        start = {"joints": {x: joints.held[x] for x in group}}
-        robot = {**self.spec, "group": group, "locked": locked}
-        return {"robot": robot, "start": start, "goal": {"joints": asked}}
-
-    def touching(self, stage: Stage) -> tuple[list[Any], list[Any]]:
-        """Obstacles and held objects in a stage: an obstacle that something may touch is held by a link that stands
-        fast, so that it may be told what touches it."""
-        joints = self.joints()
-        may = dict[str, list[str]]()
-        for pair in stage.touch:
-            for name in pair:
-                need(name in joints.at or name in self.things, f"touch: '{name}' is not known")
-            one, other = sorted(pair, key=lambda x: (x in self.standing, x in self.held), reverse=True)
-            need(one not in joints.at, f"touch: '{one}' and '{other}' are links both")
-            if other not in self.standing:
-                may.setdefault(one, []).append(other)
-        attached = [
-            {**x, "touch_links": [*dict.fromkeys([*listing(x.get("touch_links"), name), *may.get(name, [])])]}
-            for name, x in self.held.items()
-        ]
-        base = scenes.pose_of(self.spec.get("base"), "robot.base")
-        for name in (x for x in may if x in self.standing):
-            shape, pose = self.solid(name), back(base, scenes.pose_of(self.standing[name].get("pose"), name))
-            need("clearance" not in self.standing[name], f"touch: '{name}' has a clearance of its own")
-            root = {"name": name, "link": joints.tree.root, "touch_links": may[name]}
-            attached.append({**root, "shape": shape, "pose": pose})
-        return [x for name, x in self.standing.items() if name not in may], attached
 
     # --- what stages leave --------------------------------------------------------------------------------------------
 
@@ -292,59 +184,6 @@ class Job:
                 self.hand |= moved
             if "object" in stage.said:
                 (self.take if stage.kind == "grip" else self.let_go)(stage)
-
-    def carrier(self, stage: Stage) -> str:
-        """The link that carries an object which is gripped."""
-        joints = self.joints()
-        link = stage.said["link"] if "link" in stage.said else Targets(joints, False).end_effector()
-        need(link in joints.at, f"grip.link: '{link}' is not known")
-        return str(link)
-
-    def fingers_on(self, stage: Stage) -> list[str]:
-        """The links that may touch an object which is gripped, and hold it."""
-        at, name = self.joints().at, stage.said["object"]
-        return [*dict.fromkeys(x for pair in stage.touch if name in pair for x in pair if x in at)]
-
-    def holding(self, stage: Stage) -> tuple[str, tuple[str, ...]]:
-        """An object that is gripped, and the links that hold it, which must be close to it."""
-        return str(stage.said["object"]), tuple(self.fingers_on(stage) or [self.carrier(stage)])
-
-    def take(self, stage: Stage) -> None:
-        """Take hold of an object as it stands."""
-        joints, places, name = self.joints(), self.links(), stage.said["object"]
-        shape, place = self.solid(name), self.place(name, places)
-        link, touching = self.carrier(stage), self.fingers_on(stage)
-        for other in touching:
-            need(joints.at[other][0] == joints.at[link][0], f"grip: '{other}' does not move with '{link}'")
-        del self.standing[name]
-        held = {"name": name, "link": link, "shape": shape, "pose": back(places[link], place)}
-        mass = {"mass": stage.said["mass"]} if "mass" in stage.said else {}
-        self.held[name] = {**held, **mass, "touch_links": touching}
-
-    def let_go(self, stage: Stage) -> None:
-        """Leave a held object where it is; nobody may touch it any more."""
-        name = stage.said["object"]
-        need(name in self.held, f"release.object: '{name}' is not held")
-        place = self.place(name, self.links())
-        shape = self.held.pop(name)["shape"]
-        self.standing[name] = {**self.at_first.get(name, {"name": name, "shape": shape}), "pose": place}
-        for other, each in self.held.items():
-            near = [x for x in listing(each.get("touch_links"), other) if x != name]
-            self.held[other] = {**each, "touch_links": near}
-
-    def solid(self, name: Any) -> Any:
-        """The shape of what stands and can be touched or held."""
-        need(name in self.standing, f"there is no object '{name}' that stands")
-        need("shape" in self.standing[name], f"'{name}' is no object that can be touched, or held")
-        return self.standing[name]["shape"]
-
-    def place(self, name: str, places: dict[str, Pose]) -> Pose:
-        """Pose of an object."""
-        if name in self.standing:
-            return scenes.pose_of(self.standing[name].get("pose"), name)
-        held = self.held[name]
-        need(held.get("link") in places, f"'{name}': its link is not known")
-        return compose(places[held["link"]], scenes.pose_of(held.get("pose"), name))
 
 
 def of_fingers(limits: Any) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from .balls import Ball, need, norm
 from .curves import ROUNDED, Blend, Leg, arc_about, arc_through, lengths
 from .robot import rpy
 from .stages import Stage
-from .targets import Targets
 from .text import listing, number, values
 
 if TYPE_CHECKING:
@@ -50,10 +49,9 @@ def tolerances(stage: Stage) -> tuple[float, float]:
 
 
 def link_of(job: Job, stage: Stage) -> str:
-    """The link that follows a stage's curve."""
-    joints = job.joints()
-    link = stage.said["link"] if "link" in stage.said else Targets(joints, False).end_effector()
-    need(link in joints.at and joints.at[link][0] >= 0, f"{stage.kind}.link: '{link}' is no link that moves")
+    """The link, or the held object, that follows a stage's curve."""
+    link = stage.said["link"] if "link" in stage.said else job.targets.end_effector()
+    need(job.moves(link), f"{stage.kind}.link: '{link}' is no link or held object that moves")
     return str(link)
 
 
@@ -67,7 +65,7 @@ def leg_of(job: Job, stage: Stage, corner: Corner | None) -> Leg:
     ]
     need(all(x is None or x > 0 for x in rates), f"{kind}: a speed or acceleration of the tool")
     if corner is None:
-        turn, at = known(job.links()[link])
+        turn, at = known(job.frames()[link])
     else:
         need(corner.link == link, f"{kind}.link: '{link}', and the stage before it is blended with '{corner.link}'")
         turn, at = corner.turn, corner.at
@@ -121,7 +119,7 @@ def frame_of(job: Job, kind: str, frame: Any, begins: tuple[Any, Any], corner: C
         return begins
     need(frame in job.things, f"{kind}.frame: unknown '{frame}'")
     need(corner is None or frame in job.standing, f"{kind}.frame: '{frame}' is held, after a blend")
-    return known(job.place(frame, job.links()))
+    return known(job.place(frame))
 
 
 def poses_of(job: Job, said: dict[str, Any]) -> tuple[Any, Any]:
@@ -213,11 +211,11 @@ def corner_after(job: Job, number: int) -> Corner | None:
         leg = leg_of(job, stage, job.corner)
         return Corner(stage.blend, link, leg.at[-1], leg.rotations[-1], leg.free, leg)
     goal: dict[str, Any]
-    targets = Targets(job.joints(), False).goals(stage.said)
+    targets = job.targets.goals(stage.said)
     need(len(targets) == 1, "blend: a move to several goals, before a curve")
     (goal,) = targets
     if "joints" in goal:
-        turn, at = known(job.links(dict(zip(job.arm, goal["joints"], strict=True)))[link])
+        turn, at = known(job.frames(dict(zip(job.arm, goal["joints"], strict=True)))[link])
         return Corner(stage.blend, link, at, turn, "none")
     pose = goal["poses"][0]
     good = len(goal["poses"]) == 1 and pose["link"] == link and pose["free"] != "all"
@@ -231,7 +229,7 @@ def settled(job: Job, corner: Corner, rows: Any) -> Corner:
     if corner.free == "none" or corner.leg is not None:
         return corner
     for row in range(len(rows.given[0])):
-        turn, at = job.links({x: rows.at(x, row) for x in job.arm})[corner.link]
+        turn, at = job.frames({x: rows.at(x, row) for x in job.arm})[corner.link]
         if norm((at - corner.at).size) > corner.radius:
             break
     i = "xyz".index(corner.free)
@@ -247,15 +245,13 @@ def check_radius(job: Job, number: int, arm: dict[str, float]) -> None:
     """Reject a move that goes over into the next stage farther than its radius from where it would have ended: the link
     of the curve that follows, or that of its own pose, or the last one."""
     stage, goes = job.stages[number], job.stages[number + 1]
-    targets, here = Targets(job.joints(), False).goals(stage.said), job.links(arm)
+    targets, here = job.targets.goals(stage.said), job.frames(arm)
     poses = [pose for x in targets for pose in x.get("poses", [])]
-    link = (
-        link_of(job, goes) if goes.curve else poses[0]["link"] if poses else Targets(job.joints(), False).end_effector()
-    )
+    link = link_of(job, goes) if goes.curve else poses[0]["link"] if poses else job.targets.end_effector()
     away = []
     for goal in targets:
         places = [(x["link"], Ball(np.array(x["position"]), x["off"])) for x in goal.get("poses", [])]
         if "joints" in goal:
-            places = [(link, job.links(dict(zip(job.arm, goal["joints"], strict=True)))[link][1])]
+            places = [(link, job.frames(dict(zip(job.arm, goal["joints"], strict=True)))[link][1])]
         away.append(max(float(norm((here[x][1] - at).size)) for x, at in places))
     need(min(away) <= stage.blend, f"goes over into the next stage {min(away):.4g} m from its goal")

@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 from . import scene as scenes
-from .balls import compose, need
+from .balls import Pose, compose, need
 from .robot import Tree, placed
 from .semantics import Semantics, held_at, moving
 from .text import mapping
@@ -77,6 +77,16 @@ class Joints:
             along = {"axis": joint.axis.mid.tolist()}
             found.append({"name": name, "parent": parent, "kind": kind, **said, **along, "follows": rule})
         return found
+
+    def everywhere(self, lead: dict[str, float]) -> dict[str, float]:
+        """The values of all joints, by those of the ones that lead."""
+        found = {**self.held, **lead}
+        return found | {x: factor * found[leader] + add for x, (leader, factor, add) in self.rules.items()}
+
+    def standing(self, lead: dict[str, float]) -> tuple[dict[str, tuple[int, Pose]], list[Any]]:
+        """Where all links are in the world, and their shapes, by the values of the joints that lead."""
+        where = self.tree, json.dumps(self.spec.get("base")), (), (*self.everywhere(lead).items(),)
+        return links_at(*where)[0], shapes_at(*where)
 
     def place(self, link: str) -> dict[str, Any]:
         """The joint that carries a link, and its frame there."""

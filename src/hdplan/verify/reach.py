@@ -17,6 +17,7 @@ from .world import Piece, World
 
 REACH = 5e-3 + 1e-6  # [m] of docs/jobs.md, and what two programs' roundings may add
 ROUNDS = 100
+Placed = tuple[Any, Any, Piece]  # a piece's rotation and place, and the piece
 
 
 def check_reach(world: World, name: str, holding: tuple[str, ...]) -> None:
@@ -26,17 +27,17 @@ def check_reach(world: World, name: str, holding: tuple[str, ...]) -> None:
     pieces = [x for x in world.pieces if x.name == name and x.kind != "link"]
     for link in holding:
         own = [x for x in world.pieces if x.name == link and x.kind == "link"]
-        near = min((apart(motion, a, b) for a, b in itertools.product(own, pieces)), default=np.inf)
+        placed = ([_placed(motion, x) for x in each] for each in (own, pieces))
+        near = min((between(a, b) for a, b in itertools.product(*placed)), default=np.inf)
         need(near <= REACH, f"'{link}' is to hold '{name}', and is not within {1e3 * REACH:.3g} mm of it")
 
 
-def apart(motion: Motion, one: Piece, other: Piece) -> float:
+def between(one: Placed, other: Placed) -> float:
     """A distance [m] that two pieces do not exceed: nearly theirs, and 0 if they meet."""
-    places = [_placed(motion, x) for x in (one, other)]
 
     def farthest(way: Any) -> Any:
         ends = []
-        for (turn, at, piece), sign in zip(places, (1.0, -1.0), strict=True):
+        for (turn, at, piece), sign in zip((one, other), (1.0, -1.0), strict=True):
             local = turn.T @ (sign * way)
             size = np.sqrt(((piece.sweep * local) ** 2).sum())
             swept = piece.sweep**2 * local / size if size else np.zeros(3)
@@ -54,7 +55,7 @@ def apart(motion: Motion, one: Piece, other: Piece) -> float:
     return float(np.sqrt(best @ best))
 
 
-def _placed(motion: Motion, piece: Piece) -> tuple[Any, Any, Piece]:
+def _placed(motion: Motion, piece: Piece) -> Placed:
     turn, at = motion.turn.mid[0, piece.joint], motion.at.mid[0, piece.joint]
     return turn @ piece.pose[0].mid, turn @ piece.pose[1].mid + at, piece
 

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from . import scene as scenes
-from .balls import compose, named, need, rejecting
+from .balls import Pose, compose, named, need, rejecting
 from .joints import Joints
+from .left_out import staying
 from .limits import limits, limits_of_other
 from .loads import loads
+from .maps import boxes_of
 from .messages import message_of
 from .motion import Rows
 from .moveit import sections, sections_around
@@ -26,6 +28,7 @@ from .pairs import check_left_out, not_compared
 from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
 from .rviz import ENDING, exported
+from .seen import balls_of, shape_of
 from .semantics import Semantics
 from .sizes import sizes
 from .targets import Targets
@@ -78,6 +81,7 @@ class Reader:
 
     def __init__(self, scene: Path, motion: Path, told: Any, request: Path | None, robot: str | None) -> None:
         self.files, self.told = Files(), scenes.Told(told)
+        self.clouds, self.left_out = dict[str, dict[str, Any]](), dict[str, None]()  # what was seen, by its name
         self.folder = scene.absolute().parent
         data = self.files.read("scene", scene)
         self.top = scenes.read_scene(scene, data) if request is None else {}
@@ -149,7 +153,7 @@ class Reader:
         listed = joints.listed()
         held, touching, around, tracks, own = self.others(len(listed))
         own_bodies = [*self.link_bodies(), *held]
-        targets = Targets(joints, bool(top.get("from_request")))
+        targets = self.targets(held)
         found, off = limits(top, joints, targets), top.get("self_collision", True) is False
         return {
             "hdplan_world": VERSION,
@@ -173,7 +177,7 @@ class Reader:
         """Held objects and the pairs of them that may touch; obstacles, the joints that carry them, beside `count`
         of the robot, and their own clearances."""
         held, touching = self.held_bodies()
-        around, motions, own = scenes.obstacles(self.top, self.folder, self.files, self.told)
+        around, motions, own = self.around()
         names = [x["name"] for x in [*held, *around]]
         for each in names:
             need(names.count(each) == 1, f"'{each}': the name is taken")
@@ -185,6 +189,27 @@ class Reader:
                 tracks += [{**x, "parent": first + x["parent"] if x["parent"] >= 0 else -1} for x in carriers]
                 body |= {"joint": count + len(tracks) - 1, **scenes.frame(place)}
         return held, touching, around, tracks, own
+
+    def around(self) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
+        """Obstacles, the motions of some, and their own clearances."""
+        return scenes.obstacles(self.top, self.folder, self.files, self.told, self.seen)
+
+    def seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
+        """The shape of what was seen, once: what the checker does not read as the proof has it."""
+        if name not in self.clouds:
+            self.clouds[name] = self.read_seen(name, kind, value, pose)
+        return self.clouds[name]
+
+    def read_seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
+        """Balls of a cloud or a depth image, or boxes of a map."""
+        what, where = f"{named(name)} ({kind})", (self.folder, self.files)
+        if kind in ("voxels", "octomap") and value != "":  # as MoveIt's is
+            return boxes_of(kind, value, what, *where, self.told.points(name))
+        found = balls_of(kind, value, what, *where) if kind in ("cloud", "depth") else None
+        ignores = found is not None and bool(value.get("ignore_robot") or value.get("ignore"))
+        if found is None or (ignores and isinstance(self.joints, OtherRobot)):
+            return self.told.shape(name, None, what)
+        return shape_of(*found, staying(self, name, value, found[0], pose) if ignores else np.s_[:])
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """Held objects, and the pairs that may touch."""
@@ -205,6 +230,11 @@ class Reader:
             touching |= {frozenset((name, x)) for x in near}
         return held, touching
 
+    def targets(self, held: list[Any]) -> Targets:
+        """The reader of start and goal, which may be about held objects that move."""
+        moved = {x["name"] for x in held if x["joint"] >= 0}
+        return Targets(self.joints, bool(self.top.get("from_request")), moved)
+
     def wanted(self, own: dict[str, Any]) -> dict[str, Any]:
         """Demands of the scene that need no robot."""
         timing, planner = self.top.get("timing", {}), self.top.get("planner", {})
@@ -223,7 +253,7 @@ class Reader:
         joints, top = self.joints, self.top
         held, touching, around, tracks, own = self.others(len(joints.told["joints"]))
         check_left_out(joints, touching, top.get("self_collision", True) is False)
-        targets = Targets(joints, bool(top.get("from_request")))
+        targets = self.targets(held)
         ends = dict[str, Any]()
         for end, read in (("start", lambda x: [targets.target(x, "start")]), ("goal", targets.goals)):
             try:
@@ -251,7 +281,8 @@ class Reader:
         found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
         words = ", ".join("-".join(map(named, pair)) for pair in found)
         of = f" of the robot {named(whose)}" if whose else ""
-        said = [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
+        said = [*self.left_out]
+        said += [f"not compared, although MoveIt's allowed collision matrix{of} does: {words}"] * bool(found)
         times, rate = world["motion"]["times"], self.top.get("timing", {}).get("rate")
         gap = max(np.diff(times), default=0.0) if times else np.inf
         if rate is not None and not gap * scenes.one(rate, "timing.rate") <= 1 + ROUNDING:

@@ -6,6 +6,7 @@ Every key is known here, or the scene is rejected.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from .balls import EPS, HERE, Ball, Pose, named, need, unit
 from .meshes import KINDS, triangles
 from .robot import decimal, rpy
 from .text import LARGEST, Files, listing, mapping, values, yaml_of
+from .world import numbers
 
 SECTIONS = (
     "hdplan robot obstacles attached start goal job from_request self_collision limits payload path timing planner"
@@ -22,7 +24,7 @@ SECTIONS = (
 PLANNER = "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
 SHAPES = {"box": "size", "sphere": "radius", "ellipsoid": "radii", "cylinder": "radius length"}
 SHAPES |= {"capsule": "radius length", "points": "points", "mesh": "file"}
-SEEN = ("cloud", "depth", "octomap", "voxels")  # of which the proof has the balls and boxes
+SEEN = ("cloud", "depth", "octomap", "voxels")
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 POSE = "position rpy quaternion_xyzw"
 
@@ -150,6 +152,12 @@ class Told:
         self.taken[what] = None
         return dict(own[number or 0])
 
+    def points(self, name: str) -> Any:
+        """The points (k, 3) of an obstacle that was seen: how it is put together, the proof may say in part."""
+        own = [x["shape"]["points"] for x in self._bodies if x["name"] == name and x["kind"] == "obstacle"]
+        need(len(own) == 1, f"'{name}': the proof does not have it")
+        return numbers(own[0], (-1, 3), f"'{name}'")
+
 
 def mesh_of(
     path: Path, scale: Any, files: Files, told: Told, body: tuple[str, int | None, str], upright: bool
@@ -191,24 +199,26 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
 
 
 def obstacles(
-    top: dict[str, Any], folder: Path, files: Files, told: Told
+    top: dict[str, Any], folder: Path, files: Files, told: Told, seen: Callable[..., dict[str, Any]]
 ) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
-    """Bodies of the obstacles, the motions of some, for `moving`, and their own clearances."""
+    """Bodies of the obstacles, the motions of some, for `moving`, and their own clearances. `seen` gives the shape of
+    what was seen, by name, kind, section and pose."""
     bodies, motions, own = [], dict[str, Any](), dict[str, Any]()
     for i, entry in enumerate(listing(top.get("obstacles"), "obstacles")):
         what = f"obstacles[{i}]"
         said = mapping(entry, what, f"name shape pose clearance motion uncertainty {' '.join(SEEN)}")
         name = word(said.get("name", f"obstacle{i}"), what)
-        pose = pose_of(said.get("pose"), name)
+        pose = begins = pose_of(said.get("pose"), name)
         if "motion" in said:
             need("pose" not in said or "times" not in said["motion"], f"{what}: has two poses")
             motions[name], pose = motion(said["motion"], pose, name), HERE
+            begins = motions[name].get("poses", [begins])[0]
         kinds = [x for x in ("shape", *SEEN) if x in said]
         need(len(kinds) == 1, f"{what}: one of shape, {', '.join(SEEN)} is expected")
         if kinds == ["shape"]:
             shape = shape_of(said["shape"], name, folder, files, told)
         else:
-            shape = told.shape(name, None, f"{named(name)} ({kinds[0]})")
+            shape = seen(name, kinds[0], said[kinds[0]], begins)
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})
         if "clearance" in said:
             own[name] = one(said["clearance"], f"{what}.clearance")

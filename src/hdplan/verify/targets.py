@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from . import scene as scenes
@@ -12,10 +13,11 @@ from .text import listing, mapping, values
 
 
 class Targets:
-    """Reads the targets of a robot; those of a request may name joints that the robot does not have."""
+    """Reads the targets of a robot, which may be about objects that it moves, too; those of a request may name joints
+    that the robot does not have."""
 
-    def __init__(self, joints: Joints | OtherRobot, from_request: bool) -> None:
-        self.joints, self.from_request = joints, from_request
+    def __init__(self, joints: Joints | OtherRobot, from_request: bool, moved: Collection[str] = ()) -> None:
+        self.joints, self.from_request, self.moved = joints, from_request, moved
 
     def target(self, value: Any, end: str) -> dict[str, Any]:
         """A configuration as a world has it."""
@@ -62,7 +64,7 @@ class Targets:
     def goals(self, value: Any) -> list[Any]:
         """The goal's targets, one of which is to be met; a tuple has poses that are worked out already."""
         if type(value) is tuple:
-            need(all(x["link"] in self.joints.at for x in value), "goal: a link that there is not")
+            need(all(self.known(x["link"]) for x in value), "goal: a link that there is not")
             return [{"poses": list(value)}]
         said = mapping(value, "goal", "joints state pose poses all any velocity acceleration")
         if {"velocity", "acceleration"} & {*said}:
@@ -91,8 +93,12 @@ class Targets:
     def pose(self, value: Any) -> dict[str, Any]:
         """A goal pose."""
         said = scenes.pose_goal(value, "goal", self.end_effector)
-        need(said["link"] in self.joints.at, f"goal: no link '{said['link']}'")
+        need(self.known(said["link"]), f"goal: no link '{said['link']}', and nothing of this name is held and moves")
         return said
+
+    def known(self, link: str) -> bool:
+        """True for a link, and for a held object that moves."""
+        return link in self.joints.at or link in self.moved
 
     def end_effector(self) -> str:
         """The link that a goal is about where it names none: the one of all that every leading joint moves that carries

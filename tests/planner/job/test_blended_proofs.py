@@ -443,7 +443,7 @@ def test_arcs_are_circles(seed: int) -> None:
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("name", sorted({*shipped_jobs()} - {"baxter_handover"}))  # which leads what is held
+@pytest.mark.parametrize("name", sorted(shipped_jobs()))
 def test_shipped_jobs_have_proofs(name: str, tmp_path: Path) -> None:
     """As `hdplan plan NAME -o job.json --proof job.proof` writes them, on a machine that may be busy."""
     result = hdplan.plan_job(hdplan.load_scene(name), time_limit=600.0)

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan.planner.job.proof import prove_job
 from hdplan.planner.job.result import JobResult
 from hdplan.scenes.errors import InputError
 
@@ -69,7 +70,10 @@ def test_what_is_held_is_brought_to_a_pose_as_a_link_is(placed: JobResult, tmp_p
     scene, file = tmp_path / "scene.yaml", tmp_path / "job.json"
     placed.scene.save(scene)
     placed.save(file)
-    assert hdplan.certify_job(hdplan.load_scene(scene), hdplan.Trajectory.load(file)).certified
+    proof = prove_job(scene, file)
+    assert proof.certificate.certified
+    assert proof.text.startswith("accepted: a job of 7 stages")
+    assert proof.text.count("bar follows its curve of 2 poses") == 2
 
 
 def test_what_is_not_held_is_no_link(placed: JobResult) -> None:
@@ -140,12 +144,16 @@ def test_a_hand_that_moves_while_both_hold_is_not_certified(sliders: hdplan.Scen
     assert not verdict.certified
 
 
-def test_no_proof_file_holds_what_goes_from_hand_to_hand(sliders: hdplan.Scene, tmp_path: Path) -> None:
-    result = hdplan.plan_job(sliders)
-    scene, file = tmp_path / "scene.yaml", tmp_path / "job.json"
-    sliders.save(scene)
-    result.save(file)
-    from hdplan.planner.job.proof import prove_job
-
-    with pytest.raises((InputError, hdplan.NotProvenError), match="right takes"):
-        prove_job(scene, file)
+def test_fingers_carry_nothing_that_another_hand_holds_too(sliders: hdplan.Scene) -> None:
+    """A finger that holds an object, and moves where the other hand holds it as well, would go with it."""
+    assert sliders.job is not None
+    spec = hdplan.RobotSpec(urdf=sliders.robot.urdf, group=["right_x"], locked={"left_x": -0.123})
+    stages = [
+        hdplan.Move([0.123]),
+        hdplan.Grip(object="bar", link="right", touch=[["bar", "right"]]),
+        hdplan.Release({"left_x": -0.2}, "bar", name="left lets go"),
+    ]
+    held = hdplan.Attached("bar", "left", sliders.obstacles[0].shape, [0.123, 0.0, 0.0], ["left"])
+    changes = {"robot": spec, "obstacles": [], "attached": [held], "start": [0.6], "job": hdplan.Job(stages)}
+    with pytest.raises(InputError, match=r"job\[2\] \(left lets go\): joints: 'bar' is held by two hands, and 'left'"):
+        hdplan.plan_job(replace(sliders, goal=None, **changes))

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import coal
@@ -23,18 +21,19 @@ from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
-from hdplan.verify.balls import Ball, RejectedError
-from hdplan.verify.checking import Verdict, check_job, check_part
+from hdplan.verify.balls import HERE, RejectedError
+from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
-from hdplan.verify.reach import apart
+from hdplan.verify.kernel import parts_of
+from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
 
+from .forging import judged, packed, worlds
+
 FINGER = "panda_finger_joint1"
 HAND = ["panda_leftfinger", "panda_rightfinger"]
-Told = list[dict[str, Any]]
 
 
 def job(**changes: Any) -> hdplan.Job:
@@ -82,45 +81,6 @@ def files(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     proof = prove_job(folder / "job.yaml", folder / "job.json")
     proof.save(folder / "job.proof")
     return folder / "job.yaml", folder / "job.json", proof.data
-
-
-def packed(parts: list[bytes]) -> bytes:
-    return JOB_MAGIC + json.dumps({"lengths": [len(x) for x in parts]}).encode() + b"\n" + b"".join(parts)
-
-
-def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], None]) -> bytes:
-    """A part with another head and world."""
-    head, _, rest = zlib.decompress(part[len(MAGIC) :]).partition(b"\n")
-    world, _, rest = rest.partition(b"\n")
-    one, two = json.loads(head), json.loads(world)
-    change(one, two)
-    lines = (json.dumps(each, default=plain).encode() for each in (one, two))
-    return MAGIC + zlib.compress(b"\n".join([*lines, rest]))
-
-
-def worlds(data: bytes) -> Told:
-    return [json.loads(unpack(x)[1]) for x in parts_of(data)]
-
-
-def signed(scene: Path, motion: Path, data: bytes) -> bytes:
-    """The proof of another scene or motion, with the hashes and the worlds of these: all that a forger can change but
-    the directions."""
-    parts = parts_of(data)
-    read = read_job(scene, motion, worlds(data))
-
-    def sign(number: int) -> Callable[[dict[str, Any], dict[str, Any]], None]:
-        def change(head: dict[str, Any], world: dict[str, Any]) -> None:
-            head["files"] = read[number].reading.hashes
-            world |= json.loads(json.dumps(read[number].reading.world, default=plain))
-
-        return change
-
-    return packed([rewritten(x, sign(i)) for i, x in enumerate(parts)])
-
-
-def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
-    """What the checker says once a forger has signed."""
-    return check_job(scene, motion, signed(scene, motion, data))[0]
 
 
 def test_the_whole_job_is_accepted(files: tuple[Path, Path, bytes], capsys: pytest.CaptureFixture[str]) -> None:
@@ -261,7 +221,8 @@ def test_a_forged_motion_is_rejected(files: tuple[Path, Path, bytes], tmp_path: 
         {"let_go": {"joints": {FINGER: 0.025}}},
         {"grip": {"link": "panda_link0"}},
         {"away": {"limits": hdplan.Limits(acceleration=0.5)}},
-        {"lift": {"link": "bar", "touch": [["bar", "shelf"]]}},  # lines of what is held are not known
+        {"lift": {"link": "bar", "turn": [0.0, 0.0, 0.1]}},  # of what is held
+        {"lift": {"link": "shelf"}},
     ],
 )
 def test_the_proof_of_another_job_is_rejected(
@@ -319,12 +280,11 @@ def test_how_far_pieces_are_apart(seed: int) -> None:
             turn[:, 0] *= np.linalg.det(turn)
             at = rng.uniform(-0.3, 0.3, 3)
             points, _, sweep, off = shape_of(said, "a shape")
-            pieces.append(Piece("a", "obstacle", 0, "a", -1, (Ball(turn), Ball(at)), points, off, sweep[0]))
+            pieces.append((turn, at, Piece("a", "obstacle", 0, "a", -1, HERE, points, off, sweep[0])))
             places.append(coal.Transform3s(turn, at))
-        still: Any = SimpleNamespace(turn=Ball(np.eye(3)[None, None]), at=Ball(np.zeros((1, 1, 3))))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         exact = max(0.0, coal.distance(coal_one, places[0], coal_other, places[1], request, result))
-        assert apart(still, *pieces) == pytest.approx(exact, abs=2e-5)
+        assert between(*pieces) == pytest.approx(exact, abs=2e-5)
 
 
 def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
@@ -343,12 +303,15 @@ def test_kinds_that_are_not_known_are_refused_by_name(files: tuple[Path, Path, b
 
 
 def test_what_no_job_knows_of_its_world_is_refused_by_name(files: tuple[Path, Path, bytes], tmp_path: Path) -> None:
-    """An object that is held would be known exactly, and what is let go stand where it was let go."""
+    """An object that is held would be known exactly, and what is let go stand where it was let go; what may be touched
+    stands in no place of its own; and what walks does so by the time of one motion."""
     path, motion, data = files
     unsure = {"position": 1e-7}
-    for part, key in (("obstacles", "uncertainty"), ("robot", "calibration"), ("robot", "tracking")):
+    places = [("obstacles", 0, "uncertainty", unsure), ("obstacles", 1, "uncertainty", unsure)]
+    places += [("obstacles", 2, "uncertainty", {"speed": 1e-7})]
+    for part, number, key, size in (*places, ("robot", 0, "calibration", unsure), ("robot", 0, "tracking", unsure)):
         said = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (said[part] if part == "robot" else said[part][0])[key] = unsure
+        (said[part] if part == "robot" else said[part][number])[key] = size
         other = tmp_path / "other.yaml"
         other.write_text(json.dumps(said), encoding="utf-8")
         with pytest.raises(RejectedError, match=key):
@@ -373,3 +336,39 @@ def test_a_job_begins_and_ends_at_rest_as_the_planner_has_it(files: tuple[Path, 
             check_job(other, motion, data)
         with pytest.raises(InputError, match="velocity"):
             hdplan.load_scene(other)
+
+
+def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_path: Path) -> None:
+    """In every stage; a proof tells no smaller size, and is none of a scene with a larger one."""
+    near, size = [0.55, 0.0, 0.95], hdplan.Uncertainty(0.02, 0.1)
+    others = [each for each in scene.obstacles if each.name != "far"]
+
+    def unsure(uncertainty: hdplan.Uncertainty | None) -> Scene:
+        post = hdplan.Obstacle("post", hdplan.Box([0.05, 0.1, 0.1]), near, uncertainty=uncertainty)
+        return replace(scene, goal=None, obstacles=[*others, post])
+
+    result = hdplan.plan_job(unsure(size))
+    assert result.certified, result.text
+    known = hdplan.certify_job(unsure(None), result.trajectory)
+    least = [
+        each.certificate.clearance - other.certificate.clearance
+        for each, other in zip(known.stages, result.certificate.stages, strict=True)
+        if each.certificate.worst is not None and each.certificate.worst.other == "post"
+    ]
+    assert least
+    assert min(least) >= 0.02
+    path, motion, other = tmp_path / "scene.yaml", tmp_path / "motion.json", tmp_path / "other.yaml"
+    unsure(size).save(path)
+    result.save(motion)
+    proof = prove_job(path, motion)
+    assert proof.text.startswith("accepted: a job of 5 stages")
+    assert "obstacle post is up to 0.02 m, 0.1 rad about its origin and 0 m/s away" in proof.text
+    told = worlds(proof.data)
+    for part, world in zip(read_job(path, motion, told), told, strict=True):
+        check_part(part, world)
+        for forged in ({}, {"sizes": {**world["sizes"], "around": {}}}):
+            with pytest.raises(RejectedError, match="sizes"):
+                check_part(part, {**{key: x for key, x in world.items() if key != "sizes"}, **forged})
+    unsure(hdplan.Uncertainty(0.5, 0.1)).save(other)
+    with pytest.raises(RejectedError):
+        judged(other, motion, proof.data)

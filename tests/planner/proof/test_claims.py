@@ -281,7 +281,7 @@ def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_p
 @pytest.mark.parametrize(("size", "good"), [(1.0, True), (1 - 1e-9, False), (0.6, False), (1.1, False)])
 def test_an_upright_axis_is_a_unit_vector(size: float, good: bool) -> None:
     """One of length 0.3 that is turned by 1.28 rad is nearer to the vertical than a unit vector turned by 1 rad."""
-    world = cast(World, SimpleNamespace(links={"a": (-1, HERE)}))
+    world = cast(World, SimpleNamespace(links={"a": (-1, HERE)}, pieces=[]))
     path = [{"kind": "upright", "link": "a", "axis": [0, 0, size], "off": 0.0, "tolerance": 1.0}]
     if good:
         assert len(bonds_of_path(world, path, lambda: True)) == 1

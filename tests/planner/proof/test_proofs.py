@@ -151,15 +151,12 @@ def test_meshes_of_other_kinds_are_taken_from_the_proof_and_named(tmp_path: Path
         check(*files, proof.data)
 
 
-QUICK = ("panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
+QUICK = ("panda_camera", "panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
 
 
 @pytest.mark.parametrize(
     "scene",
-    [
-        pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
-        for name in sorted(set(shipped_scenes()) - {"panda_camera"})  # of clouds there are none
-    ],
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in sorted(shipped_scenes())],
 )
 def test_the_motion_of_every_shipped_scene_is_proven_whole(scene: str, tmp_path: Path) -> None:
     result = hdplan.plan(hdplan.load_scene(scene), time_limit=120)

@@ -41,7 +41,7 @@ DATA = metadata.distribution("example-robot-data")
 LIBRARY = Path(str(DATA.locate_file("cmeel.prefix/share/example-robot-data/robots")))
 FILES = sorted(str(x.relative_to(LIBRARY)) for x in LIBRARY.glob("*/*/*.urdf"))
 QUICK = ("panda_description/urdf/panda.urdf", "tiago_pro_description/robots/tiago_pro.urdf")
-SCENES = [name for name in shipped_scenes() if name != "panda_camera"]  # whose cloud is the proof's
+SCENES = [name for name in shipped_scenes() if name != "panda_camera"]  # see `test_seen`
 QUICK_SCENES = ("panda_conveyor", "ur5_payload", "panda_heavy", "panda_vase")
 # Meshes of several materials: coal 3.0.3 numbers the corners of each from 0, so that all but the first get wrong ones.
 # Here the first has as many triangles.

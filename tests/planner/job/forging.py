@@ -1,0 +1,55 @@
+"""A forger's pen: jobs' proofs with other parts, heads and worlds, and with the hashes of other files."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hdplan.verify.checking import Verdict, check_job
+from hdplan.verify.compare import plain
+from hdplan.verify.job import read_job
+from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
+
+Told = list[dict[str, Any]]
+
+
+def packed(parts: list[bytes]) -> bytes:
+    return JOB_MAGIC + json.dumps({"lengths": [len(x) for x in parts]}).encode() + b"\n" + b"".join(parts)
+
+
+def rewritten(part: bytes, change: Callable[[dict[str, Any], dict[str, Any]], None]) -> bytes:
+    """A part with another head and world."""
+    head, _, rest = zlib.decompress(part[len(MAGIC) :]).partition(b"\n")
+    world, _, rest = rest.partition(b"\n")
+    one, two = json.loads(head), json.loads(world)
+    change(one, two)
+    lines = (json.dumps(each, default=plain).encode() for each in (one, two))
+    return MAGIC + zlib.compress(b"\n".join([*lines, rest]))
+
+
+def worlds(data: bytes) -> Told:
+    return [json.loads(unpack(x)[1]) for x in parts_of(data)]
+
+
+def signed(scene: Path, motion: Path, data: bytes) -> bytes:
+    """The proof of another scene or motion, with the hashes and the worlds of these: all that a forger can change but
+    the directions."""
+    parts = parts_of(data)
+    read = read_job(scene, motion, worlds(data))
+
+    def sign(number: int) -> Callable[[dict[str, Any], dict[str, Any]], None]:
+        def change(head: dict[str, Any], world: dict[str, Any]) -> None:
+            head["files"] = read[number].reading.hashes
+            world |= json.loads(json.dumps(read[number].reading.world, default=plain))
+
+        return change
+
+    return packed([rewritten(x, sign(i)) for i, x in enumerate(parts)])
+
+
+def judged(scene: Path, motion: Path, data: bytes) -> Verdict:
+    """What the checker says once a forger has signed."""
+    return check_job(scene, motion, signed(scene, motion, data))[0]
