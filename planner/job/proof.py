@@ -73,7 +73,7 @@ def prove_certified(
         for part, told, each in zip(parts, planned, driven, strict=True):
             check_part(part, told)
             try:
-                proofs.append(proof_of(each.setup, told, part.reading, *certified(*each)).data)
+                proofs.append(proof_of(each.setup, told, part.reading, certified(*each)).data)
             except NotProvenError as error:
                 raise NotProvenError(f"{part.name}: {error}") from None
         head = json.dumps({"lengths": [len(each) for each in proofs]}, separators=(",", ":"))
