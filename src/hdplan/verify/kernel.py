@@ -64,7 +64,7 @@ from .balls import (
 )
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, JOB_MAGIC, VERSION = b"hdplan proof\n", b"hdplan job proof\n", 5
+MAGIC, VERSION = b"hdplan proof\n", 5
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
@@ -156,12 +156,13 @@ class Motion:
         cos, sin = (x[..., None, None] for x in cos_sin(np.asfortranarray(self.middle)))
         still, once, twice = world.turns  # of each joint in the one before, moved by its value
         turn, at = still + sin * once + (1.0 - cos) * twice, world.origins + world.along * self.middle[:, :, None]
-        world_frame = Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T)
-        frames = [world_frame] * (count + 1)  # the last stays it
+        step = joined([turn, at[..., None]], 3)  # rotation and origin, (3, 4) of every joint in the one before
+        step = joined([step, Ball(np.zeros((4, 1, count, k)).T + [0.0, 0.0, 0.0, 1.0])], 2)
+        frames = [Ball(np.zeros((4, 3, k)).T + np.eye(3, 4))] * (count + 1)  # in the world, whose own is the last
         for j, joint in enumerate(world.joints):
-            before, origin = frames[joint.parent]
-            frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
-        self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
+            frames[j] = dot("kij,kjl->kil", frames[joint.parent], step[:, j])
+        frame = stack(frames, 1)
+        self.turn, self.at = frame[..., :3], frame[..., 3]
         self.axis = dot("knij,nj->kni", self.turn[:, :-1], world.axis)
         turns, none = world.turning[:, None], Ball(np.zeros_like(self.axis.mid))
         moment = where(turns, cross(self.at[:, :-1], self.axis), self.axis)
@@ -189,7 +190,7 @@ class Motion:
     def rest(self, step: Any, reach: Any, off: Any) -> Any:
         """Return R."""
         angle = np.abs(step) * self.world.turning
-        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
+        before = angle @ np.triu(np.ones((angle.shape[1],) * 2), 1)
         return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
 
     def moved(self, joint: int, local: Ball, turns: bool, moves: Any) -> tuple[Ball, Ball, Any]:
@@ -287,23 +288,6 @@ class Motion:
 Trees = tuple[Any, Any, Any, Any, Any]
 """Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
 of the rays that miss meshes."""
-
-
-def is_job(data: bytes) -> bool:
-    """True if a proof's file is that of a job."""
-    return data.startswith(JOB_MAGIC)
-
-
-def parts_of(data: bytes) -> list[bytes]:
-    """The proofs of a job's parts in one file: a line with their lengths, and one after the other."""
-    need(is_job(data), "the file is not the proof of a job, which the scene holds")
-    line, _, rest = data[len(JOB_MAGIC) :].partition(b"\n")
-    need(len(line) <= MOST_LINE, "the proof's head is too long")
-    (lengths,) = keys_of(loads(line), "the proof's head", "lengths")
-    good = type(lengths) is list and all(type(x) is int and x > 0 for x in lengths)
-    need(good and sum(lengths) == len(rest), "the proof is shorter or longer than its head says")
-    ends = np.cumsum([0, *lengths]).tolist()
-    return [rest[a:b] for a, b in itertools.pairwise(ends)]
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:

@@ -24,10 +24,11 @@ from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.verify.balls import Ball, RejectedError
+from hdplan.verify.bundle import MAGIC as JOB_MAGIC, parts_of
 from hdplan.verify.checking import Verdict, check_job, check_part
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
+from hdplan.verify.kernel import MAGIC, unpack
 from hdplan.verify.reach import apart
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of
