@@ -15,24 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import (
-    CROSS,
-    EPS,
-    HERE,
-    Ball,
-    Pose,
-    RejectedError,
-    dot,
-    inverse,
-    joined,
-    length,
-    named,
-    need,
-    norm,
-    stack,
-    unit,
-    up,
-)
+from .balls import CROSS, EPS, HERE, Ball, Pose, dot, inverse, joined, length, named, need, norm, stack, unit, up
 
 VERSION = 3  # of the form
 MOST_PAIRS = 1_000_000  # of pieces
@@ -81,8 +64,7 @@ def number(value: Any, what: str) -> float:
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
     """The values of a mapping that has just these keys, each of its kind."""
     names = keys.split()
-    if type(value) is not dict or value.keys() != {*names}:
-        raise RejectedError(f"{what}: a mapping with the keys {', '.join(names)} is expected")
+    need(type(value) is dict and value.keys() == {*names}, f"{what}: a mapping with the keys {keys}")
     found = [value[name] for name in names]
     for i, kind in enumerate(map(VALUES.get, names)):
         if kind is float:
