@@ -96,7 +96,7 @@ def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
     begin = reached[:-1] - np.repeat(reached[ends - counts], counts)
     whole = reached[ends] - reached[ends - counts] == 1 << DEEPEST
     whole[np.repeat(np.arange(len(counts)), counts)[begin % length != 0]] = False
-    _, first, node = np.unique(begin + 1j * depths, return_index=True, return_inverse=True)
+    _, first, node = np.unique(begin << 6 | depths, return_index=True, return_inverse=True)  # a depth is below 2^6
     begin, depth, low, high = begin[first], depths[first], np.zeros(len(first)), np.full(len(first), float(rows))
     for level in range(depth.max(initial=0)):
         middle, later = half(low, high), begin >> (DEEPEST - 1 - level) & 1 == 1
