@@ -220,14 +220,14 @@ class Motion:
         """True if a ray shows that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
         joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
         (body, *_), corners = pieces, np.concatenate([x.corners for x in pieces])
-        turn, at = self.turn.mid[0], self.at.mid[0]
-        farthest = np.argmax(
-            corners @ (turn[body.joint] @ body.pose[0].mid).T @ turn[joint] @ way
-        )  # any corner will do
-        local = dot("ij,j->i", body.pose[0], corners[farthest]) + body.pose[1]
-        place = (turn[body.joint] @ local.mid + at[body.joint] - at[joint]) @ turn[joint]
-        off = self.apart(Bond("", body.joint, local[None], joint, Ball(place[None]), 0.0))[0]
-        points, triangles = mesh[0] - Ball(place, off), mesh[1]
+        toward = self.turn.mid[0, joint] @ way @ self.turn.mid[0, body.joint] @ body.pose[0].mid
+        farthest = corners[np.argmax(corners @ toward)]  # any corner will do
+        local = dot("ij,j->i", body.pose[0], farthest) + body.pose[1]
+        here = dot("ij,j->i", self.turn[0, body.joint], local) + self.at[0, body.joint]
+        place = dot("ji,j->i", self.turn[0, joint], here - self.at[0, joint])
+        carried = self.world.carried[[body.joint, joint]]  # what carries both changes nothing
+        reach = self.reaches(stack([here, here])[None], 0.0, carried)[0] * (carried & ~carried[::-1])
+        points, triangles = mesh[0] - Ball(place.mid, up(place.rad + (self.most[0] * reach).sum())), mesh[1]
         ahead = dot("mi,i->m", points, way)
         seen = points[triangles[~(ahead.mid < -ahead.rad)[triangles].all(axis=1)]]  # all others are behind p
         sides = cross(seen, seen[:, [1, 2, 0]])
