@@ -247,6 +247,7 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
+            required=required,
             notes=(
                 *reductions,
                 *self._unknown(moved, proof),

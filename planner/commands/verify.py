@@ -11,7 +11,8 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import check_file, read_file
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import find_scene
-from hdplan.verify.kernel import IN_PART, is_job
+from hdplan.verify.bundle import is_job
+from hdplan.verify.kernel import IN_PART
 from hdplan.verify.robot_files import is_name
 
 

@@ -21,9 +21,9 @@ from hdplan.scenes.errors import NotProvenError, naming
 from hdplan.scenes.output import write_output
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
+from hdplan.verify.bundle import MAGIC
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import JOB_MAGIC
 
 
 @dataclass(frozen=True)
@@ -73,11 +73,11 @@ def prove_certified(
         for part, told, each in zip(parts, planned, driven, strict=True):
             check_part(part, told)
             try:
-                proofs.append(proof_of(each.setup, told, part.reading, *certified(*each)).data)
+                proofs.append(proof_of(each.setup, told, part.reading, certified(*each)).data)
             except NotProvenError as error:
                 raise NotProvenError(f"{part.name}: {error}") from None
         head = json.dumps({"lengths": [len(each) for each in proofs]}, separators=(",", ":"))
-        data = JOB_MAGIC + f"{head}\n".encode() + b"".join(proofs)
+        data = MAGIC + f"{head}\n".encode() + b"".join(proofs)
         verdict, _ = check_job(scene_file, motion_file, data, robot)
     return JobProof(data, verdict.text, certificate)
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
-from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, groups_of
 from hdplan.planner.proof.planes import Obstruction, Planes
@@ -79,8 +78,8 @@ def prove(
     setup = Setup.of(load_scene(files.scene, files.request, files.robot))
     motion = Trajectory.load(files.motion)
     with naming(files.motion):
-        proven = certified(setup, motion)
-    return files.proof(setup, motion, *proven)
+        certificate = certified(setup, motion)
+    return files.proof(setup, motion, certificate)
 
 
 class Planned(Protocol):
@@ -111,9 +110,7 @@ def prove_planned(
     proof if they have other numbers by now. Raises as `prove`."""
     files = _Files.of(scene, trajectory, request, robot)
     assert result.asked is not None
-    setup = Setup.of(result.asked)
-    asked = Certifier(setup).asked(curve_of(setup.robot, result.trajectory))[0]
-    return files.proof(setup, result.trajectory, result.certificate, asked)
+    return files.proof(Setup.of(result.asked), result.trajectory, result.certificate)
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ class _Files:
             None if robot is None else str(checked(path_of, robot, "robot")),
         )
 
-    def proof(self, setup: Setup, motion: Trajectory, certificate: Certificate, asked: float) -> Proof:
+    def proof(self, setup: Setup, motion: Trajectory, certificate: Certificate) -> Proof:
         """Return the proof of a motion with this certificate, once the checker reads of these files what the setup has.
         Raises InputError and NotProvenError."""
         planned = world_of(setup, motion)
@@ -143,7 +140,7 @@ class _Files:
             began = time.process_time()
             reading = read_world(self.scene, self.motion, planned, self.request, self.robot)
             check_equal(reading.world, planned)
-            return proof_of(setup, planned, reading, certificate, asked, time.process_time() - began)
+            return proof_of(setup, planned, reading, certificate, time.process_time() - began)
 
 
 @contextlib.contextmanager
@@ -157,22 +154,21 @@ def writing() -> Iterator[None]:
 
 def certified(
     setup: Setup, motion: Trajectory, known: Certificate | None = None, passing: Collection[str] = ()
-) -> tuple[Certificate, float]:
-    """Return the certificate of a motion, which may be known, and the clearance [m] that it asks for; `passing` as in
-    `Certifier.certify`. Raises NotProvenError."""
-    certifier = Certifier(setup)
-    certificate = known or certifier.certify(motion, passing=passing)
+) -> Certificate:
+    """Return the certificate of a motion, which may be known; `passing` as in `Certifier.certify`. Raises
+    NotProvenError."""
+    certificate = known or Certifier(setup).certify(motion, passing=passing)
     if not certificate.certified:
         raise NotProvenError(certificate.text)
-    return certificate, certifier.asked(curve_of(setup.robot, motion), passing)[0]
+    return certificate
 
 
 def proof_of(
-    setup: Setup, planned: dict[str, Any], reading: Reading, certificate: Certificate, asked: float, took: float = 0.0
+    setup: Setup, planned: dict[str, Any], reading: Reading, certificate: Certificate, took: float = 0.0
 ) -> Proof:
     """Return the proof of a motion in the world of the checker's `reading`, which is that in which it was `planned`,
     and `took` so much processor time [s]. Raises NotProvenError and RejectedError."""
-    return _Writer(setup, planned, reading, took).write(certificate, asked)
+    return _Writer(setup, planned, reading, took).write(certificate)
 
 
 class _Writer:
@@ -187,15 +183,15 @@ class _Writer:
         }
         self.known = dict[Any, tuple[Rows, Array]]()  # depths and normals by pieces
 
-    def write(self, certificate: Certificate, asked: float) -> Proof:
+    def write(self, certificate: Certificate) -> Proof:
         *more, last = SHORTS if any(unknown_in(self.setup.scene)) else SHORTS[:1]
         for short in more:  # the checker's own bounds on what is unknown are a little larger
             with contextlib.suppress(NotProvenError):
-                return self._written(certificate, asked, short)
-        return self._written(certificate, asked, last)
+                return self._written(certificate, short)
+        return self._written(certificate, last)
 
-    def _written(self, certificate: Certificate, asked: float, short: float) -> Proof:
-        least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
+    def _written(self, certificate: Certificate, short: float) -> Proof:
+        least, asked, bound = self.setup.scene.self_collision.clearance, certificate.required, certificate.clearance
         lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
         clearance = _less(bound, 0.0 if lower else asked, short)
         own = _less(certificate.self_clearance, least, short)

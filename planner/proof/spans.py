@@ -16,7 +16,7 @@ from hdplan.planner.certificate.exact_proximity import Piece as Shape
 from hdplan.planner.certificate.interval_bounds import Bounds
 from hdplan.planner.certificate.intervals import Bodies, Body, Intervals, Pairs
 from hdplan.planner.certificate.sizes import Sizes
-from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
+from hdplan.planner.motion.motion_bounds import Chain, Motion
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.verify.kernel import latest
 from hdplan.verify.unknown import chord
@@ -115,13 +115,15 @@ class Spans:
     def _reach(self, center: Array, joint: Rows, axes: Array, points: Array, most: Array) -> Array:
         """Return how far pieces (k, m, n) may be from the joints' axes."""
         world, moving = self.world, self.bodies.moving
-        reach = np.linalg.norm(cross(center[:, :, None] - points[:, None], axes[:, None]), axis=3)
+        x = [center[..., i] - points[..., i].T[:, :, None] for i in range(3)]  # each (n, k, m)
+        z = [axes[..., i].T[:, :, None] for i in range(3)]
+        reach = np.sqrt(sum((x[i - 2] * z[i - 1] - x[i - 1] * z[i - 2]) ** 2 for i in range(3)))
         after, carried = np.zeros(center.shape[:2]), world.carried[joint]
-        for j in reversed(range(carried.shape[1])):
-            far = reach[:, :, j] + self.bodies.radius[moving] + after if world.turning[j] else 1.0
-            reach[:, :, j] = np.where(carried[:, j], far, 0.0)
-            after += most[:, j, None] * reach[:, :, j]
-        return np.asarray(reach)
+        for j in reversed(range(len(reach))):
+            far = reach[j] + self.bodies.radius[moving] + after if world.turning[j] else 1.0
+            reach[j] = np.where(carried[:, j], far, 0.0)
+            after += most[:, j, None] * reach[j]
+        return np.asarray(reach.transpose(1, 2, 0))
 
 
 def _sizes(world: World) -> Sizes | None:

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from .balls import RejectedError, rejecting, shown
 from .bounds import bounded
+from .bundle import is_job
 from .checking import MOST_PARTS, check, check_job
 from .compare import plain
-from .kernel import IN_PART, is_job
+from .kernel import IN_PART
 from .robot_files import is_name
 
 

@@ -1,5 +1,5 @@
 # ruff: noqa: D105
-"""Real numbers up to a radius, and rotations made of them.
+"""Real numbers up to a radius.
 
 A `Ball` is a real number known up to a radius. NumPy's results are used only as IEEE 754 defines them: + - x /
 and sqrt, rounded to nearest, in any order, also fused: a sum of k products is then off by at most k 2^-53 /
@@ -205,17 +205,6 @@ CROSS = np.zeros((3, 3, 3))  # CROSS v is the matrix of v x ...
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0, 1.0
 for _array in (CROSS, *(part for ball in (HALF_PI, *HERE) for part in (ball.mid, ball.rad))):
     _array.flags.writeable = False
-
-
-def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
-    return turned(axis, *cos_sin(angle))
-
-
-def turned(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """Rotations about unit axes by their cosines and sines: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,...k->...ij", CROSS, axis)
-    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("...ij,...jk->...ik", k, k)
 
 
 def compose(a: Pose, b: Pose) -> Pose:

@@ -11,10 +11,11 @@ from typing import Any
 
 from .balls import RejectedError, need, rejecting, shown
 from .bounds import MOST_WAIT
+from .bundle import is_job, parts_of
 from .compare import check_curves, check_equal
 from .effects import check_claims
 from .job import Part, read_job
-from .kernel import Trees, is_job, parts_of, proven_world, unpack
+from .kernel import Trees, proven_world, unpack
 from .reach import check_reach
 from .reading import Reading, read_world
 from .verdict import in_words

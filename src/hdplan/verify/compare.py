@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .balls import need, up
+from .balls import RejectedError, need, up
 from .world import OFF
 
 SAME_CURVE = 0.25  # of the tolerances: so far apart may be two curves of poses that are one
@@ -85,26 +85,27 @@ def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
         if type(read) is np.ndarray and read.dtype == np.float64 and _near_table(read, told, off):
             return
         read, told = (x.tolist() if isinstance(x, np.ndarray) else x for x in (read, told))
+        if _alike(read, told, off):
+            return
     if isinstance(read, dict) and isinstance(told, dict) and "sha256" in told and triangles(read):
         need(told == digest(read), f"the worlds differ: {where}: the numbers that are read have another SHA-256")
     elif isinstance(read, dict) and isinstance(told, dict):
-        need(read.keys() == told.keys(), f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
+        if read.keys() != told.keys():
+            raise RejectedError(f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
         slack = _off(read, where) + _off(told, where) if "off" in read else 0.0
         for key, one in read.items():
             two = told[key]
-            plain_ = type(one) in (str, int, float) and type(one) is type(two)
-            if key != "off" and not (plain_ and one == two):
-                more = slack * (key in WORKED_OUT) + least
+            more = slack + least if key in WORKED_OUT else least
+            if key != "off" and not _alike(one, two, more):
                 _same(one, two, f"{where}.{key}" if where else str(key), more, least)
-    elif isinstance(read, list) and isinstance(told, list) and _near(read, told, off):
-        return
     elif isinstance(read, list) and isinstance(told, list):
         need(
             len(read) == len(told),
             f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(told)}",
         )
         for i, (one, two) in enumerate(zip(read, told, strict=True)):
-            _same(one, two, f"{where}[{_name(one, i)}]", off, least)
+            if not _alike(one, two, off):
+                _same(one, two, f"{where}[{_name(one, i)}]", off, least)
     elif type(read) in (int, float) and type(told) in (int, float):
         same = read == told or abs(read - told) <= up(off)
         need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {told!r}")
@@ -115,10 +116,13 @@ def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
         )
 
 
-def _near(read: list[Any], told: list[Any], off: float) -> bool:
-    """True if two rows surely are as near as they must be, as nearly all are; of others the first difference counts."""
-    if {*map(type, read), *map(type, told)} != {float}:
-        return not (read and isinstance(read[0], dict)) and read == told
+def _alike(read: Any, told: Any, off: float) -> bool:
+    """True if two words, numbers, or rows of numbers surely are as near as they must be, as nearly all are; of others
+    the first difference counts."""
+    if type(read) is not type(told) or type(read) not in (str, int, float, list, type(None)):
+        return False
+    if type(read) is not list or {*map(type, read), *map(type, told)} != {float}:
+        return not (type(read) is list and read and type(read[0]) is dict) and bool(read == told)
     return len(read) == len(told) and all(abs(one - two) <= off for one, two in zip(read, told, strict=True))
 
 
@@ -133,7 +137,8 @@ def _near_table(read: Any, told: Any, off: float) -> bool:
 
 def _off(group: dict[str, Any], where: str) -> float:
     off = group["off"]
-    need(type(off) in (int, float) and 0 <= off <= OFF, f"the worlds differ: {where}.off: is not within 0 and {OFF:g}")
+    if not (type(off) in (int, float) and 0 <= off <= OFF):
+        raise RejectedError(f"the worlds differ: {where}.off: is not within 0 and {OFF:g}")
     return float(off)
 
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, Ball, above, cross, dot, joined, need, norm, rotation, stack, up
+from .balls import EPS, Ball, above, cross, dot, joined, need, norm, stack, up
 from .effects import ROUNDED, Line, chord, everywhere, forward, link_of, parts_of, rates_of, still, times, wedge
 from .kernel import INSTANT, Motion, farthest
-from .turns import turns_between
+from .turns import rotation, turns_between
 from .world import Bond, World, keys_of, number, placed
 
 KEYS = "kind link free poses position_tolerance orientation_tolerance begin_tolerance end_tolerance speed acceleration"

@@ -64,7 +64,7 @@ from .balls import (
 )
 from .world import Bond, Piece, World, blossom, keys_of, loads, number
 
-MAGIC, JOB_MAGIC, VERSION = b"hdplan proof\n", b"hdplan job proof\n", 5
+MAGIC, VERSION = b"hdplan proof\n", 5
 MOST_BYTES, MOST_LINE, MOST_LEAVES = 1 << 27, 1 << 26, 200_000  # of a proof's content
 DEEPEST = 44  # of a proof's trees
 IN_PART = 4  # exit code
@@ -96,7 +96,7 @@ def leaves(counts: Any, depths: Any, rows: int) -> tuple[Any, Any, Any]:
     begin = reached[:-1] - np.repeat(reached[ends - counts], counts)
     whole = reached[ends] - reached[ends - counts] == 1 << DEEPEST
     whole[np.repeat(np.arange(len(counts)), counts)[begin % length != 0]] = False
-    _, first, node = np.unique(begin + 1j * depths, return_index=True, return_inverse=True)
+    _, first, node = np.unique(begin << 6 | depths, return_index=True, return_inverse=True)  # a depth is below 2^6
     begin, depth, low, high = begin[first], depths[first], np.zeros(len(first)), np.full(len(first), float(rows))
     for level in range(depth.max(initial=0)):
         middle, later = half(low, high), begin >> (DEEPEST - 1 - level) & 1 == 1
@@ -156,12 +156,13 @@ class Motion:
         cos, sin = (x[..., None, None] for x in cos_sin(np.asfortranarray(self.middle)))
         still, once, twice = world.turns  # of each joint in the one before, moved by its value
         turn, at = still + sin * once + (1.0 - cos) * twice, world.origins + world.along * self.middle[:, :, None]
-        world_frame = Ball(np.zeros((3, 3, k)).T + np.eye(3)), Ball(np.zeros((3, k)).T)
-        frames = [world_frame] * (count + 1)  # the last stays it
+        step = joined([turn, at[..., None]], 3)  # rotation and origin, (3, 4) of every joint in the one before
+        step = joined([step, Ball(np.zeros((4, 1, count, k)).T + [0.0, 0.0, 0.0, 1.0])], 2)
+        frames = [Ball(np.zeros((4, 3, k)).T + np.eye(3, 4))] * (count + 1)  # in the world, whose own is the last
         for j, joint in enumerate(world.joints):
-            before, origin = frames[joint.parent]
-            frames[j] = dot("kij,kjl->kil", before, turn[:, j]), dot("kij,kj->ki", before, at[:, j]) + origin
-        self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
+            frames[j] = dot("kij,kjl->kil", frames[joint.parent], step[:, j])
+        frame = stack(frames, 1)
+        self.turn, self.at = frame[..., :3], frame[..., 3]
         self.axis = dot("knij,nj->kni", self.turn[:, :-1], world.axis)
         turns, none = world.turning[:, None], Ball(np.zeros_like(self.axis.mid))
         moment = where(turns, cross(self.at[:, :-1], self.axis), self.axis)
@@ -189,7 +190,7 @@ class Motion:
     def rest(self, step: Any, reach: Any, off: Any) -> Any:
         """Return R."""
         angle = np.abs(step) * self.world.turning
-        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
+        before = angle @ np.triu(np.ones((angle.shape[1],) * 2), 1)
         return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
 
     def moved(self, joint: int, local: Ball, turns: bool, moves: Any) -> tuple[Ball, Ball, Any]:
@@ -219,14 +220,14 @@ class Motion:
         """True if a ray shows that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
         joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
         (body, *_), corners = pieces, np.concatenate([x.corners for x in pieces])
-        turn, at = self.turn.mid[0], self.at.mid[0]
-        farthest = np.argmax(
-            corners @ (turn[body.joint] @ body.pose[0].mid).T @ turn[joint] @ way
-        )  # any corner will do
-        local = dot("ij,j->i", body.pose[0], corners[farthest]) + body.pose[1]
-        place = (turn[body.joint] @ local.mid + at[body.joint] - at[joint]) @ turn[joint]
-        off = self.apart(Bond("", body.joint, local[None], joint, Ball(place[None]), 0.0))[0]
-        points, triangles = mesh[0] - Ball(place, off), mesh[1]
+        toward = self.turn.mid[0, joint] @ way @ self.turn.mid[0, body.joint] @ body.pose[0].mid
+        farthest = corners[np.argmax(corners @ toward)]  # any corner will do
+        local = dot("ij,j->i", body.pose[0], farthest) + body.pose[1]
+        here = dot("ij,j->i", self.turn[0, body.joint], local) + self.at[0, body.joint]
+        place = dot("ji,j->i", self.turn[0, joint], here - self.at[0, joint])
+        carried = self.world.carried[[body.joint, joint]]  # what carries both changes nothing
+        reach = self.reaches(stack([here, here])[None], 0.0, carried)[0] * (carried & ~carried[::-1])
+        points, triangles = mesh[0] - Ball(place.mid, up(place.rad + (self.most[0] * reach).sum())), mesh[1]
         ahead = dot("mi,i->m", points, way)
         seen = points[triangles[~(ahead.mid < -ahead.rad)[triangles].all(axis=1)]]  # all others are behind p
         sides = cross(seen, seen[:, [1, 2, 0]])
@@ -287,23 +288,6 @@ class Motion:
 Trees = tuple[Any, Any, Any, Any, Any]
 """Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
 of the rays that miss meshes."""
-
-
-def is_job(data: bytes) -> bool:
-    """True if a proof's file is that of a job."""
-    return data.startswith(JOB_MAGIC)
-
-
-def parts_of(data: bytes) -> list[bytes]:
-    """The proofs of a job's parts in one file: a line with their lengths, and one after the other."""
-    need(is_job(data), "the file is not the proof of a job, which the scene holds")
-    line, _, rest = data[len(JOB_MAGIC) :].partition(b"\n")
-    need(len(line) <= MOST_LINE, "the proof's head is too long")
-    (lengths,) = keys_of(loads(line), "the proof's head", "lengths")
-    good = type(lengths) is list and all(type(x) is int and x > 0 for x in lengths)
-    need(good and sum(lengths) == len(rest), "the proof is shorter or longer than its head says")
-    ends = np.cumsum([0, *lengths]).tolist()
-    return [rest[a:b] for a, b in itertools.pairwise(ends)]
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], bytes, dict[str, Any], Trees]:

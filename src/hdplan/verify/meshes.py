@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, dot, need, rotation, unit, up
+from .balls import EPS, HERE, Ball, dot, need, unit, up
 from .text import row, split, strict_xml, table
+from .turns import rotation
 from .world import unique
 
 KINDS = (".stl", ".obj", ".dae")

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from .balls import EPS, HERE, Ball, Pose, compose, dot, need, rotation, unit
+from .balls import EPS, HERE, Ball, Pose, compose, dot, need, unit
 from .text import attributes, children, number, row, strict_xml, values
+from .turns import rotation
 from .world import symmetric
 
 # of these nothing is read; not <collision_checking>, by which Pinocchio takes capsules for cylinders

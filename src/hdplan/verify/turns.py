@@ -1,6 +1,7 @@
-"""Rotations one after the other: the shortest turn from each to the next, of all axes or of one that is left free.
+"""Rotations about an axis, enclosed; and, in plain numbers, the shortest turn from one rotation to the next, of all
+axes or of one that is left free.
 
-Plain numbers: whoever uses them allows for rounding, which is below 1e-12 for turns of at most LARGEST_TURN.
+Whoever uses plain numbers allows for rounding, which is below 1e-12 for turns of at most LARGEST_TURN.
 """
 
 from __future__ import annotations
@@ -9,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from .balls import CROSS, need
+from .balls import CROSS, Ball, cos_sin, dot, need
 
 LARGEST_TURN = 3.0  # [rad] beyond it there may be two shortest turns
+
+
+def rotation(axis: Ball, angle: Any) -> Ball:
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k, (cos, sin) = dot("ijk,...k->...ij", CROSS, axis), (x[..., None, None] for x in cos_sin(angle))
+    return np.eye(3) + sin * k + (1.0 - cos) * dot("...ij,...jk->...ik", k, k)
 
 
 def turns_between(one: Any, other: Any, free: str) -> Any:

@@ -63,17 +63,16 @@ def number(value: Any, what: str) -> float:
 
 def keys_of(value: Any, what: str, keys: str) -> list[Any]:
     """The values of a mapping that has just these keys, each of its kind."""
-    names, found = keys.split(), list[Any]()
-    need(type(value) is dict and {*value} == {*names}, f"{what}: a mapping with the keys {', '.join(names)}")
-    for name in names:
-        one, kind = value[name], VALUES.get(name)
+    names = keys.split()
+    need(type(value) is dict and value.keys() == {*names}, f"{what}: a mapping with the keys {keys}")
+    found = [value[name] for name in names]
+    for i, kind in enumerate(map(VALUES.get, names)):
         if kind is float:
-            one = number(one, f"{what}.{name}")
+            found[i] = number(found[i], f"{what}.{names[i]}")
         elif type(kind) is tuple:
-            one = numbers(one, kind, f"{what}.{name}")
+            found[i] = numbers(found[i], kind, f"{what}.{names[i]}")
         elif kind is not None:
-            need(type(one) is kind, f"{what}.{name}: is of another kind")
-        found.append(one)
+            need(type(found[i]) is kind, f"{what}.{names[i]}: is of another kind")
     need("off" not in value or 0 <= value["off"] <= OFF, f"{what}.off: between 0 and {OFF:g} is expected")
     return found
 

@@ -19,12 +19,13 @@ from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import shipped_jobs
 from hdplan.verify.balls import RejectedError
+from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.curves import Blend, Leg, arc_about, arc_through
 from hdplan.verify.effects import check_claim, wanted
 from hdplan.verify.follow import check_follow
 from hdplan.verify.job import Part, read_job
-from hdplan.verify.kernel import parts_of, unpack
+from hdplan.verify.kernel import unpack
 from hdplan.verify.world import World
 
 TOOL, FINGERS = "panda_hand_tcp", ["panda_leftfinger", "panda_rightfinger"]

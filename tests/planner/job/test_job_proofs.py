@@ -22,10 +22,10 @@ from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.verify.balls import HERE, RejectedError
+from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check_job, check_part
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import parts_of
 from hdplan.verify.reach import between
 from hdplan.verify.scene import solid
 from hdplan.verify.world import Piece, shape_of

@@ -21,6 +21,7 @@ from hdplan.verify.balls import Ball
 from hdplan.verify.effects import check_limit
 from hdplan.verify.kernel import Motion
 from hdplan.verify.moving import turn_of
+from hdplan.verify.turns import rotation
 from hdplan.verify.world import World
 
 from .worlds import read_and_planned
@@ -129,12 +130,12 @@ def test_axis_and_angle_of_a_rotation_are_enclosed() -> None:
     rng = np.random.default_rng(6)
     for angle in (1e-5, 0.01, 0.5, np.pi / 2, 2.0, 3.0, 3.1415):
         axis = balls.unit(rng.normal(size=3))
-        way = turn_of(balls.rotation(axis, angle), "o")
+        way = turn_of(rotation(axis, angle), "o")
         assert (np.abs(way.mid - angle * axis.mid) <= way.rad + axis.rad).all()
         assert way.rad.max() < 1e-12 * angle / np.sin(angle)
     for angle in (1e-13, np.pi):
         with pytest.raises(balls.RejectedError, match="turns by"):
-            turn_of(balls.rotation(axis, angle), "o")
+            turn_of(rotation(axis, angle), "o")
 
 
 def motions() -> list[tuple[str, str]]:
@@ -307,7 +308,7 @@ def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
                 # an axis is known less well where it turns by nearly half a turn, as one of these does
                 assert motion.off[k, j] < (1e-11 if world.joints[j].turns else 1e-12)
                 if world.joints[j].turns:
-                    turn = turn @ balls.rotation(world.joints[j].axis, value).mid
+                    turn = turn @ rotation(world.joints[j].axis, value).mid
                 else:
                     at = at + turn @ world.joints[j].axis.mid * value
             expected = exact.at(np.array([now]))[0]

@@ -18,11 +18,12 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.robot_files.library import data_folder, library_package_dirs
 from hdplan.scenes.robot_spec import PlanarBase
 from hdplan.verify import RejectedError
-from hdplan.verify.balls import Ball, rotation
+from hdplan.verify.balls import Ball
 from hdplan.verify.kernel import Motion
 from hdplan.verify.meshes import triangles
 from hdplan.verify.reading import read_world
 from hdplan.verify.semantics import Semantics
+from hdplan.verify.turns import rotation
 from hdplan.verify.verdict import statement
 from hdplan.verify.world import World
 
