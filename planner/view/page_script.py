@@ -51,6 +51,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
 .hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
 .hd-row:hover, .hd-chosen { background: light-dark(#eef2f6, #2c2e33) }
+.hd-still { cursor: default; background: none !important }
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer; touch-action: pan-y }
@@ -156,6 +157,12 @@ if (!window.hdplan) {
     event.preventDefault();
     event.stopPropagation();
     event.target.click();
+  }, true);
+  let held;  // the line that is pressed: browsers give no click to one that is written anew before it is let go
+  document.addEventListener('pointerdown', (event) => { held = event.target.closest?.('[data-do]'); }, true);
+  document.addEventListener('pointerup', (event) => {
+    const now = event.target.closest?.('[data-do]');
+    if (held && !held.isConnected && now?.dataset.do === held.dataset.do) now.click();
   }, true);
   document.addEventListener('click', (event) => {
     const link = event.target.closest('[data-do]');
