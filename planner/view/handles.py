@@ -79,7 +79,7 @@ class Handles:
         edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin)
         self._begin, self._moving = begin or before, True  # what changes now leaves the handle to the hand
         try:
-            viewer.change(edited, step=begin is None, check=viewer.panel.live.on)
+            viewer.document.change(edited, step=begin is None, check=viewer.panel.live.on)
         except HdplanError:
             self._begin = begin
             raise
@@ -92,7 +92,7 @@ class Handles:
     def let_go(self) -> None:
         """Update everything after dragging."""
         self._begin = None
-        self._viewer.measure()
+        self._viewer.document.measure()
         self.place()
 
     def update(self) -> None:

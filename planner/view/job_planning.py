@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.search.search import Event
 from hdplan.planner.view.edited_job import EditedJob
+from hdplan.planner.view.newest import Newest
 from hdplan.scenes.errors import HdplanError
 
 SAY_EVERY = 0.5  # [s]
@@ -22,51 +22,31 @@ class JobPlanning:
         """Start it. `say` is called with how it goes on, and `done` with a scene, the same with its motion, or None and
         why there is none; both by this thread."""
         self._say, self._done = say, done
-        self._changed = threading.Condition()
-        self._wish: EditedJob | None = None
-        self._busy = self._stopped = self._ended = False
-        self._thread = threading.Thread(target=self._run, name="hdplan-plan", daemon=True)
-        self._thread.start()
+        self._newest: Newest[EditedJob] = Newest("hdplan-plan", self._plan)
 
     @property
     def running(self) -> bool:
         """True if a job is being planned, or is to be."""
-        return self._busy or self._wish is not None
+        return self._newest.running
 
     def ask(self, edited: EditedJob) -> None:
         """Have a job planned; one that is being planned is given up."""
-        with self._changed:
-            self._wish = edited
-            self._changed.notify_all()
+        self._newest.ask(edited)
 
     def stop(self) -> None:
         """Stop with what was planned so far."""
-        with self._changed:
-            self._wish, self._stopped = None, True
+        self._newest.give_up()
 
     def end(self) -> None:
         """Stop, and end the thread."""
-        with self._changed:
-            self._wish, self._ended = None, True
-            self._changed.notify_all()
-        self._thread.join(timeout=30.0)
+        self._newest.end()
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._wish is not None or self._ended)
-                if self._ended or self._wish is None:
-                    return
-                edited, self._wish = self._wish, None
-                self._busy, self._stopped = True, False
-            found, why = self._planned(edited)
-            with self._changed:
-                self._busy = False
-                newer = self._wish is not None or self._ended
-            if not newer:
-                self._done(edited, found, why)
+    def _plan(self, edited: EditedJob, turn: int) -> Callable[[], object] | None:
+        found, why = self._planned(edited, turn)
+        newer = self._newest.waits or self._newest.ended
+        return None if newer else lambda: self._done(edited, found, why)
 
-    def _planned(self, edited: EditedJob) -> tuple[EditedJob | None, str]:
+    def _planned(self, edited: EditedJob, turn: int) -> tuple[EditedJob | None, str]:
         began = said = time.monotonic()
         iterations = 0
 
@@ -78,7 +58,7 @@ class JobPlanning:
                 self._say(f"planning the job, {now - began:.0f} s, {iterations} iterations …")
 
         def stop() -> bool:
-            return self._ended or self._stopped or self._wish is not None
+            return self._newest.given_up(turn) or self._newest.waits
 
         try:
             result = plan_job(edited.scene, report=report, stop=stop)

@@ -16,7 +16,7 @@ from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import shown_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.motions import verdict_color
+from hdplan.planner.view.motion_nodes import verdict_color
 from hdplan.scenes.array_types import Array
 
 

@@ -8,7 +8,7 @@ from hdplan.planner.job.certify import StageCertificate
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.motions import verdict_color
+from hdplan.planner.view.motion_nodes import verdict_color
 from hdplan.planner.view.page_script import telling
 from hdplan.planner.view.words import SHORT, badge_of
 

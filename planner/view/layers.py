@@ -96,8 +96,7 @@ class Layers:
         viewer = self._viewer
         stage = viewer.stage
         stage.robot.visible = self.on("robot")
-        for shown in viewer.motions.shown:
-            shown.path.visible = self.on("path") and shown.visible
+        viewer.paint()
         stage.standing.root.visible = self.on("obstacles")
         stage.closest.root.visible = self.on("closest pair")
         if stage.left_out is not None:

@@ -196,7 +196,7 @@ class Panel:
         motions = self._viewer.motions
         content = ""
         if motions.active is not None:
-            colors, means, _ = motions.look_of(motions.active)
+            colors, means, _ = self._viewer.motion_nodes.look_of(motions.active)
             content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
         if self._legend.content != content:
             self._legend.content = content
@@ -204,7 +204,7 @@ class Panel:
     def _say_badge(self) -> None:
         """Say the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
-        holds = active is not None and viewer.motions.holds(active)
+        holds = active is not None and viewer.document.holds(active)
         content = badge(viewer.edited, None if active is None else active.motion, holds)
         if self._badge.content != content:
             self._badge.content = content

@@ -15,15 +15,12 @@ import viser
 
 from hdplan.planner.view import scene_edits
 from hdplan.planner.view.edit_steps import Editing
-from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.page_script import Page, Told, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
-
-LOCKED = "obstacle {name}: is locked; unlock it in the list first"
 
 
 class Tree:
@@ -34,11 +31,10 @@ class Tree:
         self._viewer, self._editing = viewer, editing
         self._html = viewer.server.gui.add_html("")
         self.hidden: set[str] = set()
-        self.locked: set[str] = set()
         for what, do in (
             ("select", self._select),
             ("eye", self._turn(self.hidden)),
-            ("lock", self._turn(self.locked)),
+            ("lock", self._turn(viewer.document.locked)),
             ("delete", self._delete),
         ):
             page.on(f"{what} thing", self._asked(do))
@@ -50,25 +46,18 @@ class Tree:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def check(self, before: Edited, after: Edited) -> None:
-        """Raise InputError for a change of what is locked."""
-        if self.locked:
-            now = {each.name: each for each in after.scene.obstacles}
-            for each in before.scene.obstacles:
-                if each.name in self.locked and now.get(each.name) != each:
-                    raise InputError(LOCKED.format(name=each.name))
-
     @contextlib.contextmanager
     def replaced(self) -> Iterator[None]:
         """Lock and hide nothing, as another scene is opened in this block, unless that is refused."""
-        before = set(self.hidden), set(self.locked)
+        locked = self._viewer.document.locked
+        before = set(self.hidden), set(locked)
         self.hidden.clear()
-        self.locked.clear()
+        locked.clear()
         try:
             yield
         except InputError:
             self.hidden |= before[0]
-            self.locked |= before[1]
+            locked |= before[1]
             raise
 
     def update(self) -> None:
@@ -87,7 +76,7 @@ class Tree:
         named = {"kind": thing.kind, "name": thing.name}
         text, links = html.escape(thing.name or f"the {thing.kind}"), ""
         if thing.kind == "obstacle":
-            hidden, locked = thing.name in self.hidden, thing.name in self.locked
+            hidden, locked = thing.name in self.hidden, thing.name in self._viewer.document.locked
             text += " <i>hidden, kept clear of</i>" if hidden else ""
             links = (
                 link("show" if hidden else "hide", "eye thing", "of the picture alone", **named)
