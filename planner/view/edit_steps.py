@@ -10,7 +10,7 @@ import html
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.edited_scene import Edited
@@ -193,6 +193,17 @@ def exactly(found: Any, value: Any) -> Any:
 def optional(value: float | None) -> str:
     """Return what a field shows of a number that may be missing."""
     return "" if value is None else f"{value:g}"
+
+
+def spaced(numbers: Sequence[float]) -> str:
+    """Return what a field shows of several numbers."""
+    return " ".join(f"{number:.6g}" for number in numbers)
+
+
+def numbers_in(text: str) -> list[float]:
+    """Return the numbers that a field holds, with spaces or commas between them. Raises InputError for any other
+    text."""
+    return [number_in(word) for word in text.replace(",", " ").split()]
 
 
 def number_in(text: str, kind: type[float] | type[int] = float) -> Any:

@@ -37,7 +37,7 @@ LAYERS = {  # name: initially on, description
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
     BOXES: (False, "around what the planner takes standing obstacles apart into: cells of clouds, pieces of meshes"),
     TRAIL: (False, "the robot at equal steps along the active motion, seen through"),
-    FRAMES: (False, "x red, y green, z blue; joints of a URDF turn about an axis of theirs"),
+    FRAMES: (False, "x red, y green, z blue, and the axis about or along which each joint moves, dark"),
     NAMES: (False, "where they are"),
 }
 
