@@ -1,4 +1,4 @@
-"""By a finger, on a narrow screen: the panel is a sheet from below, and what is dragged in the scene above it follows."""
+"""By a finger, on a narrow screen: the panel is a sheet from below, and what is dragged above it follows."""
 
 from __future__ import annotations
 
@@ -49,9 +49,7 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
         page.set_viewport_size({**NARROW, "width": width})
         sheet, canvas = page.locator("div:has(> div > .hdplan-page)"), page.locator("canvas").first
         until(lambda width=width, canvas=canvas: canvas.bounding_box()["width"] == width, "the scene is not as wide")
-        box = page.evaluate(
-            "e => e.closest('[style*=absolute], [style*=fixed]').getBoundingClientRect()", sheet.element_handle()
-        )
+        box = sheet.evaluate("e => e.closest('[style*=absolute], [style*=fixed]').getBoundingClientRect()")
         assert box["width"] == width
         assert box["bottom"] == NARROW["height"]
         assert box["height"] <= 0.01 * LOW * NARROW["height"] + 1
@@ -60,11 +58,13 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
     by_worker(served, lambda: served.panel.handles.select(BALL))
     place = place_of(served.edited, BALL, served.stage.tip).matrix
     x, y, z = place[:3, 3].tolist()
-    look(served, (x, y - 2.0, z + 1.5), (x, y, z))
-    held = grip(page, served, place, 0)
-    before = served.edited
-    for _ in range(5):  # the handle is drawn some time after it is sent
+    held, before = place[:3, 3], served.edited
+    for _ in range(5):
+        look(served, (x, y - 2.0, z + 1.5), (x, y, z))  # a finger that misses the handle turns the camera
+        page.wait_for_timeout(2000)  # until the handle is drawn
+        held = grip(page, served, place, 0)
         dragged(page, seen(page, served, held), seen(page, served, held - [0.2, 0.0, 0.0]))
+        assert served.worker.settle(20)
         if served.edited is not before:
             break
     until(lambda: served.worker.settle(1) and not served.panel.handles.dragging, "the finger does not let go")
