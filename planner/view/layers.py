@@ -55,7 +55,7 @@ class Layers:
         self._color.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
         self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
-        self.trail, self.frames, self.names = Trail(viewer), Frames(viewer), Names(viewer)
+        self.trail, self.frames, self.names = Trail(viewer), Frames(viewer.server), Names(viewer.server)
 
     def on(self, name: str) -> bool:
         """True if a layer is on."""
@@ -82,9 +82,9 @@ class Layers:
                 nodes.show(q)
         self.boxes.show(self.on(BOXES))
         self.trail.show(self.on(TRAIL))
-        self.frames.show(self.on(FRAMES), q)
-        self.names.show(self.on(NAMES) and self.on("obstacles"))
         viewer = self._viewer
+        self.frames.show(self.on(FRAMES), viewer.robot, q)
+        self.names.show(self.on(NAMES) and self.on("obstacles"), viewer.stage.obstacles)
         clouds, active = viewer.stage.clouds, viewer.motions.active
         if self._color.visible != bool(clouds):
             self._color.visible = bool(clouds)
