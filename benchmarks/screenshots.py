@@ -1,10 +1,11 @@
-"""The page of `hdplan view` for every shipped scene, in both themes, as a browser without a screen draws it.
+"""The page of `hdplan view` for every shipped scene and job, at three widths and in both themes, as a browser without a
+screen draws it.
 
-    python benchmarks/screenshots.py FOLDER [SCENE ...] [--size 1400x820] [--theme light|dark] [--unplanned]
+    python benchmarks/screenshots.py FOLDER [SCENE ...] [--sizes 1400x820 ...] [--theme light|dark] [--unplanned]
 
-For each scene: FOLDER/SCENE-light.png and -dark.png, half-way along a planned motion (or, with --unplanned, as the page
-comes without one). What the page's console complains of is printed, and ends the run with exit code 1.
-It needs chromium and playwright.
+For each scene: FOLDER/SCENE-WIDTH-THEME.png, half-way along a planned motion (or, with --unplanned, as the page comes
+without one); and of all FOLDER/sheet-WIDTH-THEME.png. What the page's console complains of is printed, and ends the run
+with exit code 1. It needs chromium, playwright and Pillow.
 """
 
 from __future__ import annotations
@@ -12,20 +13,26 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from hdplan.planner.job.planning import plan_job
 from hdplan.planner.plan import plan
-from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.job_viewer import JobViewer
+from hdplan.planner.view.server import open_job_viewer, open_viewer
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_jobs, shipped_scenes
+
+Size = tuple[int, int]  # [px]
 
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
-DRAWN, TURNED = 8_000, 1_500  # [ms] until all meshes are, and until the page has turned dark
+SIZES = ((1400, 820), (1000, 700), (600, 900))
+DRAWN, TURNED, RESIZED = 8_000, 1_500, 3_000  # [ms] until all meshes are, and until the page has turned dark, and fits
+SHEET, IN_A_ROW = 480, 4  # [px] of a picture's width on a sheet, and pictures
 PATIENCE = 120_000  # [ms]
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
 
@@ -47,7 +54,7 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(browser: Any, viewer: Viewer, size: tuple[int, int], complaints: list[str]) -> Iterator[Any]:
+def opened(browser: Any, viewer: Viewer | JobViewer, size: Size, complaints: list[str]) -> Iterator[Any]:
     """Open a viewer's page; what its console complains of is added to `complaints`."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.add_init_script(SELDOM)  # every pixel is drawn by the processor
@@ -71,31 +78,68 @@ def photograph(page: Any, file: Path, theme: str) -> None:
     page.screenshot(path=file)
 
 
+def served(name: str, planned: bool) -> Viewer | JobViewer:
+    """Serve a scene, half-way along a planned motion."""
+    scene = load_scene(name)
+    if scene.job is not None:
+        jobs = open_job_viewer(scene, port=8380)
+        if planned:
+            jobs.show(plan_job(scene, time_limit=TIME_LIMIT))
+            jobs.player.go_to(0.5 * jobs.player.timeline.end)
+        return jobs
+    motions = [("planned", plan(scene, time_limit=TIME_LIMIT).trajectory)] if planned else []
+    viewer = open_viewer(scene, motions, port=8380)
+    timeline = viewer.panel.player.timeline
+    viewer.show(0.5 * (timeline.begin + timeline.end))
+    return viewer
+
+
+def sheet(folder: Path, names: Sequence[str], size: Size, theme: str) -> None:
+    """Put the pictures of one size and theme on a sheet, several in a row."""
+    from PIL import Image
+
+    width, height = SHEET, SHEET * size[1] // size[0]
+    rows = -(-len(names) // IN_A_ROW)
+    whole = Image.new("RGB", (IN_A_ROW * width, rows * height), "white")
+    for number, name in enumerate(names):
+        with Image.open(folder / f"{name}-{size[0]}-{theme}.png") as picture:
+            place = (number % IN_A_ROW * width, number // IN_A_ROW * height)
+            whole.paste(picture.convert("RGB").resize((width, height)), place)
+    whole.save(folder / f"sheet-{size[0]}-{theme}.png")
+
+
+def _size(text: str) -> Size:
+    width, height = text.split("x")
+    return int(width), int(height)
+
+
 def main() -> None:
     """Take the pictures from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("scenes", nargs="*", default=list(shipped_scenes()))
-    parser.add_argument("--size", default="1400x820")
+    parser.add_argument("scenes", nargs="*", default=[*shipped_scenes(), *shipped_jobs()])
+    parser.add_argument("--sizes", nargs="+", type=_size, default=SIZES, metavar="WIDTHxHEIGHT")
     parser.add_argument("--theme", choices=THEMES)
     parser.add_argument("--unplanned", action="store_true")
     options = parser.parse_args()
-    width, height = (int(edge) for edge in options.size.split("x"))
     options.folder.mkdir(parents=True, exist_ok=True)
     complaints: list[str] = []
+    themes = [options.theme] if options.theme else THEMES
     with browser() as running:
         for name in options.scenes:
-            scene = load_scene(name)
-            motions = [] if options.unplanned else [("planned", plan(scene, time_limit=TIME_LIMIT).trajectory)]
-            viewer = open_viewer(scene, motions, port=8380)
-            timeline = viewer.panel.player.timeline
-            viewer.show(0.5 * (timeline.begin + timeline.end))
-            with opened(running, viewer, (width, height), complaints) as page:
-                for theme in [options.theme] if options.theme else THEMES:
-                    file = options.folder / f"{Path(name).stem}-{theme}.png"
-                    photograph(page, file, theme)
-                    print(file, flush=True)
+            viewer = served(name, not options.unplanned)
+            with opened(running, viewer, options.sizes[0], complaints) as page:
+                for width, height in options.sizes:
+                    page.set_viewport_size({"width": width, "height": height})
+                    page.wait_for_timeout(RESIZED)
+                    for theme in themes:
+                        photograph(page, options.folder / f"{Path(name).stem}-{width}-{theme}.png", theme)
+            print(name, flush=True)
             viewer.close()
+    names = [Path(name).stem for name in options.scenes]
+    for size in options.sizes:
+        for theme in themes:
+            sheet(options.folder, names, size, theme)
     for complaint in complaints:
         print(complaint, file=sys.stderr)
     sys.exit(bool(complaints))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
@@ -15,9 +17,15 @@ from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.terminal.console import printing, progress, say, waiting
+from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.search.search import Event
+
+    Run = Callable[[Callable[[Event], None], Callable[[], bool]], JobResult]
 
 
 def refuse_options(given: Mapping[str, object]) -> None:
@@ -61,13 +69,29 @@ class Written:
 
 
 def run_plan_job(
-    scene: Scene, files: Written, *, seed: int, time_limit: float, printed_as_json: bool, quiet: bool
+    scene: Scene,
+    files: Written,
+    *,
+    seed: int,
+    time_limit: float,
+    printed_as_json: bool,
+    quiet: bool,
+    served: contextlib.ExitStack | None = None,
 ) -> int:
-    """Plan a job. Returns the exit code: 0 if all its stages are certified, and proven where there is to be a proof,
-    else 1."""
+    """Plan a job. Browsers see it that are `served`. Returns the exit code: 0 if all its stages are certified, and
+    proven where there is to be a proof, else 1."""
     files.check()
+    follow = (lambda run: run(lambda event: None, lambda: False)) if served is None else _in_browsers(scene, served)
     with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
-        result = plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop)
+
+        def run(seen: Callable[[Event], None], stopped: Callable[[], bool]) -> JobResult:
+            def both(event: Event) -> None:
+                report(event)
+                seen(event)
+
+            return plan_job(scene, seed=seed, time_limit=time_limit, report=both, stop=lambda: stop() or stopped())
+
+        result = follow(run)
     try:
         written = files.write(result)
     except NotProvenError as error:
@@ -85,6 +109,16 @@ def run_plan_job(
             show(columns(stage_rows(result.certificate)))
             show(table([*rows, *(("written", file) for file in written)]))
     return 0 if result.certified else 1
+
+
+def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], JobResult]:
+    """Serve a scene with a job, say where, and return what makes a plan that browsers see."""
+    from hdplan.planner.view.server import open_job_viewer
+
+    with waiting("loading the robot's meshes"):
+        viewer = served.enter_context(contextlib.closing(open_job_viewer(scene, complain=complain)))
+    say(f"{scene.name} at {viewer.address()}, until Ctrl-C", "bold")
+    return viewer.follow
 
 
 def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> int:

@@ -95,13 +95,18 @@ def run_plan(
                     {
                         "--diagnose": diagnosed,
                         "--solver": "" if solver == "gauss_newton" else solver,
-                        "--view": served,
                     }
                 )
                 named = None if isinstance(robot, RobotSpec) else robot
                 to_write = Written(scene, named, output, plot, proof)
                 return run_plan_job(
-                    problem, to_write, seed=seed, time_limit=longest, printed_as_json=as_json, quiet=quiet
+                    problem,
+                    to_write,
+                    seed=seed,
+                    time_limit=longest,
+                    printed_as_json=as_json,
+                    quiet=quiet,
+                    served=served,
                 )
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:

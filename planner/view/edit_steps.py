@@ -10,7 +10,7 @@ import html
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.edited_scene import Edited
@@ -90,12 +90,12 @@ class Editing:
         together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
         self._doing = field
         try:
-            viewer.change(edited, step=not together, check=True)
+            viewer.document.change(edited, step=not together, check=True)
         finally:
             self._doing = ""
         self._last = field, time.monotonic(), edited
         viewer.panel.live.follow()
-        self._later("measure", REST, viewer.measure)
+        self._later("measure", REST, viewer.document.measure)
 
     def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
         """Have something done after a pause, which begins anew."""
@@ -110,15 +110,15 @@ class Editing:
         self._said.content = small(html.escape(text))
 
     def _back(self, way: str) -> None:
-        viewer, history = self._viewer, self._viewer.history
+        viewer, history = self._viewer, self._viewer.document.history
         possible = {
             "undo": history.can_undo,
             "redo": history.can_redo,
-            "reset": viewer.edited is not viewer.first,
+            "reset": viewer.edited is not viewer.document.first,
         }
         if not possible[way]:
             raise InputError(f"there is nothing to {way}")
-        {"undo": viewer.undo, "redo": viewer.redo, "reset": viewer.reset}[way]()
+        {"undo": viewer.document.undo, "redo": viewer.document.redo, "reset": viewer.document.reset}[way]()
         if way == "reset":
             viewer.panel.live.follow()
 
@@ -193,6 +193,17 @@ def exactly(found: Any, value: Any) -> Any:
 def optional(value: float | None) -> str:
     """Return what a field shows of a number that may be missing."""
     return "" if value is None else f"{value:g}"
+
+
+def spaced(numbers: Sequence[float]) -> str:
+    """Return what a field shows of several numbers."""
+    return " ".join(f"{number:.6g}" for number in numbers)
+
+
+def numbers_in(text: str) -> list[float]:
+    """Return the numbers that a field holds, with spaces or commas between them. Raises InputError for any other
+    text."""
+    return [number_in(word) for word in text.replace(",", " ").split()]
 
 
 def number_in(text: str, kind: type[float] | type[int] = float) -> Any:

@@ -1,4 +1,5 @@
-"""Selecting and dragging: a click or the list selects, the selected thing gets a handle in the scene.
+"""Selecting and dragging: a click or the list selects, the selected thing gets a handle in the scene. A click with
+shift or ctrl selects more obstacles: they go along with the last one, which has the handle.
 
 Dragging a moving obstacle changes where it is at time 0; its motion from there stays the same. While something is
 dragged, bodies, the current clearance and the contacts of start and goal are updated, and motions as `live` says;
@@ -7,6 +8,7 @@ everything is measured again when it is let go.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.drawing.nodes import pose_of
@@ -30,6 +32,7 @@ class Handles:
         """Build the list in the container at hand."""
         self._viewer = viewer
         self.selected: Thing | None = None
+        self.others: tuple[Thing, ...] = ()  # obstacles that are selected, too
         self.turn = 0  # how often another thing was selected
         self._begin: Edited | None = None  # what it was when dragging began
         self._moving = False  # whether the change under way is the hand's
@@ -41,12 +44,18 @@ class Handles:
         self._handle: Any = None
         self._handles = 0  # so far
         self.choice.on_update(lambda _: viewer.worker.ask("select", self._chosen))
-        viewer.stage.on_click(lambda thing: viewer.worker.ask("select", lambda: self.select(thing)))
+        viewer.stage.on_click(lambda thing, more: viewer.worker.ask("select", lambda: self._clicked(thing, more)))
 
     @property
     def dragging(self) -> bool:
         """True if something is being dragged."""
         return self._begin is not None
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """The names of all obstacles that are selected, the one with the handle last."""
+        last = () if self.selected is None else (self.selected,)
+        return tuple(each.name for each in (*self.others, *last) if each.kind == "obstacle")
 
     def release(self) -> None:
         """Let go of what is dragged, if anything is: its browser may be gone. By any thread."""
@@ -58,17 +67,28 @@ class Handles:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def select(self, thing: Thing | None) -> None:
-        """Select a thing, or nothing; of a goal with poses of several links, the first."""
+    def select(self, thing: Thing | None, others: Sequence[Thing] = ()) -> None:
+        """Select a thing, with other obstacles, or nothing; of a goal with poses of several links, the first."""
         every = things(self._viewer.edited)
         if thing is not None and thing not in every:
             alike = (each for each in every if each.kind == thing.kind and thing.kind != "obstacle")
             thing = next(alike, None)
-        self.turn += thing != self.selected
-        self.selected, self._begin = thing, None
+        alone = thing is None or thing.kind != "obstacle"
+        also = () if alone else tuple(each for each in others if each in every and each != thing)
+        self.turn += (thing, also) != (self.selected, self.others)
+        self.selected, self.others, self._begin = thing, also, None
         self._show()
         self.place()
         self._viewer.panel.player.draw()
+
+    def select_also(self, thing: Thing) -> None:
+        """Select an obstacle beside those that are selected, or no more, if it is."""
+        if thing.kind != "obstacle" or not self.obstacles:
+            self.select(thing)
+            return
+        chosen = [Thing("obstacle", name) for name in self.obstacles]
+        chosen = [each for each in chosen if each != thing] if thing in chosen else [*chosen, thing]
+        self.select(chosen[-1] if chosen else None, chosen[:-1])
 
     def drag(self, pose: Pose) -> None:
         """Move what is selected to `pose`, as dragging does."""
@@ -76,10 +96,10 @@ class Handles:
         if self.selected is None:
             return
         before, begin = viewer.edited, self._begin
-        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin)
+        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin, self.obstacles)
         self._begin, self._moving = begin or before, True  # what changes now leaves the handle to the hand
         try:
-            viewer.change(edited, step=begin is None, check=viewer.panel.live.on)
+            viewer.document.change(edited, step=begin is None, check=viewer.panel.live.on)
         except HdplanError:
             self._begin = begin
             raise
@@ -92,7 +112,7 @@ class Handles:
     def let_go(self) -> None:
         """Update everything after dragging."""
         self._begin = None
-        self._viewer.measure()
+        self._viewer.document.measure()
         self.place()
 
     def update(self) -> None:
@@ -106,8 +126,10 @@ class Handles:
         if self.choice.options != names:
             self.choice.options = names
         if self.selected is None or self.selected not in every:
-            self.select(None)
+            left = [each for each in self.others if each in every]
+            self.select(left[-1] if left else None, left[:-1])
             return
+        self.others = tuple(each for each in self.others if each in every)
         self._show()
         if not dragging or self._at != place_of(self._viewer.edited, self.selected, self._viewer.stage.tip):
             self.place()
@@ -117,7 +139,7 @@ class Handles:
         name = NOTHING if self.selected is None else str(self.selected)
         if self.choice.value != name:
             self.choice.value = name
-        self._viewer.stage.highlight(self.selected)
+        self._viewer.stage.highlight(self.selected, self.obstacles)
         self._viewer.panel.select(self.selected)
 
     def place(self) -> None:
@@ -138,6 +160,15 @@ class Handles:
         self._handles += 1
         self._handle = add_handle(viewer.server, self._handles, pose, turns(viewer.edited, thing))
         self._handle.on_update(self._dragged)
+
+    def _clicked(self, thing: Thing, more: bool) -> None:
+        """Select what was clicked on in the scene, unless a click means a point to be measured."""
+        if self._viewer.panel.measuring.on:
+            return
+        if more:
+            self.select_also(thing)
+        else:
+            self.select(thing)
 
     def _chosen(self) -> None:
         """Select what the list says."""

@@ -30,7 +30,9 @@ class JobHandles:
             "selected", (NOTHING,), hint="what gets a handle in the scene: objects move with the stages that lead there"
         )
         self.choice.on_update(lambda event: viewer.worker.ask("select", self._chosen) if event.client else None)
-        viewer.stage.standing.on_click(lambda name: viewer.worker.ask("select", lambda: self.select_obstacle(name)))
+        viewer.stage.standing.on_click(
+            lambda name, more: viewer.worker.ask("select", lambda: self.select_obstacle(name))
+        )
         viewer.server.on_client_disconnect(lambda _: self.release())  # perhaps while it dragged
 
     @property

@@ -7,10 +7,14 @@ import time
 from collections.abc import Callable
 
 from hdplan.planner.job.planning import plan_job
+from hdplan.planner.job.result import JobResult
 from hdplan.planner.search.search import Event
 from hdplan.planner.view.edited_job import EditedJob
+from hdplan.planner.view.newest import Newest
 from hdplan.scenes.errors import HdplanError
 
+Run = Callable[[Callable[[Event], None], Callable[[], bool]], JobResult]
+"""A maker of plans, given what takes its events, and what tells whether to stop."""
 SAY_EVERY = 0.5  # [s]
 Done = Callable[[EditedJob, EditedJob | None, str], object]
 
@@ -22,51 +26,65 @@ class JobPlanning:
         """Start it. `say` is called with how it goes on, and `done` with a scene, the same with its motion, or None and
         why there is none; both by this thread."""
         self._say, self._done = say, done
-        self._changed = threading.Condition()
-        self._wish: EditedJob | None = None
-        self._busy = self._stopped = self._ended = False
-        self._thread = threading.Thread(target=self._run, name="hdplan-plan", daemon=True)
-        self._thread.start()
+        self._newest: Newest[EditedJob] = Newest("hdplan-plan", self._plan)
+        self._elsewhere = False  # whether one is planned by somebody else, and shown here
+        self._stopped = threading.Event()
 
     @property
     def running(self) -> bool:
         """True if a job is being planned, or is to be."""
-        return self._busy or self._wish is not None
+        return self._elsewhere or self._newest.running
 
     def ask(self, edited: EditedJob) -> None:
         """Have a job planned; one that is being planned is given up."""
-        with self._changed:
-            self._wish = edited
-            self._changed.notify_all()
+        self._newest.ask(edited)
 
     def stop(self) -> None:
-        """Stop with what was planned so far."""
-        with self._changed:
-            self._wish, self._stopped = None, True
+        """Stop with what was planned so far, here or elsewhere."""
+        self._stopped.set()
+        self._newest.give_up()
+
+    def give_up(self) -> None:
+        """Stop what is planned here, as it is of another scene by now."""
+        self._newest.give_up()
+
+    def follow(self, edited: EditedJob, run: Run) -> JobResult:
+        """Make a plan elsewhere: `run` is called, by this thread, with what takes its events and what tells whether to
+        stop. Returns its result, or raises what it raises, and has it told."""
+        self._elsewhere = True
+        self._stopped.clear()
+        try:
+            result = run(self._report(), self._stopped.is_set)
+        except BaseException as error:  # among them Ctrl-C
+            self._elsewhere = False
+            self._done(edited, None, _words(edited, error))
+            raise
+        found = edited.done(result.trajectory, result.certificate, result.failure)
+        self._elsewhere = False
+        self._done(edited, found, "")
+        return result
 
     def end(self) -> None:
         """Stop, and end the thread."""
-        with self._changed:
-            self._wish, self._ended = None, True
-            self._changed.notify_all()
-        self._thread.join(timeout=30.0)
+        self._newest.end()
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._wish is not None or self._ended)
-                if self._ended or self._wish is None:
-                    return
-                edited, self._wish = self._wish, None
-                self._busy, self._stopped = True, False
-            found, why = self._planned(edited)
-            with self._changed:
-                self._busy = False
-                newer = self._wish is not None or self._ended
-            if not newer:
-                self._done(edited, found, why)
+    def _plan(self, edited: EditedJob, turn: int) -> Callable[[], object] | None:
+        found, why = self._planned(edited, turn)
+        newer = self._newest.waits or self._newest.ended
+        return None if newer else lambda: self._done(edited, found, why)
 
-    def _planned(self, edited: EditedJob) -> tuple[EditedJob | None, str]:
+    def _planned(self, edited: EditedJob, turn: int) -> tuple[EditedJob | None, str]:
+        def stop() -> bool:
+            return self._newest.given_up(turn) or self._newest.waits
+
+        try:
+            result = plan_job(edited.scene, report=self._report(), stop=stop)
+            return edited.done(result.trajectory, result.certificate, result.failure), ""
+        except Exception as error:  # of a library, too: the viewer continues
+            return None, _words(edited, error)
+
+    def _report(self) -> Callable[[Event], None]:
+        """Return what takes the events of a plan that begins now, and says how it goes on."""
         began = said = time.monotonic()
         iterations = 0
 
@@ -77,13 +95,10 @@ class JobPlanning:
                 said = now
                 self._say(f"planning the job, {now - began:.0f} s, {iterations} iterations …")
 
-        def stop() -> bool:
-            return self._ended or self._stopped or self._wish is not None
+        return report
 
-        try:
-            result = plan_job(edited.scene, report=report, stop=stop)
-            return edited.done(result.trajectory, result.certificate, result.failure), ""
-        except HdplanError as error:
-            return None, str(error).removeprefix(f"{edited.scene.source}: ")
-        except Exception as error:  # of a library: the viewer continues
-            return None, f"{type(error).__name__}: {error}"
+
+def _words(edited: EditedJob, error: BaseException) -> str:
+    """Say why there is no plan."""
+    known = isinstance(error, HdplanError)
+    return str(error).removeprefix(f"{edited.scene.source}: ") if known else f"{type(error).__name__}: {error}"

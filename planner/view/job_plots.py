@@ -46,7 +46,7 @@ class JobPlots:
             self._folder.remove()
             self._folder = self._server.gui.add_folder("plots")
             with self._folder:
-                self._plots = MotionPlots(self._server, names, self._replot)
+                self._plots = MotionPlots(self._server, edited.setup.robot, self._replot)
             self._names = names
         motion, required = edited.shown.motion, edited.scene.planner.clearance
         seen = [(motion, MOTIONS[0])]

@@ -16,7 +16,7 @@ from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import shown_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.motions import verdict_color
+from hdplan.planner.view.motion_nodes import verdict_color
 from hdplan.scenes.array_types import Array
 
 
@@ -30,6 +30,7 @@ class JobStage:
         self.standing = Standing(server)
         self.closest = ClosestNodes(server)
         self._path: PathNode | None = None
+        self._moves = False  # whether there is a motion, which has a path
         self.note = ""  # on what could not be drawn
 
     def take(self, edited: EditedJob) -> None:
@@ -54,6 +55,11 @@ class JobStage:
             node.show(seconds)
         self.closest.show(pairs)
 
+    def show_path(self, on: bool) -> None:
+        """Show the path of the motion, if there is one, or hide it."""
+        if self._path is not None and self._path.visible != (on and self._moves):
+            self._path.visible = on and self._moves
+
     def select(self, obstacle: str | None) -> None:
         """Show what is selected."""
         self.closest.labelled = obstacle is None
@@ -66,13 +72,11 @@ class JobStage:
         return self.robot.robot
 
     def _draw_path(self, motion: ShownMotion | None) -> None:
+        self._moves = motion is not None
         if motion is None:
-            if self._path is not None:
-                self._path.visible = False
             return
         proven = motion.certificate.certified
         colors = clearance_colors(motion.clearance) if proven else verdict_color(motion.certificate)
         if self._path is None:
             self._path = PathNode(self._server, "path", motion.tip, colors)
         self._path.draw(motion.tip, colors)
-        self._path.visible = True

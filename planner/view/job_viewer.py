@@ -24,8 +24,10 @@ from hdplan.planner.view.gate import Gate, Served
 from hdplan.planner.view.history import History
 from hdplan.planner.view.in_view import few_of
 from hdplan.planner.view.job_handles import JobHandles
-from hdplan.planner.view.job_planning import JobPlanning
+from hdplan.planner.view.job_layers import JobLayers
+from hdplan.planner.view.job_planning import JobPlanning, Run
 from hdplan.planner.view.job_plots import JobPlots
+from hdplan.planner.view.job_saving import JobSaving
 from hdplan.planner.view.job_stage import JobStage
 from hdplan.planner.view.job_words import held_words, job_badge, job_legend, job_words, stage_rows
 from hdplan.planner.view.keys import Key, Keys, keys_to_play
@@ -91,6 +93,9 @@ class JobViewer(Served):
         self.handles = JobHandles(self)
         self.player.build_speed(self.server)
         self.plots = JobPlots(self.server, self.page, self.worker, self.player)
+        self.saving = JobSaving(self.server, self.worker, lambda: self.edited)
+        with gui.add_folder("layers", expand_by_default=False):
+            self.layers = JobLayers(self.server, self.worker, self.stage, lambda: self.player.draw())
         self._note = gui.add_html("")
         self.keys = Keys(
             self.server,
@@ -118,6 +123,12 @@ class JobViewer(Served):
         edited = self._alike(result.scene).done(result.trajectory, result.certificate, result.failure)
         self.worker.ask("show", lambda: self.change(edited))
         self.worker.settle()
+
+    def follow(self, run: Run) -> JobResult:
+        """Show a plan of the job that is made elsewhere: `run` is called with what takes its events and what tells
+        whether to stop. Returns its result, or raises what it raises."""
+        self.worker.ask("plan", lambda: self._say_next("planning the job …"))
+        return self.planning.follow(self.edited, run)
 
     def take_scene(self, scene: Scene) -> None:
         """Show another scene of the same robot, as a step that can be undone. Raises InputError, and changes nothing,
@@ -229,7 +240,7 @@ class JobViewer(Served):
         if not by_hand:
             self.handles.leave()
         if edited.scene is not self.edited.scene:
-            self.planning.stop()  # what it finds is of an earlier scene
+            self.planning.give_up()  # what it finds is of an earlier scene
         self.edited = edited
         self._draw()
 
@@ -256,6 +267,7 @@ class JobViewer(Served):
             q = shown.motion.curve.at_time(np.array([now]))[0]
         with self.server.atomic():
             self.stage.show(q, now, pairs)
+            self.layers.show(q)
             words = "" if shown is None else clearance_words(self.player.timeline.words(now), pairs)
             self._clearance.content, self._held.content = words, held_words(edited, number)
             if number != self._stage_now:
@@ -271,6 +283,7 @@ class JobViewer(Served):
         self.player.run_over(Timeline() if shown is None else Timeline.of(edited.setup.scene, [shown.motion.curve]))
         self.player.enable(shown is not None)
         self.handles.update()
+        self.saving.outdate()
         self.plots.take(edited)
         self.player.draw()
         self.looking.fade()

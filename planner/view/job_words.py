@@ -8,7 +8,7 @@ from hdplan.planner.job.certify import StageCertificate
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
 from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.edited_job import EditedJob
-from hdplan.planner.view.motions import verdict_color
+from hdplan.planner.view.motion_nodes import verdict_color
 from hdplan.planner.view.page_script import telling
 from hdplan.planner.view.words import SHORT, badge_of
 
@@ -64,9 +64,11 @@ def _row(number: int, stage: StageCertificate, now: bool) -> str:
 
 
 def _line(first: str, name: str, said: str, tint: str = "", now: bool = False, do: str = "") -> str:
-    kind, tell = ("summary", f' data-do="{do}"') if do else ("div", "")
+    # A stage without a motion leads nowhere, and does not look as if it did.
+    kind, tell = ("summary", f' role="button" data-do="{do}"') if do else ("div", "")
+    style = "hd-row" if do else "hd-row hd-still"
     return (
-        f'<{kind} class="hd-row{" hd-chosen" if now else ""}"{tell}>'
+        f'<{kind} class="{style}{" hd-chosen" if now else ""}"{tell}>'
         f'<span style="min-width:3.6em;text-align:right;font-variant-numeric:tabular-nums">{first}</span>'
         f'<b class="hd-line" style="flex:1" title="{html.escape(name)}">{html.escape(name)}</b>'
         f'<span class="hd-line {tint}">{html.escape(said)}</span></{kind}>'

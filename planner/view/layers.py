@@ -37,7 +37,7 @@ LAYERS = {  # name: initially on, description
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
     BOXES: (False, "around what the planner takes standing obstacles apart into: cells of clouds, pieces of meshes"),
     TRAIL: (False, "the robot at equal steps along the active motion, seen through"),
-    FRAMES: (False, "x red, y green, z blue; joints of a URDF turn about an axis of theirs"),
+    FRAMES: (False, "x red, y green, z blue, and the axis about or along which each joint moves, dark"),
     NAMES: (False, "where they are"),
 }
 
@@ -55,7 +55,7 @@ class Layers:
         self._color.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
         self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
-        self.trail, self.frames, self.names = Trail(viewer), Frames(viewer), Names(viewer)
+        self.trail, self.frames, self.names = Trail(viewer), Frames(viewer.server), Names(viewer.server)
 
     def on(self, name: str) -> bool:
         """True if a layer is on."""
@@ -82,9 +82,9 @@ class Layers:
                 nodes.show(q)
         self.boxes.show(self.on(BOXES))
         self.trail.show(self.on(TRAIL))
-        self.frames.show(self.on(FRAMES), q)
-        self.names.show(self.on(NAMES) and self.on("obstacles"))
         viewer = self._viewer
+        self.frames.show(self.on(FRAMES), viewer.robot, q)
+        self.names.show(self.on(NAMES) and self.on("obstacles"), viewer.stage.obstacles)
         clouds, active = viewer.stage.clouds, viewer.motions.active
         if self._color.visible != bool(clouds):
             self._color.visible = bool(clouds)
@@ -96,8 +96,7 @@ class Layers:
         viewer = self._viewer
         stage = viewer.stage
         stage.robot.visible = self.on("robot")
-        for shown in viewer.motions.shown:
-            shown.path.visible = self.on("path") and shown.visible
+        viewer.paint()
         stage.standing.root.visible = self.on("obstacles")
         stage.closest.root.visible = self.on("closest pair")
         if stage.left_out is not None:

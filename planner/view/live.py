@@ -8,7 +8,6 @@ is turns red at once, with the pair and the depth, and stays, as one of an older
 from __future__ import annotations
 
 import html
-import threading
 import time
 from collections import deque
 from dataclasses import replace
@@ -18,6 +17,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.newest import Newest
 from hdplan.planner.view.planning import NAME
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
@@ -29,6 +29,7 @@ LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned l
 PATIENCE = 0.25  # [s] after which a plan gives way to a newer scene
 WINDOW = 2.0  # [s] over which motions are counted
 IDLE = "drag something, and the motion follows"
+WAIT = 5.0  # [s] for the thread at the end
 SLOW_PLANS = 2  # plans in a row that find nothing within LIMIT switch it off
 
 
@@ -46,16 +47,11 @@ class Live:
         self._say(IDLE)
         self._asked_for = False  # whether somebody used the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
-        self._changed = threading.Condition()
-        self._wish: tuple[Edited, Trajectory | None] | None = None
-        self._turn = 0  # how often what is being planned came to nothing
-        self._busy = self._ended = False
         self._slow = 0  # plans in a row that found nothing in time
         self._shown: deque[float] = deque()  # when certified motions were shown
         self._began = 0.0
         self.count = 0  # certified motions shown since the last one was let go
-        self._thread = threading.Thread(target=self._run, name="hdplan-live", daemon=True)
-        self._thread.start()
+        self._newest: Newest[tuple[Edited, Trajectory | None]] = Newest("hdplan-live", self._plan, WAIT)
 
     @property
     def on(self) -> bool:
@@ -73,15 +69,11 @@ class Live:
 
     def settle(self, timeout: float) -> bool:
         """Wait until nothing is left to plan; False if that takes longer than `timeout` [s]."""
-        with self._changed:
-            return self._changed.wait_for(lambda: not (self._wish or self._busy), timeout)
+        return self._newest.settle(timeout)
 
     def end(self) -> None:
         """Drop what is to be planned, and end the thread."""
-        with self._changed:
-            self._wish, self._ended = None, True
-            self._changed.notify_all()
-        self._thread.join(timeout=5.0)
+        self._newest.end()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
@@ -97,27 +89,23 @@ class Live:
         active = viewer.motions.active
         if not self.on or viewer.edited.missed:
             return
-        with self._changed:
-            self._wish = viewer.edited, None if active is None else active.motion.trajectory
-            self._changed.notify_all()
+        self._newest.ask((viewer.edited, None if active is None else active.motion.trajectory))
 
     def forget(self) -> None:
         """Drop what is being planned from the active motion: it is another one by now, or back where it was."""
-        with self._changed:
-            self._wish = None
-            self._turn += 1
+        self._newest.give_up()
 
     def _take(self, edited: Edited, result: PlanResult, turn: int) -> None:
         """Show a motion that was certified in a scene, if it was not dropped: in the one of now it may not hold any
         more."""
         viewer = self._viewer
-        if turn != self._turn:
+        if self._newest.given_up(turn):
             return
         certificate = result.certificate if viewer.scene is edited.scene else None
         active = viewer.motions.active
         planned_here = active is not None and active.result is not None
         name = active.motion.name if active and planned_here else viewer.motions.free_name(NAME)
-        viewer.put(
+        viewer.document.put(
             name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result, step=False
         )
         active = viewer.motions.active
@@ -140,26 +128,12 @@ class Live:
 
     # --- the thread -----------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._wish is not None or self._ended)
-                if self._ended or self._wish is None:
-                    return
-                (edited, guess), self._wish, self._busy = self._wish, None, True
-                turn = self._turn
-            try:
-                self._plan(edited, guess, turn)
-            finally:
-                with self._changed:
-                    self._busy = False
-                    self._changed.notify_all()
-
-    def _plan(self, edited: Edited, guess: Trajectory | None, turn: int) -> None:
+    def _plan(self, wish: tuple[Edited, Trajectory | None], turn: int) -> None:
+        (edited, guess), newest = wish, self._newest
         ask, began = self._viewer.worker.ask, time.monotonic()
 
         def given_up() -> bool:
-            return self._ended or turn != self._turn or (self._wish is not None and time.monotonic() > began + PATIENCE)
+            return newest.given_up(turn) or (newest.waits and time.monotonic() > began + PATIENCE)
 
         try:
             result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIMIT, stop=given_up)

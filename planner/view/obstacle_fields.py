@@ -3,13 +3,14 @@ speed."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, assert_never
 
 import viser
 
-from hdplan.planner.view import scene_edits
-from hdplan.planner.view.edit_steps import Editing, Fields, number_in, optional
+from hdplan.planner.view import groups, scene_edits
+from hdplan.planner.view.edit_steps import Editing, Fields, number_in, numbers_in, optional, spaced
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, obstacle_of
 from hdplan.planner.view.uploads import MESHES
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 PASTED = "pasted.yaml"
 STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
-SNAPS = f"snap: to whole centimetres and {scene_edits.SNAP_TURN:g}°"
+GROUPS = "a name before a slash is the obstacle's group: a click on its line selects all of it"
 NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
 
 
@@ -38,17 +39,26 @@ class ObstacleFields:
         gui = viewer.server.gui
         new = gui.add_button_group("add", tuple(scene_edits.NEW), hint="an obstacle, where there is room within reach")
         mesh = gui.add_upload_button("Add a mesh", icon=viser.Icon.UPLOAD, mime_type=",".join(MESHES))
-        self._buttons = gui.add_button_group("obstacle", ("duplicate", "snap", "delete"), visible=False, hint=SNAPS)
+        ways, snaps = ("duplicate", "snap", "delete"), scene_edits.SNAPS
+        self._buttons = gui.add_button_group("obstacle", ways, visible=False, hint=snaps)
+        self._grouping = gui.add_button_group("group", ("group", "ungroup"), visible=False, hint=GROUPS)
         self._folder = gui.add_folder("obstacle", visible=False)
         new.on_click(lambda event: self._editing.do(partial(self.add, str(event.target.value))))
         mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
-        self._buttons.on_click(lambda event: self.ask(str(event.target.value)))
+        for buttons in (self._buttons, self._grouping):
+            buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._fields = Fields(self._editing, lambda: viewer.panel.handles.turn)
         self._kind: object = None  # of obstacle whose fields there are
 
     def ask(self, what: str) -> None:
-        """Have the selected obstacle duplicated, snapped or deleted. By any thread."""
-        ways = {"duplicate": self.duplicate, "snap": self.snap, "delete": self.delete}
+        """Have the selected obstacles duplicated, snapped, deleted, grouped or ungrouped. By any thread."""
+        ways: dict[str, Callable[[], None]] = {
+            "duplicate": self.duplicate,
+            "snap": self.snap,
+            "delete": self.delete,
+            "group": lambda: self.group(groups.free_group(self._viewer.edited)),
+            "ungroup": lambda: self.group(""),
+        }
         self._editing.do(ways.get(what, lambda: None))  # a browser may send anything
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
@@ -64,35 +74,42 @@ class ObstacleFields:
         self._put("mesh", Mesh(path), path.stem)
 
     def duplicate(self) -> None:
-        """Put a second one beside the selected obstacle, and select it."""
-        edited, thing = scene_edits.duplicated(self._viewer.edited, self._selected.name)
+        """Put second ones beside the selected obstacles, and select them."""
+        edited, added = scene_edits.duplicated(self._viewer.edited, *self._names)
         self._editing.apply("duplicate", lambda _: edited)
-        self._viewer.panel.handles.select(thing)
+        self._viewer.panel.handles.select(added[-1], added[:-1])
 
     def snap(self) -> None:
-        """Move the selected obstacle to whole centimetres and degrees."""
-        name = self._selected.name
-        self._editing.apply("snap", lambda edited: scene_edits.snapped(edited, name))
+        """Move the selected obstacles to whole centimetres and degrees."""
+        names = self._names
+        self._editing.apply("snap", lambda edited: scene_edits.snapped(edited, *names))
 
     def paste(self, text: str) -> None:
-        """Add obstacles that are written as in a scene, and select the last. Raises InputError for any other text."""
+        """Add obstacles that are written as in a scene, and select them. Raises InputError for any other text."""
         file = self._viewer.uploads.take(PASTED, as_section(text).encode(), (PASTED,))
-        edited, thing = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
+        edited, added = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
         self._editing.apply("paste", lambda _: edited)
-        self._viewer.panel.handles.select(thing)
+        self._viewer.panel.handles.select(added[-1], added[:-1])
 
     def delete(self) -> None:
-        """Delete the selected obstacle."""
-        name = self._selected.name
-        self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, name))
+        """Delete the selected obstacles."""
+        names = self._names
+        self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, *names))
+
+    def group(self, group: str) -> None:
+        """Let the selected obstacles be those of a group, or of none, and select them there."""
+        edited, names = groups.grouped(self._viewer.edited, self._names, group)
+        self._editing.apply("group", lambda _: edited)
+        *others, last = (Thing("obstacle", name) for name in names)
+        self._viewer.panel.handles.select(last, others)
 
     def update(self) -> None:
         """Show the selected obstacle."""
-        thing = self._viewer.panel.handles.selected
-        shown = thing is not None and thing.kind == "obstacle"
-        if self._folder.visible != shown:
-            self._folder.visible = self._buttons.visible = shown
-        if not shown:
+        count = len(self._viewer.panel.handles.obstacles)
+        for part, shown in ((self._folder, count == 1), (self._buttons, count > 0), (self._grouping, count > 0)):
+            if part.visible != shown:
+                part.visible = shown
+        if count != 1:
             return
         obstacle = self._selected
         kind = type(obstacle.shape), type(obstacle.motion) is TimedPoses
@@ -105,9 +122,9 @@ class ObstacleFields:
 
     @property
     def text(self) -> str:
-        """The selected obstacle as a scene writes it; "" if none is."""
-        thing = self._viewer.panel.handles.selected
-        return "" if thing is None or thing.kind != "obstacle" else obstacle_text(self._selected)
+        """The selected obstacles as a scene writes them; "" if none is."""
+        edited, names = self._viewer.edited, self._viewer.panel.handles.obstacles
+        return "".join(obstacle_text(obstacle_of(edited, Thing("obstacle", name))) for name in names)
 
     @property
     def _selected(self) -> Obstacle:
@@ -115,6 +132,14 @@ class ObstacleFields:
         if thing is None or thing.kind != "obstacle":
             raise InputError(NO_CHOICE)
         return obstacle_of(self._viewer.edited, thing)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """The names of the selected obstacles, at least one. Raises InputError if none is."""
+        names = self._viewer.panel.handles.obstacles
+        if not names:
+            raise InputError(NO_CHOICE)
+        return names
 
     def _put(self, field: str, shape: Shape, stem: str) -> None:
         edited, thing = scene_edits.added(self._viewer.edited, shape, stem, self._viewer.panel.looking.eye)
@@ -131,7 +156,10 @@ class ObstacleFields:
         self._vector("turn [°]", lambda: scene_edits.turn_of(self._selected.pose), scene_edits.turned)
         quaternion = gui.add_text("quaternion", "", hint="x y z w, normalized")
         self._fields.add(
-            "quaternion", quaternion, lambda: _spaced(self._selected.pose.quaternion_xyzw), self._with_quaternion
+            "quaternion",
+            quaternion,
+            lambda: spaced(self._selected.pose.quaternion_xyzw),
+            lambda edited, text: scene_edits.oriented(edited, self._selected.name, numbers_in(text)),
         )
         word = type(obstacle.shape).__name__.lower()
         for key in SHAPE_KEYS.get(word, ()):  # what was seen has no sizes
@@ -194,10 +222,6 @@ class ObstacleFields:
         self._viewer.panel.handles.selected = Thing("obstacle", new)
         return renamed
 
-    def _with_quaternion(self, edited: Edited, text: str) -> Edited:
-        numbers = [number_in(word) for word in text.replace(",", " ").split()]
-        return scene_edits.oriented(edited, self._selected.name, numbers)
-
     def _size(self, key: str) -> Any:
         return getattr(self._selected.shape, key)
 
@@ -205,9 +229,7 @@ class ObstacleFields:
         return scene_edits.resized(edited, self._selected.name, **{key: new})
 
     def _with_points(self, edited: Edited, text: str) -> Edited:
-        rows = [
-            [number_in(word) for word in line.replace(",", " ").split()] for line in text.splitlines() if line.strip()
-        ]
+        rows = [numbers_in(line) for line in text.splitlines() if line.strip()]
         return scene_edits.resized(edited, self._selected.name, points=rows)
 
 
@@ -217,10 +239,6 @@ def as_section(text: str) -> str:
     if not bare.startswith("-"):
         bare = "- " + bare.replace("\n", "\n  ")
     return f"obstacles:\n{bare}\n"
-
-
-def _spaced(numbers: tuple[float, ...]) -> str:
-    return " ".join(f"{number:.6g}" for number in numbers)
 
 
 def _lines(shape: Any) -> str:

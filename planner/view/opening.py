@@ -69,7 +69,7 @@ class Opening:
         for this robot. By the worker's thread."""
         trajectory = Trajectory.load(path)
         with naming(path):
-            certificate = self._viewer.put(name, trajectory)
+            certificate = self._viewer.document.put(name, trajectory)
         self._editing.say(f"opened: {path.name}, {certificate.text}")
 
     def follow(

@@ -24,10 +24,13 @@ Handler = Callable[[viser.ClientHandle, Told], object]
 
 WIDTH, NARROWEST = 360, 250  # [px] of the panel
 DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
+SHEET = 700  # [px] of a window's width up to which the panel lies below the scene; viser's own does up to 576
+LOW = 45  # [%] of the window's height that it takes there
 SHARE = 0.4  # of a window's width that the panel takes at most
 ENDED = "hdplan view has ended, or cannot be reached: this is what was shown last"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
-STYLE = """
+STYLE = (
+    """
 div:has(> .hdplan-page) + div { display: none }
 div:has(> div > .hdplan-page) { display: grid; grid-template-columns: 1fr 1fr; align-items: center;
   padding-right: 0.7em }  /* what lies under the scroll bar */
@@ -49,8 +52,9 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-under { margin-top: -0.9em }  /* of what it explains, which leaves room below itself */
 .hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
-.hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
+.hd-row { display: flex; user-select: none; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
 .hd-row:hover, .hd-chosen { background: light-dark(#eef2f6, #2c2e33) }
+.hd-still { cursor: default; background: none !important }
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer; touch-action: pan-y }
@@ -66,7 +70,7 @@ div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outl
   --button-bg: #0067a3 !important; --button-hover: #00507f !important; --button-color: #fff !important }
 .u-legend { line-height: 1.3; text-align: left !important; padding: 0 0.9em;
   margin: 10px 0 0 !important }  /* below the numbers of the axis */
-.u-legend tr:last-child { display: none }  /* of the bar */
+.u-legend tr:last-child, .u-legend tr:has(.u-label:empty) { display: none }  /* of the bar, and of dotted limits */
 .u-legend th, .u-legend td { padding: 0 0.2em !important; font-variant-numeric: tabular-nums }
 .u-legend .u-marker { width: 0.9em !important; height: 0.25em !important }
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
@@ -76,6 +80,16 @@ div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-b
   [role="tab"] svg { display: none }
   [role="tab"], [role="tab"] * { overflow: visible !important; padding: 0 !important }
 }
+@media (pointer: coarse) { .hd-row { padding: 0.35em 0.3em } .hd-link { padding: 0 0.35em } }
+@media (max-width: SHEETpx) {  /* the panel is a sheet from below, and the scene stands above it */
+  div[style*="position: absolute"]:has(.hdplan-page), .mantine-Paper-root[style*="position: fixed"]:has(.hdplan-page) {
+    top: auto !important; left: 0 !important; width: 100% !important; max-height: LOW% !important }
+  div[style*="position: absolute"]:has(.hdplan-page) { height: LOW% }
+  div[style*="flex-shrink: 0"]:has(.hdplan-page), div[style*="width: 20em"]:has(.hdplan-page) {
+    width: 100% !important; padding: 0 !important }
+  div:has(> [role="tab"]) { margin-top: 0.7em }
+  html:has(div[style*="grid-template-rows: 1fr"] .hdplan-page) div:has(> canvas) { inset: 0 0 LOW% 0 !important }
+}
 .hdplan-ended::after { content: "ENDED"; position: fixed; inset: 0 0 auto 0; z-index: 9999; padding: 0.7em;
   text-align: center; color: #fff; background: #a50026; font: 1rem sans-serif }
 .hdplan-ended body { filter: grayscale(1) opacity(0.6); pointer-events: none }
@@ -84,6 +98,9 @@ div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-b
 .hdplan-watches div:has(> div > .hdplan-page) :is(button:not([role=tab]), input, textarea, .mantine-Slider-root,
   .hd-link) { pointer-events: none; opacity: 0.55 }
 """.replace("ENDED", ENDED)
+    .replace("SHEET", str(SHEET))
+    .replace("LOW", str(LOW))
+)
 
 SCRIPT = (
     """
@@ -157,11 +174,17 @@ if (!window.hdplan) {
     event.stopPropagation();
     event.target.click();
   }, true);
+  let held;  // the line that is pressed: browsers give no click to one that is written anew before it is let go
+  document.addEventListener('pointerdown', (event) => { held = event.target.closest?.('[data-do]'); }, true);
+  document.addEventListener('pointerup', (event) => {
+    const now = event.target.closest?.('[data-do]');
+    if (held && !held.isConnected && now?.dataset.do === held.dataset.do) now.click();
+  }, true);
   document.addEventListener('click', (event) => {
     const link = event.target.closest('[data-do]');
     if (link) {
       if (link.tagName !== 'SUMMARY') event.preventDefault();  // of the line that it is in: no details
-      const told = JSON.parse(link.dataset.do);
+      const told = {more: event.shiftKey || event.ctrlKey || event.metaKey, ...JSON.parse(link.dataset.do)};
       if (told.ask !== undefined) {
         const answer = prompt(told.ask, told.answer);
         if (answer === null) return;

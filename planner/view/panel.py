@@ -16,6 +16,7 @@ from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edit_steps import Editing
+from hdplan.planner.view.end_fields import EndFields
 from hdplan.planner.view.exports import Exports
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.in_view import InView
@@ -24,6 +25,7 @@ from hdplan.planner.view.keys import Keys, keys_of
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
+from hdplan.planner.view.measuring import Measuring
 from hdplan.planner.view.obstacle_fields import ObstacleFields
 from hdplan.planner.view.opening import Opening
 from hdplan.planner.view.page_script import Page, is_number
@@ -66,7 +68,7 @@ class Panel:
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
-            self._plots = MotionPlots(viewer.server, viewer.robot.joint_names, self._replot)
+            self._plots = MotionPlots(viewer.server, viewer.robot, self._replot)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
@@ -74,6 +76,8 @@ class Panel:
             self.handles = Handles(viewer)
             self.tree = Tree(viewer, self.page, self.editing)
             self.obstacles = ObstacleFields(viewer, self.editing)
+            self.ends = EndFields(viewer, self.editing)
+            self.measuring = Measuring(viewer)
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
             self.exports = Exports(viewer, self.saving)
@@ -127,6 +131,7 @@ class Panel:
         """Show the values of the scene in all fields but those in which somebody types."""
         self.tree.update()
         self.obstacles.update()
+        self.ends.update()
         self.jogging.update()
         self.settings.update()
 
@@ -134,6 +139,7 @@ class Panel:
         """Show the values of what is selected now, and have its text at hand to be copied."""
         self.tree.update()
         self.obstacles.update()
+        self.ends.update()
         self.page.copied(self.obstacles.text)
         self.jogging.follow(thing)
 
@@ -196,7 +202,7 @@ class Panel:
         motions = self._viewer.motions
         content = ""
         if motions.active is not None:
-            colors, means, _ = motions.look_of(motions.active)
+            colors, means, _ = self._viewer.motion_nodes.look_of(motions.active)
             content = color_legend(colors, html.escape(means)) if isinstance(colors, tuple) else clearance_legend()
         if self._legend.content != content:
             self._legend.content = content
@@ -204,7 +210,7 @@ class Panel:
     def _say_badge(self) -> None:
         """Say the verdict in the scene."""
         viewer, active = self._viewer, self._viewer.motions.active
-        holds = active is not None and viewer.motions.holds(active)
+        holds = active is not None and viewer.document.holds(active)
         content = badge(viewer.edited, None if active is None else active.motion, holds)
         if self._badge.content != content:
             self._badge.content = content

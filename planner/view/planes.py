@@ -106,7 +106,7 @@ class PlaneLayer:
         active = motions.active
         if active is None or nearest is None:
             return None, "no motion, or nothing to touch: no plane"
-        if not motions.holds(active) or not active.motion.certificate.certified:
+        if not self._viewer.document.holds(active) or not active.motion.certificate.certified:
             return None, "the motion is not certified in this scene: there is no proof"
         about = active.motion.trajectory, self._viewer.scene
         if not self._is_about(about):

@@ -202,13 +202,13 @@ class Planning:
         self.stopped = result if self._stop.is_set() else None
         if result is not None:
             unmoved = viewer.scene is scene  # nothing was dragged meanwhile
-            viewer.step()
+            viewer.document.step()
             if unmoved and result.goal is not None and result.goal.positions is not None:
-                viewer.change(viewer.edited.shown_at(np.array(result.goal.positions)), step=False)
+                viewer.document.change(viewer.edited.shown_at(np.array(result.goal.positions)), step=False)
             name, known = self._name(result), result.certificate if unmoved else None
-            certificate = viewer.put(name, result.trajectory, known, result=result, step=False)
+            certificate = viewer.document.put(name, result.trajectory, known, result=result, step=False)
             viewer.panel.live.forget()
-            viewer.motions.make_room(KEPT_PLANS)
+            viewer.document.make_room(KEPT_PLANS)
             if not unmoved:
                 text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify

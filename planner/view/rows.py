@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,8 +51,8 @@ class Rows:
             self._html.content = content
 
     def _line(self, shown: Shown) -> str:
-        motions, motion, number = self._viewer.motions, shown.motion, shown.number
-        holds, certificate, name = motions.holds(shown), shown.motion.certificate, html.escape(shown.motion.name)
+        document, motion, number = self._viewer.document, shown.motion, shown.number
+        holds, certificate, name = document.holds(shown), motion.certificate, html.escape(motion.name)
         tint = ("hd-good" if certificate.certified else "hd-bad") if holds else ""
         said = (
             figures(certificate, motion.trajectory)
@@ -75,7 +74,7 @@ class Rows:
             details += f", {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
         if motion.measured and motion.clearance.min(initial=np.inf) < np.inf:
             details += "<br/>" + link("go to the closest moment", "closest", motion=number)
-        chosen, choose = " hd-chosen" if shown is motions.active else "", telling("choose", motion=number)
+        chosen, choose = " hd-chosen" if shown is document.motions.active else "", telling("choose", motion=number)
         return (
             f'<details><summary class="hd-row{chosen}" data-do="{choose}">'
             f'<span style="color:{hex_of(shown.color)}">▬</span><b class="hd-line" style="max-width:8em">{name}</b>'
@@ -97,25 +96,20 @@ class Rows:
         return lambda _, told: self._viewer.worker.ask(f"{told['do']} {told.get('motion')}", lambda: job(told))
 
     def _choose(self, shown: Shown, told: Told) -> None:
-        self._viewer.choose(shown.motion.name)
+        self._viewer.document.choose(shown.motion.name)
 
     def _hide(self, shown: Shown, told: Told) -> None:
-        shown.visible = not shown.visible
-        self._viewer.motions.paint()
-        self._viewer.redraw()
+        self._viewer.document.hide(shown)
 
     def _rename(self, shown: Shown, told: Told) -> None:
-        viewer, name = self._viewer, self._viewer.motions.free_for(shown, str(told.get("answer", "")))
-        viewer.step()
-        shown.motion = replace(shown.motion, name=name)
-        viewer.redraw()
+        self._viewer.document.rename(shown, str(told.get("answer", "")))
 
     def _remove(self, shown: Shown, told: Told) -> None:
-        self._viewer.remove(shown)
+        self._viewer.document.remove(shown)
 
     def _closest(self, shown: Shown, told: Told) -> None:
         motion, player = shown.motion, self._viewer.panel.player
         if motion.measured:
-            self._viewer.choose(motion.name)
+            self._viewer.document.choose(motion.name)
             place = int(np.minimum(motion.clearance, motion.self_clearance).argmin())
             player.go_to(float(player.timeline.moments(motion.curve, motion.parameter[place])))

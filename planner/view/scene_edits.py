@@ -39,6 +39,7 @@ NEW: Mapping[str, Shape] = MappingProxyType(  # what is added by a word; meshes 
     }
 )
 SNAP, SNAP_TURN = 0.01, 15.0  # [m], [°]
+SNAPS = f"snap: to whole centimetres and {SNAP_TURN:g}°"
 AROUND = 12  # places around the robot at which a new obstacle may appear
 ROOMY = 0.6  # of the most room there is that serves as well
 DUPLICATE_SHIFT = 1.2  # times its width from an obstacle to its duplicate
@@ -53,29 +54,44 @@ def added(edited: Edited, shape: Shape, stem: str, eye: Array | None = None) -> 
     return edited.changed(obstacles=(*edited.scene.obstacles, obstacle)), Thing("obstacle", name)
 
 
-def duplicated(edited: Edited, name: str) -> tuple[Edited, Thing]:
-    """The scene with a second obstacle of the same shape, clearance and motion, beside the first."""
-    return pasted(edited, (obstacle_of(edited, Thing("obstacle", name)),))
+def duplicated(edited: Edited, *names: str) -> tuple[Edited, tuple[Thing, ...]]:
+    """The scene with second obstacles of the same shapes, clearances and motions, beside the first."""
+    return pasted(edited, [obstacle_of(edited, Thing("obstacle", name)) for name in names])
 
 
-def pasted(edited: Edited, obstacles: Sequence[Obstacle]) -> tuple[Edited, Thing]:
-    """The scene with more obstacles, at least one: under names of their own, beside what has their names. The last of
-    them is returned, too."""
+def pasted(edited: Edited, obstacles: Sequence[Obstacle]) -> tuple[Edited, tuple[Thing, ...]]:
+    """The scene with more obstacles, at least one: under names of their own, and all of them beside what has the names
+    of some. They are returned, too."""
     if not obstacles:
         raise InputError("obstacles: none are pasted")
+    taken = any(free_name(edited, each.name) != each.name for each in obstacles)
+    beside, added = (_beside(obstacles) if taken else np.zeros(3)), []
     for each in obstacles:
         name = free_name(edited, each.name)
-        if name != each.name:
-            width = float(obstacle_mesh(with_content(each, "obstacles")).extents[1])
-            place = each.pose.matrix[:3, 3] + DUPLICATE_SHIFT * width * each.pose.matrix[:3, 1]
-            each = moved(replace(each, name=name), replace(each.pose, position=tuple(place.tolist())))
-        edited = edited.changed(obstacles=(*edited.scene.obstacles, each))
-    return edited, Thing("obstacle", name)
+        place = each.pose.matrix[:3, 3] + beside
+        new = moved(replace(each, name=name), replace(each.pose, position=tuple(place.tolist())))
+        edited = edited.changed(obstacles=(*edited.scene.obstacles, new))
+        added.append(Thing("obstacle", name))
+    return edited, tuple(added)
 
 
-def deleted(edited: Edited, name: str) -> Edited:
-    """The scene without an obstacle."""
-    return edited.changed(obstacles=tuple(each for each in edited.scene.obstacles if each.name != name))
+def _beside(obstacles: Sequence[Obstacle]) -> Array:
+    """The way (3,) [m] to a place beside obstacles: along the y axis of a single one, or else the world's."""
+    meshes = [obstacle_mesh(with_content(each, "obstacles")) for each in obstacles]
+    if len(obstacles) == 1:
+        along: Array = DUPLICATE_SHIFT * float(meshes[0].extents[1]) * obstacles[0].pose.matrix[:3, 1]
+        return along
+    sides = [
+        (mesh.vertices @ each.pose.matrix[:3, :3].T + each.pose.matrix[:3, 3])[:, 1]
+        for mesh, each in zip(meshes, obstacles, strict=True)
+    ]
+    width = max(float(side.max()) for side in sides) - min(float(side.min()) for side in sides)
+    return np.array([0.0, DUPLICATE_SHIFT * width, 0.0])
+
+
+def deleted(edited: Edited, *names: str) -> Edited:
+    """The scene without some obstacles."""
+    return edited.changed(obstacles=tuple(each for each in edited.scene.obstacles if each.name not in names))
 
 
 def renamed(edited: Edited, name: str, new: str) -> Edited:
@@ -102,8 +118,7 @@ def turned(edited: Edited, name: str, degrees: tuple[float, float, float]) -> Ed
     """The scene with an obstacle turned by roll, pitch and yaw [°], about the world's axes in this order, at 0 s."""
     obstacle = obstacle_of(edited, Thing("obstacle", name))
     with naming(f"obstacle {name}"):
-        quaternion = tuple(Rotation.from_euler("xyz", degrees, degrees=True).as_quat().tolist())
-        other = moved(obstacle, replace(obstacle.pose, quaternion_xyzw=quaternion))
+        other = moved(obstacle, pose_turned(obstacle.pose, degrees))
     return _exchanged(edited, name, other)
 
 
@@ -111,14 +126,30 @@ def oriented(edited: Edited, name: str, quaternion: Sequence[float]) -> Edited:
     """The scene with an obstacle turned as a quaternion x y z w says, which is normalized, at 0 s."""
     obstacle = obstacle_of(edited, Thing("obstacle", name))
     with naming(f"obstacle {name}"):
-        length = float(np.linalg.norm(quaternion)) if len(quaternion) == 4 else 0.0
-        if not 1e-6 < length < np.inf:
-            raise InputError(
-                f"quaternion: must be four numbers, not all 0, found {len(quaternion)} of length {length:g}"
-            )
-        unit = tuple((np.asarray(quaternion) / length).tolist())
-        other = moved(obstacle, replace(obstacle.pose, quaternion_xyzw=unit))
+        other = moved(obstacle, pose_oriented(obstacle.pose, quaternion))
     return _exchanged(edited, name, other)
+
+
+def pose_turned(pose: Pose, degrees: tuple[float, float, float]) -> Pose:
+    """Return a pose turned by roll, pitch and yaw [°], about the world's axes in this order."""
+    x, y, z, w = Rotation.from_euler("xyz", degrees, degrees=True).as_quat().tolist()
+    return replace(pose, quaternion_xyzw=(x, y, z, w))
+
+
+def pose_oriented(pose: Pose, quaternion: Sequence[float]) -> Pose:
+    """Return a pose turned as a quaternion x y z w says, which is normalized. Raises InputError for any other."""
+    length = float(np.linalg.norm(quaternion)) if len(quaternion) == 4 else 0.0
+    if not 1e-6 < length < np.inf:
+        raise InputError(f"quaternion: must be four numbers, not all 0, found {len(quaternion)} of length {length:g}")
+    x, y, z, w = (np.asarray(quaternion) / length).tolist()
+    return replace(pose, quaternion_xyzw=(x, y, z, w))
+
+
+def pose_snapped(pose: Pose) -> Pose:
+    """Return the nearest pose at a whole centimetre and turned by whole steps of SNAP_TURN."""
+    x, y, z = (round(round(value / SNAP) * SNAP, 6) for value in pose.position)
+    roll, pitch, yaw = (round(value / SNAP_TURN) * SNAP_TURN for value in turn_of(pose))
+    return pose_turned(replace(pose, position=(x, y, z)), (roll, pitch, yaw))
 
 
 def turn_of(pose: Pose) -> tuple[float, float, float]:
@@ -129,12 +160,12 @@ def turn_of(pose: Pose) -> tuple[float, float, float]:
     return roll, pitch, yaw
 
 
-def snapped(edited: Edited, name: str) -> Edited:
-    """The scene with an obstacle at a whole centimetre and turned by whole steps of SNAP_TURN."""
-    pose = obstacle_of(edited, Thing("obstacle", name)).pose
-    x, y, z = (round(value / SNAP) * SNAP for value in pose.position)
-    roll, pitch, yaw = (round(value / SNAP_TURN) * SNAP_TURN for value in turn_of(pose))
-    return turned(placed(edited, name, (round(x, 6), round(y, 6), round(z, 6))), name, (roll, pitch, yaw))
+def snapped(edited: Edited, *names: str) -> Edited:
+    """The scene with obstacles at whole centimetres and turned by whole steps of SNAP_TURN."""
+    for name in names:
+        obstacle = obstacle_of(edited, Thing("obstacle", name))
+        edited = _exchanged(edited, name, moved(obstacle, pose_snapped(obstacle.pose)))
+    return edited
 
 
 def kept_clear(edited: Edited, name: str, clearance: float | None) -> Edited:

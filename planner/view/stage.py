@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 import viser
@@ -93,12 +93,12 @@ class Stage:
         if label.visible != (report is not None):
             label.visible = report is not None
 
-    def on_click(self, chosen: Callable[[Thing], object]) -> None:
-        """Have it called with what somebody clicks on."""
+    def on_click(self, chosen: Callable[[Thing, bool], object]) -> None:
+        """Have it called with what somebody clicks on, and whether that is to be selected beside what is."""
         for thing, ghost in ((THE_START, self.start), (THE_GOAL, self.goal)):
             for _, mesh in ghost.meshes:
-                mesh.on_click(lambda _, thing=thing: chosen(thing))
-        self.standing.on_click(lambda name: chosen(Thing("obstacle", name)))
+                mesh.on_click(lambda _, thing=thing: chosen(thing, False))
+        self.standing.on_click(lambda name, more: chosen(Thing("obstacle", name), more))
 
     @property
     def obstacles(self) -> list[ObstacleNode]:
@@ -110,12 +110,12 @@ class Stage:
         """The obstacles that are clouds of points."""
         return [node for node in self.obstacles if isinstance(node, CloudNode)]
 
-    def highlight(self, thing: Thing | None) -> None:
-        """Show what is selected; labels make room for its handle."""
+    def highlight(self, thing: Thing | None, obstacles: Collection[str]) -> None:
+        """Show what is selected, of the obstacles these; labels make room for its handle."""
         self.closest.labelled = thing is None
         self._handled = "" if thing is None else thing.kind
         for node in self.obstacles:
-            node.select(thing is not None and thing.kind == "obstacle" and node.obstacle.name == thing.name)
+            node.select(node.obstacle.name in obstacles)
         for kind, ghost in (("start", self.start), ("goal", self.goal)):
             ghost.select(thing is not None and thing.kind == kind)
 

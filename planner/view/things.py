@@ -6,6 +6,7 @@ goal pose its own link, and keeps its tolerance and free axis.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple, assert_never
 
@@ -77,14 +78,30 @@ def turns(edited: Edited, thing: Thing) -> bool:
     return pose is None or pose.free_rotation != "all"
 
 
-def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | None = None) -> tuple[Edited, str]:
+def dragged(
+    edited: Edited,
+    thing: Thing,
+    pose: Pose,
+    tip: Tip,
+    begin: Edited | None = None,
+    along: Collection[str] = (),
+) -> tuple[Edited, str]:
     """Return the scene with a thing dragged to `pose` (world frame), and a word where it cannot follow. `begin` is what
-    it was when dragging began: an arm that was pulled out of reach follows from there again. Raises InputError for what
-    the scene does not allow."""
+    it was when dragging began: an arm that was pulled out of reach follows from there again. Obstacles `along` with one
+    keep their places relative to it. Raises InputError for what the scene does not allow."""
     begin = begin or edited
     if thing.kind == "obstacle":
-        mine = obstacle_of(edited, thing)
-        obstacles = [moved(mine, pose) if obstacle is mine else obstacle for obstacle in edited.scene.obstacles]
+        # From where they were at first: small steps, one after the other, would add up to other distances.
+        first = {each.name: each.pose for each in begin.scene.obstacles}
+        way = pin.SE3(pose.matrix) * pin.SE3(first.get(thing.name, obstacle_of(edited, thing).pose).matrix).inverse()
+        obstacles = [
+            moved(each, pose)
+            if each.name == thing.name
+            else moved(each, _carried(first.get(each.name, each.pose), way))
+            if each.name in along
+            else each
+            for each in edited.scene.obstacles
+        ]
         return edited.changed(obstacles=tuple(obstacles)), ""
     if thing.kind == "goal" and (old := _pose(edited, thing)) is not None:
         return _goal_pose_dragged(edited, old, pose, begin)
@@ -113,6 +130,13 @@ def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:
     if isinstance(target, JointTarget):
         return None
     return next((pose for pose in target.poses if pose.link == thing.name), target.poses[0])
+
+
+def _carried(pose: Pose, way: pin.SE3) -> Pose:
+    """Return where a pose is after a rigid motion of the world."""
+    place = way * pin.SE3(pose.matrix)
+    x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+    return Pose(tuple(place.translation.tolist()), (x, y, z, w))
 
 
 def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:

@@ -1,5 +1,6 @@
 """The list of what is in the scene, one line each: a click selects, an eye hides, a lock keeps from changes, a cross
-deletes.
+deletes; with shift or ctrl a click selects one more. Obstacles of a group stand below its line, which acts on all of
+them.
 
 What is hidden is not drawn, and stays where it is: motions keep clear of it, and its line says so.
 """
@@ -8,22 +9,20 @@ from __future__ import annotations
 
 import contextlib
 import html
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import viser
 
-from hdplan.planner.view import scene_edits
+from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing
-from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.page_script import Page, Told, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
-
-LOCKED = "obstacle {name}: is locked; unlock it in the list first"
 
 
 class Tree:
@@ -34,14 +33,23 @@ class Tree:
         self._viewer, self._editing = viewer, editing
         self._html = viewer.server.gui.add_html("")
         self.hidden: set[str] = set()
-        self.locked: set[str] = set()
+        self._folded: set[str] = set()  # groups whose lines are not shown
         for what, do in (
             ("select", self._select),
             ("eye", self._turn(self.hidden)),
-            ("lock", self._turn(self.locked)),
+            ("lock", self._turn(viewer.document.locked)),
             ("delete", self._delete),
         ):
             page.on(f"{what} thing", self._asked(do))
+        for what, do_all in (
+            ("select", self._select_group),
+            ("fold", self._fold),
+            ("rename", self._rename_group),
+            ("eye", self._turn_group(self.hidden)),
+            ("lock", self._turn_group(viewer.document.locked)),
+            ("delete", self._delete_group),
+        ):
+            page.on(f"{what} group", self._group_asked(do_all))
 
     @property
     def content(self) -> str:
@@ -50,25 +58,18 @@ class Tree:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def check(self, before: Edited, after: Edited) -> None:
-        """Raise InputError for a change of what is locked."""
-        if self.locked:
-            now = {each.name: each for each in after.scene.obstacles}
-            for each in before.scene.obstacles:
-                if each.name in self.locked and now.get(each.name) != each:
-                    raise InputError(LOCKED.format(name=each.name))
-
     @contextlib.contextmanager
     def replaced(self) -> Iterator[None]:
         """Lock and hide nothing, as another scene is opened in this block, unless that is refused."""
-        before = set(self.hidden), set(self.locked)
+        locked = self._viewer.document.locked
+        before = set(self.hidden), set(locked)
         self.hidden.clear()
-        self.locked.clear()
+        locked.clear()
         try:
             yield
         except InputError:
             self.hidden |= before[0]
-            self.locked |= before[1]
+            locked |= before[1]
             raise
 
     def update(self) -> None:
@@ -77,50 +78,119 @@ class Tree:
         for node in viewer.stage.obstacles:
             if node.frame.visible == (node.obstacle.name in self.hidden):
                 node.frame.visible = node.obstacle.name not in self.hidden
-        lines = "".join(self._line(thing) for thing in things(viewer.edited))
-        content = f'<div class="hd">{lines}</div>'
+        lines: dict[str, list[str]] = {}  # by group; what is in none has a place of its own
+        for thing in things(viewer.edited):
+            group = groups.group_of(thing.name) if thing.kind == "obstacle" else ""
+            mine = lines.setdefault(group or f"/{thing}", [self._group_line(group)] if group else [])
+            if group not in self._folded:
+                mine.append(self._line(thing, group))
+        content = f'<div class="hd">{"".join(itertools.chain(*lines.values()))}</div>'
         if self._html.content != content:
             self._html.content = content
 
-    def _line(self, thing: Thing) -> str:
-        selected = " hd-chosen" if thing == self._viewer.panel.handles.selected else ""
+    def _group_line(self, group: str) -> str:
+        edited, handles = self._viewer.edited, self._viewer.panel.handles
+        every = groups.members(edited, group)
+        hidden, locked = self.hidden.issuperset(every), self._viewer.document.locked.issuperset(every)
+        named, folded = {"name": group}, group in self._folded
+        links = (
+            link("▸" if folded else "▾", "fold group", "show its lines, or not", **named)
+            + link("✎", "rename group", "rename", ask="name of this group", answer=group, **named)
+            + link("show" if hidden else "hide", "eye group", "of the picture alone", **named)
+            + link("unlock" if locked else "lock", "lock group", "against changes", **named)
+            + link("✕", "delete group", "delete all of it", **named)
+        )
+        text = f"<b>{html.escape(group)}</b> ({len(every)})"
+        return _row(text, links, telling("select group", **named), set(every) <= set(handles.obstacles))
+
+    def _line(self, thing: Thing, group: str) -> str:
+        handles = self._viewer.panel.handles
+        selected = thing == handles.selected or (thing.kind == "obstacle" and thing.name in handles.obstacles)
         named = {"kind": thing.kind, "name": thing.name}
         text, links = html.escape(thing.name or f"the {thing.kind}"), ""
         if thing.kind == "obstacle":
-            hidden, locked = thing.name in self.hidden, thing.name in self.locked
-            text += " <i>hidden, kept clear of</i>" if hidden else ""
+            hidden, locked = thing.name in self.hidden, thing.name in self._viewer.document.locked
+            bare = thing.name.rpartition(groups.BETWEEN)[2]
+            text = ("&emsp;" if group else "") + html.escape(bare) + (" <i>hidden, kept clear of</i>" if hidden else "")
+            also = handles.obstacles and thing.name not in handles.obstacles
             links = (
-                link("show" if hidden else "hide", "eye thing", "of the picture alone", **named)
+                (link("+", "select thing", "select it, too", more=True, **named) if also else "")
+                + link("show" if hidden else "hide", "eye thing", "of the picture alone", **named)
                 + link("unlock" if locked else "lock", "lock thing", "against changes", **named)
                 + link("✕", "delete thing", "delete", **named)
             )
         elif thing.name:
             text = f"the goal of {text}"
-        choose = telling("select thing", **named)
-        return (
-            f'<div class="hd-row{selected}" role="button" tabindex="0" data-do="{choose}">'
-            f'<span class="hd-line" style="flex:1">{text}</span>{links}</div>'
-        )
+        return _row(text, links, telling("select thing", **named), selected)
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
-    def _asked(self, do: Callable[[Thing], object]) -> Callable[[viser.ClientHandle, Told], object]:
+    def _asked(self, do: Callable[[Thing, Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
         """Have something done with the thing that is told, if it is there."""
 
         def job(told: Told) -> None:
             thing = Thing(str(told.get("kind")), str(told.get("name", "")))
             if thing in things(self._viewer.edited):
-                do(thing)
+                do(thing, told)
                 self.update()
 
         return lambda _, told: self._editing.do(lambda: job(told))
 
-    def _select(self, thing: Thing) -> None:
-        self._viewer.panel.handles.select(thing)
+    def _group_asked(self, do: Callable[[Sequence[str], Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
+        """Have something done with the obstacles of the group that is told, if there are any."""
 
-    def _turn(self, names: set[str]) -> Callable[[Thing], None]:
-        return lambda thing: names.symmetric_difference_update({thing.name} if thing.kind == "obstacle" else ())
+        def job(told: Told) -> None:
+            names = groups.members(self._viewer.edited, str(told.get("name", "")))
+            if names:
+                do(names, told)
+                self.update()
 
-    def _delete(self, thing: Thing) -> None:
+        return lambda _, told: self._editing.do(lambda: job(told))
+
+    def _select(self, thing: Thing, told: Told) -> None:
+        handles = self._viewer.panel.handles
+        if told.get("more") is True:
+            handles.select_also(thing)
+        else:
+            handles.select(thing)
+
+    def _select_group(self, names: Sequence[str], told: Told) -> None:
+        *others, last = (Thing("obstacle", name) for name in names)
+        more = told.get("more") is True
+        before = [Thing("obstacle", name) for name in self._viewer.panel.handles.obstacles if name not in names]
+        self._viewer.panel.handles.select(last, [*(before if more else ()), *others])
+
+    def _turn(self, names: set[str]) -> Callable[[Thing, Told], None]:
+        return lambda thing, _: names.symmetric_difference_update({thing.name} if thing.kind == "obstacle" else ())
+
+    def _turn_group(self, names: set[str]) -> Callable[[Sequence[str], Told], None]:
+        def turn(every: Sequence[str], told: Told) -> None:
+            if names.issuperset(every):
+                names.difference_update(every)
+            else:
+                names.update(every)
+
+        return turn
+
+    def _fold(self, names: Sequence[str], told: Told) -> None:
+        self._folded.symmetric_difference_update({str(told.get("name"))})
+
+    def _rename_group(self, names: Sequence[str], told: Told) -> None:
+        """Call a group otherwise; without a name there is none any more."""
+        edited, _ = groups.grouped(self._viewer.edited, names, str(told.get("answer", "")))
+        self._editing.apply("group", lambda _: edited)
+
+    def _delete(self, thing: Thing, told: Told) -> None:
         if thing.kind == "obstacle":
             self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, thing.name))
+
+    def _delete_group(self, names: Sequence[str], told: Told) -> None:
+        self._editing.apply("delete", lambda edited: scene_edits.deleted(edited, *names))
+
+
+def _row(text: str, links: str, choose: str, selected: bool) -> str:
+    """Return a line as HTML, that tells something when it is clicked."""
+    return (
+        f'<div class="hd-row{" hd-chosen" if selected else ""}" role="button" tabindex="0" data-do="{choose}">'
+        f'<span class="hd-line" style="flex:1">{text}</span>{links}</div>'
+    )

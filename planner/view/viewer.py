@@ -1,7 +1,8 @@
 """The viewer: one scene, its robot and its motions, the same in every browser that looks at it.
 
-Everything is drawn by one thread (`Worker`); browsers only send requests. What is shown is a value (`Edited`) and the
-motions (`Motions`), with a `History`; the other modules here draw it (`Stage`), say it (`Panel`) and change it.
+Everything is drawn by one thread (`Worker`); browsers only send requests. What is edited is a `Document`, which knows
+no browser; `Stage` and `MotionNodes` draw it, `Panel` says it and changes it, and this one tells them what has become
+another.
 """
 
 from __future__ import annotations
@@ -12,23 +13,22 @@ from pathlib import Path
 import viser
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.proof.reading import ReadProof
-from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.document import Document
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.gate import Gate, Served
-from hdplan.planner.view.history import History
 from hdplan.planner.view.layers import PLANE
-from hdplan.planner.view.motions import Kept, Motions, Shown
+from hdplan.planner.view.motion_nodes import MotionNodes
+from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.pulse import Pulse
 from hdplan.planner.view.quiet import quiet
@@ -40,8 +40,6 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.scene import Scene
 
-State = tuple[Edited, tuple[Kept, ...], int | None]
-"""The state that an undo brings back: the scene, the motions, and the number of the active one."""
 FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
 
@@ -61,8 +59,8 @@ class Viewer(Served):
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
         self.server, self.gate = server, gate
-        self.edited = self.first = Edited.of(setup, trajectories[0][1] if trajectories else None)
-        self.history: History[State] = History()
+        edited = Edited.of(setup, trajectories[0][1] if trajectories else None)
+        self.document = Document(edited, self)
         self._complain = complain
         motions = []
         for name, trajectory in trajectories:
@@ -73,7 +71,8 @@ class Viewer(Served):
         self.worker, self.uploads = Worker(self._failed), Uploads()
         self.reported = Reported(self.robot)
         self.stage = Stage(server, self.edited, skins)
-        self.motions = Motions(self, collision_skins(self.robot) or skins)
+        through = collision_skins(self.robot) or skins
+        self.motion_nodes = MotionNodes(server, self.robot, through, self.document)
         self.panel = Panel(self, note)
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
@@ -81,6 +80,16 @@ class Viewer(Served):
         self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
+
+    @property
+    def edited(self) -> Edited:
+        """The scene as it is now, with a configuration for each end."""
+        return self.document.edited
+
+    @property
+    def motions(self) -> Motions:
+        """The motions as they are now."""
+        return self.document.motions
 
     @property
     def scene(self) -> Scene:
@@ -141,105 +150,47 @@ class Viewer(Served):
         with quiet():
             self.server.stop()
 
-    # --- changes: by the worker's thread --------------------------------------------------------------------------
+    # --- what the document says: by the worker's thread -----------------------------------------------------------
 
-    def change(self, edited: Edited, step: bool = True, check: bool = False) -> None:
-        """Show another scene of the same robot: a step that can be undone, or a part of the last one. Motions stay as
-        they are, and what was said of them falls until they are measured again, except of the active one on request: it
-        is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
-        self.panel.tree.check(self.edited, edited)
-        _ = edited.contacts  # refused before anything is shown
-        if step:
-            self.step()
-        else:
-            self.history.part()
-        before, self.edited = self.scene, edited
-        self._take(before, check)
+    def scene_changed(self, before: Scene) -> None:
+        """Show the scene as it is now in place of an earlier one."""
+        self.stage.take(self.edited)
+        if self.scene is not before:
+            self.paint()
+            self.panel.outdate()
+            self._time()
+        self.panel.update()
+        self._say()
+        self.panel.player.draw()
+        self.panel.looking.fade()
 
-    def step(self) -> None:
-        """Begin a step, of the scene or of the motions, that can be undone."""
-        self.history.step(self._state())
-
-    def undo(self) -> None:
-        """Go one step back, and say what holds there."""
-        self._restore(self.history.undone(self._state()))
-
-    def redo(self) -> None:
-        """Go one step forward again, and say what holds there."""
-        self._restore(self.history.redone(self._state()))
-
-    def reset(self) -> None:
-        """Take the scene as it was at first, a step that can be undone, and say what holds there."""
-        self.panel.live.forget()
-        self.change(self.first)
-        self.measure()
-
-    def _state(self) -> State:
-        return self.edited, *self.motions.kept()
-
-    def _restore(self, state: State) -> None:
-        """Show a scene and motions as they were; what was planned meanwhile comes too late."""
-        self.panel.live.forget()
-        before = self.scene
-        self.edited, motions, active = state
-        self.motions.restore(motions, active)
-        self._take(before)
-        self.motions.measure()
-        self.redraw()
-
-    def measure(self) -> None:
-        """Certify and measure the motions again that are not of the scene as it is now."""
-        if self.motions.measure():
-            self.redraw()
-
-    def put(
-        self,
-        name: str,
-        trajectory: Trajectory,
-        certificate: Certificate | None = None,
-        *,
-        measured: bool = True,
-        result: PlanResult | None = None,
-        step: bool = True,
-    ) -> Certificate:
-        """Add a motion, or replace the one of that name, and make it the active one, a step that can be undone or a
-        part of the last one; return what holds of it in the scene as it is now: `certificate`, if it is of this scene.
-        Its clearances are `measured` at once or later; `result` is the plan that it comes from."""
-        motion = ShownMotion.of(name, trajectory, self.certifier, certificate, measured)
-        if step:
-            self.step()
-            self.panel.live.forget()
-        self.motions.add(motion, result)
-        self.redraw()
-        return motion.certificate
-
-    def remove(self, shown: Shown) -> None:
-        """Take a motion away, a step that can be undone."""
-        self.step()
-        self.panel.live.forget()
-        self.motions.remove(shown)
-        self.redraw()
-
-    def choose(self, name: str) -> None:
-        """Make a motion the active one: what is being planned from another one would take its place."""
-        self.panel.live.forget()
-        self.motions.active = self.motions.named(name)
-        self.motions.paint()
-        self.redraw()
-
-    def show_robot(self, q: Array) -> None:
-        """Show the robot in a configuration (n,) that is not of the active motion, until a moment is drawn again."""
-        self.stage.robot.show(q)
-
-    # --- drawing: by the worker's thread --------------------------------------------------------------------------
-
-    def redraw(self) -> None:
+    def motions_changed(self) -> None:
         """Draw all that does not follow from the time alone."""
+        self.paint()
         player = self.panel.player
         self._time()
         self.panel.plot(player.timeline)
         self._say()
         player.draw()
+
+    def left(self) -> None:
+        """Drop what is being planned from the active motion."""
+        self.panel.live.forget()
+
+    def doubted(self) -> None:
+        """Take back what was said of the motions: what is shown may be half drawn."""
+        self.paint()
+        self.panel.take_back()
+
+    # --- drawing: by the worker's thread --------------------------------------------------------------------------
+
+    def paint(self) -> None:
+        """Draw the paths of the motions."""
+        self.motion_nodes.paint(self.panel.layers.on("path"))
+
+    def show_robot(self, q: Array) -> None:
+        """Show the robot in a configuration (n,) that is not of the active motion, until a moment is drawn again."""
+        self.stage.robot.show(q)
 
     def draw(self, now: float) -> None:
         """Draw the moment `now` of the timeline."""
@@ -249,7 +200,9 @@ class Viewer(Served):
         parameter = timeline.parameter(active.motion.curve, now) if active else 0.0
         with self.server.atomic():
             self.stage.robot.show(q)
-            self.motions.show(lambda curve: timeline.parameter(curve, now), q, report is not None)
+            self.motion_nodes.show(
+                lambda curve: timeline.parameter(curve, now), q, layers.on("robot"), report is not None
+            )
             layers.show(q)
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
@@ -268,9 +221,8 @@ class Viewer(Served):
             self.motions.add(motion)
         if motions:
             self.motions.active = self.motions.shown[0]
-            self.motions.paint()
         self.panel.update()
-        self.redraw()
+        self.motions_changed()
         self.panel.looking.begin()
 
     def _time(self) -> None:
@@ -279,38 +231,11 @@ class Viewer(Served):
         self.panel.player.run_over(timeline)
         self.panel.player.enable(bool(self.motions.shown) or timeline.timed)
 
-    def _take(self, before: Scene, check: bool = False) -> None:
-        """Show the scene as it is now in place of an earlier one; if that fails, nothing is known of its motions."""
-        try:
-            self._show_scene(before, check)
-        except Exception:
-            self._doubt()
-            raise
-
-    def _show_scene(self, before: Scene, check: bool) -> None:
-        self.stage.take(self.edited)
-        if self.scene is not before:
-            if check:
-                self.motions.check()
-            self.motions.paint()
-            self.panel.outdate()
-            self._time()
-        self.panel.update()
-        self._say()
-        self.panel.player.draw()
-        self.panel.looking.fade()
-
-    def _doubt(self) -> None:
-        """Take back what was said of the motions: what is shown may be half drawn."""
-        self.motions.doubt()
-        self.motions.paint()
-        self.panel.take_back()
-
     def _failed(self, error: Exception) -> None:
         """Say what a job could not do: what was refused has changed nothing, anything else is a fault of hdplan."""
         if isinstance(error, HdplanError):
             self.panel.say_next(str(error), bad=True)
             return
-        self._doubt()
+        self.document.doubt()
         self.panel.say_next(FAILED.format(error=f"{type(error).__name__}: {error}"), bad=True)
         self._complain(f"{type(error).__name__}: {error}")

@@ -22,7 +22,7 @@ Rows = tuple[Array, ...]
 
 HEIGHT = 165  # [px]
 BAR: Color = (128, 128, 128)
-DASH, DOT = [6.0, 4.0], 7.0  # [px]
+DASH, DOTTED, DOT = [6.0, 4.0], [1.5, 3.0], 7.0  # [px]
 LONGEST_LABEL = 24  # characters of a curve's name
 SPAN = tuple[float, float]  # of the timeline
 
@@ -30,10 +30,11 @@ SPAN = tuple[float, float]  # of the timeline
 class Line(NamedTuple):
     """How a curve is called and drawn."""
 
-    name: str
+    name: str  # "" for one of which the legend says nothing
     color: Color
     dashed: bool = False
     dots: bool = False  # its points alone
+    dotted: bool = False
 
 
 class Plot:
@@ -74,12 +75,13 @@ class Plot:
 
     def _series(self) -> tuple[Any, ...]:
         lines: list[dict[str, Any]] = []
-        for name, color, dashed, dots in self._lines:
-            line: dict[str, Any] = {"label": shortened(name, LONGEST_LABEL), "stroke": hex_of(color), "width": 1.5}
-            if dashed:
-                line |= {"dash": DASH, "width": 1.2}
-            if dots:
-                line |= {"points": {"show": True, "size": DOT, "fill": hex_of(color)}}
+        for each in self._lines:
+            stroke = hex_of(each.color)
+            line: dict[str, Any] = {"label": shortened(each.name, LONGEST_LABEL), "stroke": stroke, "width": 1.5}
+            if each.dashed or each.dotted:
+                line |= {"dash": DASH if each.dashed else DOTTED, "width": 1.2}
+            if each.dots:
+                line |= {"points": {"show": True, "size": DOT, "fill": stroke}}
             lines.append(line)
         bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
         return {"label": self._timeline.name}, *lines, bar

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from hdplan.planner.pictures.quantities import Rate
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINES, LINKS, SHARES, START, hex_of
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plot import SPAN, Line, Plot
@@ -20,6 +21,7 @@ from hdplan.scenes.array_types import Array
 LIMIT: Color = (215, 48, 39)  # of what is required or allowed
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 NARROWEST = 0.01  # of the timeline that a plot shows at least
+NEAR = 0.2  # of the range of all joints, from a joint to a limit of it that is drawn
 POSITION = "position"
 UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N m"}  # or with m, N
 Rates = Callable[[ShownMotion], Sequence[Rate]]
@@ -28,8 +30,9 @@ Rates = Callable[[ShownMotion], Sequence[Rate]]
 class MotionPlots:
     """Clearances of several motions; joints, or one of their rates, of one or two; how much of its limits one uses."""
 
-    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], changed: Callable[[], object]) -> None:
+    def __init__(self, server: viser.ViserServer, robot: Robot, changed: Callable[[], object]) -> None:
         """Set the plots up; `changed` is called when another quantity is asked for."""
+        joint_names, self._bounds = robot.joint_names, (robot.lower, robot.upper)
         prefix = os.path.commonprefix(list(joint_names)) if len(joint_names) > 1 else ""  # noqa: RUF071
         self._names = [name.removeprefix(prefix) for name in joint_names]
         self.clearance = Plot(server, "clearance [mm]", _of_clearance((), stages=False))
@@ -127,7 +130,11 @@ class MotionPlots:
             for i, name in enumerate(self._names)
         ]
         lines += [Line(name, LIMIT, dashed=True) for _ in limits for name in ("limit", "−limit")]
-        title = "joints [rad or m]" if wanted == POSITION else f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
+        near = [] if wanted != POSITION else _near(active.joints, *self._bounds)
+        lines += [Line("", LINES[joint % len(LINES)], dotted=True) for joint, _ in near]
+        title = f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
+        if wanted == POSITION:
+            title = "joints [rad or m]" + (", limits dotted" if near else "")
         self.joints.name(title if known else f"{title}: none known", lines)
         if not known:
             nothing = np.array([timeline.begin, timeline.end])
@@ -138,6 +145,9 @@ class MotionPlots:
         every = np.concatenate([values.ravel() for _, _, values, _ in known])
         spread = float(np.ptp(every)) or 1.0
         low, high = float(every.min()) - 0.05 * spread, float(every.max()) + 0.05 * spread
+        for _, bound in near:
+            curves.append(np.full(len(times), bound))
+            low, high = min(low, bound - 0.02 * spread), max(high, bound + 0.02 * spread)
         for limit in limits:
             curves += [np.full(len(times), limit), np.full(len(times), -limit)]
         reach = max([abs(low), abs(high)])
@@ -195,6 +205,14 @@ def _values(
     times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
     rising = np.concatenate([[True], np.diff(times) > 0.0])  # of two values at a jump, the first
     return times[rising], rate.values[rising], rate.limits
+
+
+def _near(joints: Array, lower: Array, upper: Array) -> list[tuple[int, float]]:
+    """Return the limits of joints to which a motion (K, n) comes near, each with the number of its joint: others would
+    leave the curves no room."""
+    reach = NEAR * max(float(np.ptp(joints)), 1.0)
+    found = [(i, float(low)) for i, low in enumerate(lower) if joints[:, i].min() - low < reach]
+    return found + [(i, float(high)) for i, high in enumerate(upper) if high - joints[:, i].max() < reach]
 
 
 def _of_clearance(motions: Sequence[tuple[str, Color]], stages: bool) -> list[Line]:

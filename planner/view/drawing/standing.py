@@ -19,7 +19,7 @@ class Standing:
         """Start without any."""
         self._server = server
         self.root = server.scene.add_frame("/obstacles", show_axes=False)
-        self._chosen: Callable[[str], object] | None = None
+        self._chosen: Callable[[str, bool], object] | None = None
         self._sent = 0  # each has a node's name of its own
         self.nodes: list[ObstacleNode] = []
 
@@ -31,8 +31,8 @@ class Standing:
             left.frame.remove()
         self.nodes = after
 
-    def on_click(self, chosen: Callable[[str], object]) -> None:
-        """Have it called with the name of what somebody clicks on."""
+    def on_click(self, chosen: Callable[[str, bool], object]) -> None:
+        """Have it called with the name of what somebody clicks on, and whether shift or ctrl was held."""
         self._chosen = chosen
         for node in self.nodes:
             self._listen(node)
@@ -40,7 +40,9 @@ class Standing:
     def _listen(self, node: ObstacleNode) -> None:
         if self._chosen is not None:
             chosen = self._chosen
-            node.mesh.on_click(lambda _: chosen(node.obstacle.name))
+            node.mesh.on_click(lambda _: chosen(node.obstacle.name, False))
+            for held in ("shift", "cmd/ctrl"):
+                node.mesh.on_click(modifier=held)(lambda _: chosen(node.obstacle.name, True))
 
     def _node(self, before: dict[str, ObstacleNode], obstacle: Obstacle) -> ObstacleNode:
         """Take an obstacle's node out of those before, or send another one."""

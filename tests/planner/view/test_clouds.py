@@ -51,7 +51,7 @@ def test_it_is_selected_dragged_and_a_dragged_start_carves_nothing_out_of_it(ope
     assert len(shape.points) == 3000
     viewer.panel.handles.select(Thing("obstacle", "view"))
     viewer.worker.settle(PATIENCE)
-    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
     viewer.worker.settle(PATIENCE)
     low = viewer.edited.starting_at(np.array([0.0, 0.9, 0.0, -1.6, 0.0, 2.5, 0.785]))  # its hand is in the table
     kept = low.scene.obstacles[0].shape
@@ -70,13 +70,13 @@ def test_points_are_sent_once_and_coloured_by_height_or_by_clearance(opened: Ope
     assert bright[height > 0.059].min() > bright[height < 0.051].max()
     motion = viewer.motions.active.motion
     tips, up = motion.tip, float(motion.tip[:, 2].min()) - 0.12
-    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, up))))
+    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, up))))
     viewer.worker.ask("color", lambda: cloud.color(viewer.robot, motion))
     viewer.worker.settle(PATIENCE)
     away = np.linalg.norm(sent[:, None, :2] - tips[None, :, :2], axis=2).min(axis=1)
     red = cloud.points.colors[:, 0].astype(float) - cloud.points.colors[:, 2]
     assert red[away < 0.02].mean() > red[away > 0.2].mean() + 50.0
-    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
     viewer.worker.settle(PATIENCE)
     assert viewer.stage.clouds == [cloud]
     assert cloud.points.points is sent
@@ -120,7 +120,7 @@ def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Op
     before = boxes.node.vertices
     assert len(before) % 8 == 0
     assert len(before) > 100
-    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.ask("move", lambda: viewer.document.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
     viewer.worker.ask("draw", viewer.panel.player.draw)
     viewer.worker.settle(PATIENCE)
     np.testing.assert_allclose(boxes.node.vertices, before - [0.0, 0.0, 0.02], atol=1e-6)

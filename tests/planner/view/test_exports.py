@@ -78,7 +78,7 @@ def test_what_is_not_certified_is_not_saved(opened: Opener, scene: Scene, trajec
     viewer = opened(scene)
     asked(viewer, exports.ARCHIVE)
     assert "not saved: there is no motion yet" in said(viewer)
-    by_worker(viewer, lambda: viewer.put("half", trajectory.between(0, 5)))
+    by_worker(viewer, lambda: viewer.document.put("half", trajectory.between(0, 5)))
     browser = asked(viewer, exports.ARCHIVE)
     until(lambda: "not saved: " in said(viewer) and "being made" not in said(viewer), "it is not said")
     assert not browser.files

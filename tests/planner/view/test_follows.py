@@ -50,15 +50,15 @@ def test_the_robot_is_where_it_reports_itself(viewer: Viewer, trajectory: Trajec
     assert viewer.panel.verdict == verdict
     assert viewer.stage.report_label.visible
     (shown,) = viewer.motions.shown
-    assert shown.robot.visible
-    np.testing.assert_array_equal(shown.robot.q, trajectory.positions[0])
+    assert viewer.motion_nodes.of(shown).robot.visible
+    np.testing.assert_array_equal(viewer.motion_nodes.of(shown).robot.q, trajectory.positions[0])
     viewer.show(1.0)
     np.testing.assert_array_equal(viewer.stage.robot.q, q)
     viewer.state(None)
     assert viewer.worker.settle(20)
     np.testing.assert_allclose(viewer.stage.robot.q, trajectory.positions[-1])
     assert not viewer.stage.report_label.visible
-    assert not shown.robot.visible
+    assert not viewer.motion_nodes.of(shown).robot.visible
     assert "the robot itself" not in viewer.panel.clearance
 
 

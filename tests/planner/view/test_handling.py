@@ -206,7 +206,7 @@ def test_presses_count_each(viewer: Viewer) -> None:
 def test_motions_are_measured_once_edits_pause(viewer: Viewer) -> None:
     sent(viewer, field(viewer, "add"), "box")
     shown = viewer.motions.shown[0]
-    until(lambda: viewer.motions.holds(shown) and shown.motion.measured, "it is measured")
+    until(lambda: viewer.document.holds(shown) and shown.motion.measured, "it is measured")
     assert viewer.worker.settle(20)
     assert "certified" in viewer.panel.verdict
 
@@ -388,12 +388,12 @@ def test_a_motion_that_does_not_fit_the_edited_scene_is_said_to_and_fits_again(v
     sent(viewer, field(viewer, "duration [s]"), "2")
     assert said(viewer) == ""
     assert viewer.scene.end_time == 2.0
-    by_worker(viewer, viewer.measure)
-    assert not viewer.motions.holds(viewer.motions.shown[0])
+    by_worker(viewer, viewer.document.measure)
+    assert not viewer.document.holds(viewer.motions.shown[0])
     assert "has no times" in viewer.panel.verdict
     assert "certified" not in viewer.panel.verdict
     sent(viewer, field(viewer, "history"), "undo")
-    assert viewer.motions.holds(viewer.motions.shown[0])
+    assert viewer.document.holds(viewer.motions.shown[0])
     assert "certified" in viewer.panel.verdict
 
 
@@ -422,4 +422,4 @@ def test_what_is_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer)
     assert [handle.value for handle, _ in typed] == [value for _, value in typed]
     for _ in typed:
         sent(viewer, field(viewer, "history"), "undo")
-    assert not viewer.history.can_undo
+    assert not viewer.document.history.can_undo

@@ -54,7 +54,7 @@ def dragging(page: Any, viewer: Viewer) -> None:
 
 def says_the_truth(page: Any, viewer: Viewer) -> None:
     calm(viewer)
-    by_worker(viewer, viewer.measure)
+    by_worker(viewer, viewer.document.measure)
     assert viewer.motions.active is not None
     text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
     page.get_by_text(text).first.wait_for()

@@ -34,7 +34,7 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
 
 def planned(viewer: Viewer, name: str) -> None:
     result = plan(viewer.scene)
-    viewer.put(name, result.trajectory, result.certificate, result=result)
+    viewer.document.put(name, result.trajectory, result.certificate, result=result)
 
 
 def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
@@ -84,7 +84,7 @@ def test_what_is_done_to_a_motion_is_undone_and_done_again(viewer: Viewer, do: s
         way(viewer, "undo")
         assert seen(viewer) == before
         assert viewer.motions.shown[1].motion is motion
-        assert viewer.motions.holds(viewer.motions.shown[1])
+        assert viewer.document.holds(viewer.motions.shown[1])
         assert "certified: at least" in viewer.panel.verdict
         way(viewer, "redo")
         assert seen(viewer) == after
@@ -108,7 +108,7 @@ def test_a_motion_that_live_replaced_comes_back_and_stays(viewer: Viewer) -> Non
     way(viewer, "redo")
     settled(viewer)
     assert seen(viewer) == after
-    assert all(viewer.motions.holds(shown) for shown in viewer.motions.shown)
+    assert all(viewer.document.holds(shown) for shown in viewer.motions.shown)
 
 
 @pytest.mark.parametrize("meanwhile", ["choose", "undo", "remove"])
@@ -130,11 +130,11 @@ def test_what_is_planned_late_takes_no_other_motion_s_place(
     dragged(viewer, -0.1)
     assert begun.wait(20)
     if meanwhile == "choose":
-        by_worker(viewer, lambda: viewer.choose(NAME))
+        by_worker(viewer, lambda: viewer.document.choose(NAME))
     elif meanwhile == "undo":
         way(viewer, "undo")
     else:
-        by_worker(viewer, lambda: viewer.remove(viewer.motions.shown[-1]))
+        by_worker(viewer, lambda: viewer.document.remove(viewer.motions.shown[-1]))
     before = seen(viewer)
     gate.set()
     settled(viewer)
@@ -164,7 +164,8 @@ def test_at_random_the_way_back_is_the_way_there(viewer: Viewer) -> None:
             case 0:
                 by_worker(viewer, lambda k=k: planned(viewer, f"plan {k}"))
             case 1 if viewer.motions.shown:
-                by_worker(viewer, lambda: viewer.remove(viewer.motions.shown[rng.integers(len(viewer.motions.shown))]))
+                one = viewer.motions.shown[rng.integers(len(viewer.motions.shown))]
+                by_worker(viewer, lambda one=one: viewer.document.remove(one))
             case _:
                 dragged(viewer, 0.01 * rng.normal())
                 by_worker(viewer, viewer.panel.handles.let_go)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,9 @@ from hdplan.planner.job.certify import certify_job
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.spots import moved, spots_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.edited_job import EditedJob
+from hdplan.planner.view.job_layers import LAYERS
 from hdplan.planner.view.job_viewer import JobViewer
 from hdplan.planner.view.server import open_job_viewer
 from hdplan.scenes.errors import InputError
@@ -195,8 +201,86 @@ def test_what_was_refused_changes_nothing(opened: Open, scene: Scene, planned: J
     assert says(viewer) == "good"
 
 
+def test_a_job_that_is_planned_elsewhere_is_shown(opened: Open) -> None:
+    """Its stop reaches whoever plans; what comes of it counts in the very scene that was planned alone."""
+    viewer = opened(there_and_wait())
+    asked = viewer.edited
+
+    def run(report: Any, stop: Callable[[], bool]) -> JobResult:
+        assert viewer.planning.running
+        result = plan_job(asked.scene, report=report)
+        assert not stop()
+        viewer.toggle()
+        assert stop()
+        return result
+
+    result = viewer.follow(run)
+    viewer.worker.settle()
+    assert says(viewer) == "good"
+    assert not viewer.planning.running
+    assert viewer.edited.shown is not None
+    assert viewer.edited.shown.trajectory is result.trajectory
+
+    def fails(report: Any, stop: Callable[[], bool]) -> JobResult:
+        by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(asked.scene, name="other"))))
+        raise InputError("no way there")
+
+    with pytest.raises(InputError, match="no way there"):
+        viewer.follow(fails)
+    viewer.worker.settle()
+    assert says(viewer) == "nothing"
+    assert not viewer.planning.running
+
+
+def test_layers_are_switched_and_follow_the_motion(opened: Open, scene: Scene, planned: JobResult) -> None:
+    viewer = opened(scene, planned.trajectory)
+    layers, stage = viewer.layers, viewer.stage
+    for name in LAYERS:
+        layers.set(name, not layers.on(name))
+    for now in (0.3, 0.6):
+        viewer.player.go_to(now * viewer.player.timeline.end)
+        viewer.worker.settle()
+        assert not any(each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path))
+        assert layers._collisions is not None
+        np.testing.assert_array_equal(layers._collisions[1].q, stage.robot.q)
+        assert len(layers._frames.axes.points) == viewer.robot.model.njoints - 1
+        assert not layers._names.labels  # of what is not seen itself
+    for name in LAYERS:
+        layers.set(name, not layers.on(name))
+    viewer.worker.settle()
+    assert all(each.visible for each in (stage.robot, stage.standing.root, stage.closest.root, stage._path))
+    assert layers._collisions is None
+
+
+def test_what_is_saved_is_read_again_and_certified(
+    opened: Open, scene: Scene, planned: JobResult, tmp_path: Path
+) -> None:
+    viewer = opened(scene, planned.trajectory)
+    sent: list[str] = []
+    client = SimpleNamespace(
+        client_id=1,
+        send_file_download=lambda name, data, save_immediately: (
+            sent.append(name),
+            (tmp_path / name).write_bytes(data),
+        ),
+    )
+    for what in ("scene", "motion", "page", "anything"):
+        viewer.saving._asked_for(what, client)
+        viewer.worker.settle()
+    assert sent == ["panda_pick_place.yaml", "job.json", "panda_pick_place.html"]
+    again = certify_job(load_scene(tmp_path / sent[0]), Trajectory.load(tmp_path / sent[1]))
+    assert again.certified
+    assert again.text in html.unescape(viewer.saving.said)
+    by_worker(viewer, lambda: viewer.change(EditedJob.of(derived(scene, name="other"))))
+    assert viewer.saving.said == ""  # it was of another scene
+    viewer.saving._asked_for("motion", client)
+    viewer.worker.settle()
+    assert "no motion of this job yet" in viewer.saving.said
+
+
 def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any) -> None:
-    """The Plan button plans it, and a click on a stage leads to where it begins."""
+    """The Plan button plans it, and a click on a stage leads to where it begins, also if its line is written anew
+    meanwhile."""
     from tests.planner.view.in_browser import press
 
     viewer = open_job_viewer(there_and_wait(), port=8680)
@@ -209,7 +293,14 @@ def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any
         shown = viewer.edited.shown
         assert shown is not None
         last = shown.certificate.stages[-1]
-        page.get_by_text(last.name, exact=True).click()
+        # What the server knows, a page shows later: until then the line of that name is one that leads nowhere.
+        page.locator(".hd-badge.hd-good").wait_for()
+        line = page.get_by_role("button", name=last.name)
+        line.hover()
+        page.mouse.down()
+        by_worker(viewer, lambda: setattr(viewer._rows, "content", viewer._rows.content + "<p>anew</p>"))
+        page.get_by_text("anew").wait_for()
+        page.mouse.up()
         until(lambda: abs(viewer.player.time - last.begins) < 1e-3, "it does not go to where the stage begins")
         assert page.locator(".hd-badge").inner_text().startswith("✓ certified")
     finally:

@@ -65,7 +65,7 @@ def test_a_motion_follows_what_is_dragged(viewer: Viewer) -> None:
         active = viewer.motions.active
         assert active is not None
         certificate = certify(viewer.scene, active.motion.trajectory, viewer.robot)
-        assert viewer.motions.holds(active)
+        assert viewer.document.holds(active)
         assert active.motion.certificate.text == certificate.text
         assert certificate.certified
     assert viewer.panel.live.count == 8
@@ -147,7 +147,7 @@ def test_whatever_is_dragged_live_is_true(drags: int, viewer: Viewer) -> None:
 
 def _assert_true(viewer: Viewer) -> None:
     for shown in viewer.motions.shown:
-        if viewer.motions.holds(shown):
+        if viewer.document.holds(shown):
             text = certify(viewer.scene, shown.motion.trajectory, viewer.robot).text
             assert shown.motion.certificate.text == text
         else:
@@ -270,13 +270,13 @@ def test_a_drag_is_one_step_that_is_undone_and_done_again(viewer: Viewer) -> Non
     by_worker(viewer, viewer.panel.handles.let_go)
     settled(viewer)
     last = viewer.edited
-    by_worker(viewer, viewer.undo)
+    by_worker(viewer, viewer.document.undo)
     assert viewer.edited is first
     assert viewer.stage.obstacles[
         [o.name for o in first.scene.obstacles].index("ball")
     ].obstacle.pose.position == tuple(begin.tolist())
     _assert_true(viewer)
-    by_worker(viewer, viewer.redo)
+    by_worker(viewer, viewer.document.redo)
     assert viewer.edited is last
 
 

@@ -51,7 +51,7 @@ def test_what_stands_before_the_eye_fades_and_comes_back(opened: Opener, scene: 
 
     def with_wall(obstacle: Obstacle) -> None:
         others = tuple(each for each in viewer.scene.obstacles if each.name != "wall")
-        viewer.worker.ask("test", lambda: viewer.change(viewer.edited.changed(obstacles=(*others, obstacle))))
+        viewer.worker.ask("test", lambda: viewer.document.change(viewer.edited.changed(obstacles=(*others, obstacle))))
         viewer.worker.settle()
 
     with_wall(wall)

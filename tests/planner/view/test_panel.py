@@ -74,7 +74,7 @@ def test_words_of_a_file_go_with_what_it_was_about(viewer: Viewer) -> None:
     saving = viewer.panel.saving
     by_worker(viewer, saving.motion_file)
     assert "saved: certified" in saving._said.content
-    by_worker(viewer, viewer.redraw)
+    by_worker(viewer, viewer.motions_changed)
     assert "saved: certified" in saving._said.content
     place = place_of(viewer.edited, BALL, viewer.stage.tip)
     by_worker(viewer, lambda: viewer.panel.editing.say("opened: the scene"))
@@ -83,7 +83,7 @@ def test_words_of_a_file_go_with_what_it_was_about(viewer: Viewer) -> None:
     assert viewer.panel.editing.said == ""
     by_worker(viewer, saving.scene_file)
     assert "saved: the scene" in saving._said.content
-    by_worker(viewer, viewer.undo)
+    by_worker(viewer, viewer.document.undo)
     assert saving._said.content == ""
 
 

@@ -10,7 +10,8 @@ import pytest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, clearance_colors, hex_of, intensities
 from hdplan.planner.view.drawing.nodes import PATH_WIDTH
-from hdplan.planner.view.motions import FAINT, Shown
+from hdplan.planner.view.motion_nodes import FAINT
+from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
@@ -31,9 +32,9 @@ def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
     assert viewer.worker.settle(20)
 
 
-def drawn(shown: Shown) -> np.ndarray:
+def drawn(viewer: Viewer, shown: Shown) -> np.ndarray:
     """The colours of a path, each once (c, 3)."""
-    return np.unique(np.asarray(shown.path._node.colors).reshape(-1, 3), axis=0)
+    return np.unique(np.asarray(viewer.motion_nodes.of(shown).path._node.colors).reshape(-1, 3), axis=0)
 
 
 def one(color: tuple[int, int, int]) -> list[list[int]]:
@@ -44,16 +45,16 @@ def one(color: tuple[int, int, int]) -> list[list[int]]:
 def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: str) -> None:
     """Whichever is chosen, and at first."""
     if chosen:
-        by_worker(viewer, lambda: viewer.choose(chosen))
+        by_worker(viewer, lambda: viewer.document.choose(chosen))
     found, line = viewer.motions.shown
-    assert drawn(line).tolist() == one(CONTACT)
-    assert {tuple(mesh.color) for _, mesh in line.robot.meshes} == {CONTACT}
+    assert drawn(viewer, line).tolist() == one(CONTACT)
+    assert {tuple(mesh.color) for _, mesh in viewer.motion_nodes.of(line).robot.meshes} == {CONTACT}
     if chosen != "line":
         scale = clearance_colors(found.motion.clearance)
-        assert drawn(found).tolist() == np.unique(intensities(scale), axis=0).tolist()
+        assert drawn(viewer, found).tolist() == np.unique(intensities(scale), axis=0).tolist()
         assert MM in viewer.panel.legend
     else:
-        assert drawn(found).tolist() == one(found.color)
+        assert drawn(viewer, found).tolist() == one(found.color)
         assert found.color in MOTIONS
         assert MM not in viewer.panel.legend
         assert hex_of(CONTACT) in viewer.panel.legend
@@ -63,8 +64,9 @@ def test_a_motion_that_collides_is_red_beside_any_other(viewer: Viewer, chosen: 
 def test_the_chosen_path_alone_is_wide(viewer: Viewer) -> None:
     for name in ("found", "line", "found"):
         if viewer.motions.active is None or viewer.motions.active.motion.name != name:
-            by_worker(viewer, lambda name=name: viewer.choose(name))
-        widths = {shown.motion.name: shown.path._node.thickness for shown in viewer.motions.shown}
+            by_worker(viewer, lambda name=name: viewer.document.choose(name))
+        nodes = viewer.motion_nodes
+        widths = {shown.motion.name: nodes.of(shown).path._node.thickness for shown in viewer.motions.shown}
         assert widths[name] == PATH_WIDTH
         assert all(width < PATH_WIDTH for other, width in widths.items() if other != name)
 
@@ -76,9 +78,9 @@ def test_the_legend_means_the_colours_that_are_drawn(viewer: Viewer) -> None:
     by_worker(viewer, lambda: viewer.panel.handles.drag(ball.pose))
     assert MM not in viewer.panel.legend
     assert "not checked in this scene yet" in viewer.panel.legend
-    assert drawn(viewer.motions.shown[0]).tolist() == one(FAINT)
+    assert drawn(viewer, viewer.motions.shown[0]).tolist() == one(FAINT)
     by_worker(viewer, viewer.panel.handles.let_go)
     assert MM in viewer.panel.legend
     for shown in list(viewer.motions.shown):
-        by_worker(viewer, lambda shown=shown: viewer.remove(shown))
+        by_worker(viewer, lambda shown=shown: viewer.document.remove(shown))
     assert viewer.panel.legend == ""

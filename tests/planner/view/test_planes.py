@@ -84,13 +84,13 @@ def test_a_proof_is_of_the_scene_as_it_was(
         first, *rest = viewer.scene.obstacles
         x, y, z = first.pose.position
         moved = replace(first, pose=Pose((x + by, y, z), first.pose.quaternion_xyzw))
-        viewer.change(viewer.edited.changed(obstacles=(moved, *rest)))
+        viewer.document.change(viewer.edited.changed(obstacles=(moved, *rest)))
 
     viewer.worker.ask("push", lambda: push(10.0))
     assert viewer.worker.settle(PATIENCE)
     assert not layer.slab.visible
     assert "not certified in this scene" in layer.said
-    viewer.worker.ask("measure", viewer.measure)
+    viewer.worker.ask("measure", viewer.document.measure)
     waited_for(viewer, "proven ≥")
     assert layer.slab.visible
 

@@ -53,19 +53,19 @@ def test_a_click_on_a_line_chooses_its_motion(viewer: Viewer, trajectory: Trajec
     tell(viewer, {"do": "choose", "motion": second.number})
     assert viewer.motions.active is second
     np.testing.assert_allclose(viewer.stage.robot.q, second.motion.curve.at_parameter(0.5))
-    assert not second.robot.visible  # the robot itself stands there
-    assert first.robot.visible
+    assert not viewer.motion_nodes.of(second).robot.visible  # the robot itself stands there
+    assert viewer.motion_nodes.of(first).robot.visible
 
 
 def test_a_hidden_motion_is_seen_neither_in_the_scene_nor_in_the_plots(viewer: Viewer) -> None:
     _, second = viewer.motions.shown
     viewer.show(0.5)
-    assert (second.path.visible, second.robot.visible) == (True, True)
+    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
     tell(viewer, {"do": "hide", "motion": second.number})
-    assert (second.path.visible, second.robot.visible) == (False, False)
+    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (False, False)
     assert curves(viewer) == ["found"]
     tell(viewer, {"do": "hide", "motion": second.number})
-    assert (second.path.visible, second.robot.visible) == (True, True)
+    assert (viewer.motion_nodes.of(second).path.visible, viewer.motion_nodes.of(second).robot.visible) == (True, True)
     assert curves(viewer) == ["found", "line"]
 
 

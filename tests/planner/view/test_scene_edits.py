@@ -64,12 +64,12 @@ def test_what_is_added_is_free_and_saved_with_the_scene(edited: Edited, tmp_path
 
 
 def test_a_duplicate_stands_beside_and_keeps_all_but_name_and_place(edited: Edited) -> None:
-    now, thing = scene_edits.duplicated(scene_edits.kept_clear(edited, "rod", 0.01), "rod")
+    now, (thing,) = scene_edits.duplicated(scene_edits.kept_clear(edited, "rod", 0.01), "rod")
     first, second = obstacles(now)["rod"], obstacles(now)[thing.name]
     assert (second.shape, second.clearance) == (first.shape, 0.01)
     away = np.subtract(second.pose.position, first.pose.position)
     np.testing.assert_allclose(away, [-0.36, 0.0, 0.0], atol=1e-12)  # 1.2 of its length, along its own y
-    assert scene_edits.duplicated(now, thing.name)[1].name == "rod3"
+    assert scene_edits.duplicated(now, thing.name)[1][0].name == "rod3"
 
 
 def test_an_edit_changes_its_field_alone(edited: Edited) -> None:

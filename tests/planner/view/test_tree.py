@@ -60,7 +60,7 @@ def test_what_is_hidden_still_counts(viewer: Viewer) -> None:
     at = active.motion.tip[len(active.motion.tip) // 2]
     middle = tuple(at.tolist())
     by_worker(viewer, lambda: viewer.panel.editing.apply("x", lambda e: scene_edits.placed(e, "ball", middle)))
-    by_worker(viewer, viewer.measure)
+    by_worker(viewer, viewer.document.measure)
     assert not active.motion.certificate.certified
     assert active.motion.certificate.text == certify(viewer.scene, active.motion.trajectory).text
     assert not next(each for each in viewer.stage.obstacles if each.obstacle.name == "ball").frame.visible
@@ -101,7 +101,7 @@ def test_pages_may_tell_anything(viewer: Viewer) -> None:
     tell(viewer, do="paste", text="hdplan: 1")
     assert "not done: " in viewer.panel.editing.said
     assert viewer.edited is before
-    assert not viewer.panel.tree.locked
+    assert not viewer.document.locked
     tell(viewer, do="select thing", kind="start", name="")
     assert viewer.panel.handles.selected == START
 
@@ -173,7 +173,7 @@ def test_marks_are_the_motions_and_the_obstacles_own(viewer: Viewer, trajectory:
     assert np.abs(layers.frames.node.batched_positions - before).max() > 0.01
     assert {label.text for label, _ in layers.names.labels.values()} == {"ball", "prism"}
     old = layers.trail.nodes
-    by_worker(viewer, lambda: viewer.put("half", trajectory.between(0, 9)))
+    by_worker(viewer, lambda: viewer.document.put("half", trajectory.between(0, 9)))
     viewer.show(0.1)
     assert layers.trail.nodes is not old
     by_worker(viewer, lambda: viewer.panel.editing.apply("x", lambda e: scene_edits.renamed(e, "ball", "<b>bowl</b>")))

@@ -47,7 +47,7 @@ def assert_true(viewer: Viewer) -> None:
     selected, active = viewer.panel.handles.selected, viewer.motions.active
     assert selected is None or selected in things(viewer.edited)
     assert len(viewer.stage.obstacles) == len(viewer.scene.obstacles)
-    if active is not None and viewer.motions.holds(active):
+    if active is not None and viewer.document.holds(active):
         assert active.motion.certificate.text == certify(viewer.scene, active.motion.trajectory, viewer.robot).text
     elif active is not None:
         assert SAYS_CERTIFIED not in viewer.panel.verdict
@@ -101,9 +101,9 @@ def test_an_undo_in_the_midst_of_a_drag_loses_nothing(viewer: Viewer) -> None:
     assert viewer.edited is first
     pulled(viewer, handle, (-0.02, 0.0, 0.0))  # by the hand that has not let go yet
     assert viewer.edited is first
-    by_worker(viewer, viewer.redo)
+    by_worker(viewer, viewer.document.redo)
     assert viewer.edited is moved
-    by_worker(viewer, viewer.undo)
+    by_worker(viewer, viewer.document.undo)
     assert viewer.edited is first
 
 
@@ -119,9 +119,9 @@ def test_an_edit_by_another_hand_leaves_the_thing_in_this_one(viewer: Viewer) ->
     assert viewer.panel.handles.dragging
     assert viewer.scene.name == "other"
     assert place_of(viewer.edited, BALL, viewer.stage.tip) != place_of(other, BALL, viewer.stage.tip)
-    by_worker(viewer, viewer.undo)
+    by_worker(viewer, viewer.document.undo)
     assert viewer.edited is other
-    by_worker(viewer, viewer.undo)
+    by_worker(viewer, viewer.document.undo)
     assert viewer.edited is moved
 
 
@@ -167,7 +167,7 @@ def test_a_worker_that_fails_says_so_and_shows_no_verdict(opened: Opener, scene:
     assert "hd-good" not in viewer.panel.verdict
     assert viewer.panel.clearance == ""
     assert len(told) == 1
-    by_worker(viewer, viewer.measure)
+    by_worker(viewer, viewer.document.measure)
     assert SAYS_CERTIFIED in viewer.panel.verdict
 
 
@@ -220,7 +220,7 @@ def test_whatever_two_hands_do_is_true(opened: Opener, scene: Scene, trajectory:
             by_worker(viewer, lambda: assert_true(viewer))
     assert panel.live.settle(20)
     assert viewer.worker.settle(20)
-    by_worker(viewer, viewer.measure)
+    by_worker(viewer, viewer.document.measure)
     by_worker(viewer, lambda: assert_true(viewer))
     assert viewer.motions.active is not None
-    assert viewer.motions.holds(viewer.motions.active)
+    assert viewer.document.holds(viewer.motions.active)

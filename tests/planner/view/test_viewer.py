@@ -171,8 +171,8 @@ def test_motions_of_different_durations_share_the_seconds(
     assert viewer.panel.player.slider.max == 3.0
     viewer.show(1.5)
     assert_posed(viewer.stage.robot, timed.positions[-1])
-    assert_posed(viewer.motions.shown[1].robot, slow.at(slow.curve.parameter_of(1.5)))
-    assert_posed(viewer.motions.shown[2].robot, trajectory.at(0.5))
+    assert_posed(viewer.motion_nodes.of(viewer.motions.shown[1]).robot, slow.at(slow.curve.parameter_of(1.5)))
+    assert_posed(viewer.motion_nodes.of(viewer.motions.shown[2]).robot, trajectory.at(0.5))
     viewer.show(3.0)
     assert_posed(viewer.stage.robot, timed.positions[-1])
     assert "1.500 s in" in viewer.panel.verdict
@@ -200,11 +200,11 @@ def test_layers_come_and_go(viewer: Viewer) -> None:
     viewer.worker.settle(20)
     shown = viewer.motions.shown[0]
     hidden = [
-        shown.robot,
+        viewer.motion_nodes.of(shown).robot,
         viewer.stage.start,
         viewer.stage.goal,
         viewer.stage.robot,
-        shown.path,
+        viewer.motion_nodes.of(shown).path,
         viewer.stage.closest.root,
     ]
     assert not any(node.visible for node in hidden)
@@ -289,8 +289,8 @@ def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajec
     assert [shown.motion.certificate.certified for shown in viewer.motions.shown] == [True, False]
     viewer.show(0.5)
     assert_posed(viewer.stage.robot, trajectory.at(0.5))
-    assert_posed(viewer.motions.shown[1].robot, line.at(0.5))
-    viewer.choose("line")
+    assert_posed(viewer.motion_nodes.of(viewer.motions.shown[1]).robot, line.at(0.5))
+    viewer.document.choose("line")
     viewer.worker.settle(20)
     assert viewer.motions.active is viewer.motions.shown[1]
     np.testing.assert_allclose(viewer.configuration, line.at(0.5))
@@ -354,10 +354,10 @@ def assert_true(viewer: Viewer, folder: Path) -> str:
         assert said["clearance_m"] == certificate.clearance
     assert "certified: at least" not in viewer.panel.planning.said or certificate.certified
     assert viewer.panel.rows.content.count(OUTDATED) == sum(
-        not viewer.motions.holds(shown) for shown in viewer.motions.shown
+        not viewer.document.holds(shown) for shown in viewer.motions.shown
     )
     for shown in viewer.motions.shown:
-        if viewer.motions.holds(shown):
+        if viewer.document.holds(shown):
             text = certify(scene, shown.motion.trajectory).text
             assert html.escape(text) in viewer.panel.verdict
     return str(said.get("status"))
@@ -438,9 +438,9 @@ def test_a_motion_that_was_not_planned_here_is_saved_without_a_verdict(viewer: V
 def test_a_scene_that_does_not_fit_moves_nothing(viewer: Viewer) -> None:
     before = viewer.edited, viewer.panel.verdict
     with pytest.raises(InputError, match="outside its limits"):
-        viewer.change(viewer.edited.ending_at(viewer.robot.upper + 1.0))
+        viewer.document.change(viewer.edited.ending_at(viewer.robot.upper + 1.0))
     with pytest.raises(InputError, match="outside its limits"):
-        viewer.change(viewer.edited.starting_at(viewer.robot.lower - 1.0))
+        viewer.document.change(viewer.edited.starting_at(viewer.robot.lower - 1.0))
     assert (viewer.edited, viewer.panel.verdict) == before
 
 
@@ -485,5 +485,5 @@ def test_layers_that_are_off_stay_off_for_new_motions(opened: Opener, scene: Sce
     viewer.panel.layers.set("robot", False)
     viewer.panel.layers.set("path", False)
     planned(viewer)
-    assert not viewer.motions.shown[0].path.visible
-    assert not viewer.motions.shown[0].robot.visible
+    assert not viewer.motion_nodes.of(viewer.motions.shown[0]).path.visible
+    assert not viewer.motion_nodes.of(viewer.motions.shown[0]).robot.visible

@@ -46,7 +46,7 @@ def viewer(opened: Opener, files: tuple[Path, Path], trajectory: Trajectory) -> 
 def says_the_truth(viewer: Viewer, file: Path) -> None:
     """What is said of the motion is what holds in the file's scene."""
     assert viewer.worker.settle(20)
-    viewer.worker.ask("measure", viewer.measure)
+    viewer.worker.ask("measure", viewer.document.measure)
     assert viewer.worker.settle(20)
     assert viewer.motions.active is not None
     motion = viewer.motions.active.motion

@@ -1,0 +1,84 @@
+"""One thread that works on the newest of what is asked for: what came and went meanwhile is dropped.
+
+`Worker` does short jobs for whoever asks; this one does what takes seconds, as planning does, and lets it be given up.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+Wish = TypeVar("Wish")
+After = Callable[[], object]
+
+
+class Newest(Generic[Wish]):
+    """The newest wish, and the thread that works on it."""
+
+    def __init__(self, name: str, work: Callable[[Wish, int], After | None], patience: float = 30.0) -> None:
+        """Start the thread of this name. `work` is called with a wish and its turn, asks now and then whether this is
+        `given_up`, and returns what is to be called once it no longer runs, if anything is. At the end it is waited for
+        so long [s]."""
+        self._work, self._patience = work, patience
+        self._changed = threading.Condition()
+        self._wishes: list[Wish] = []  # at most one
+        self._turn = 0  # how often what is worked on was given up
+        self._busy = self.ended = False
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def waits(self) -> bool:
+        """True if a newer wish waits than the one that is worked on."""
+        return bool(self._wishes)
+
+    @property
+    def running(self) -> bool:
+        """True if something is worked on, or is to be."""
+        return self._busy or self.waits
+
+    def given_up(self, turn: int) -> bool:
+        """True if what began in this turn comes too late."""
+        return self.ended or turn != self._turn
+
+    def ask(self, wish: Wish) -> None:
+        """Have a wish worked on, in place of one that waits."""
+        with self._changed:
+            self._wishes = [wish]
+            self._changed.notify_all()
+
+    def give_up(self) -> None:
+        """Drop what waits, and give up what is worked on."""
+        with self._changed:
+            self._wishes = []
+            self._turn += 1
+
+    def settle(self, timeout: float) -> bool:
+        """Wait until nothing is left to work on; False if that takes longer than `timeout` [s]."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not self.running, timeout)
+
+    def end(self) -> None:
+        """Give up, and end the thread."""
+        with self._changed:
+            self._wishes, self.ended = [], True
+            self._changed.notify_all()
+        self._thread.join(timeout=self._patience)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self.waits or self.ended)
+                if self.ended:
+                    return
+                wish, turn, self._busy = self._wishes.pop(), self._turn, True
+            after: After | None = None
+            try:
+                after = self._work(wish, turn)
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()
+            if after is not None:
+                after()

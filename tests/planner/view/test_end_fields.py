@@ -1,0 +1,88 @@
+"""Start and goal in numbers: the tip, or the goal pose, is where they say, and what cannot be reached is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.view import scene_edits
+from hdplan.planner.view.things import GOAL, START, Thing, place_of
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.targets import PoseTarget
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Opener = Callable[..., Viewer]
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(20)
+
+
+def field(viewer: Viewer, name: str) -> Any:
+    return next(handle for handle, each, _ in viewer.panel.ends._fields._fields if each == name)
+
+
+def typed(viewer: Viewer, name: str, value: object) -> None:
+    """Let a browser say what somebody typed."""
+    handle = field(viewer, name)
+    handle._impl.value = value
+    for heard in handle._impl.update_cb:
+        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    assert viewer.worker.settle(20)
+
+
+def place(viewer: Viewer, thing: Thing) -> Pose:
+    return place_of(viewer.edited, thing, viewer.stage.tip)
+
+
+@pytest.mark.parametrize(("name", "thing"), [("panda_cage", START), ("panda_grasp", GOAL)])
+def test_what_is_typed_holds_and_is_undone(opened: Opener, name: str, thing: Thing) -> None:
+    """Of joint values that follow the tip, and of a goal pose, which keeps what it leaves free."""
+    viewer = opened(load_scene(name))
+    by_worker(viewer, lambda: viewer.panel.handles.select(thing))
+    before, first = viewer.edited, place(viewer, thing)
+    typed(viewer, "turned [°]", tuple(np.add(scene_edits.turn_of(first), (0.0, 5.0, 0.0))))
+    turned = place(viewer, thing)
+    assert "not done" not in viewer.panel.editing.said
+    assert turned.quaternion_xyzw != first.quaternion_xyzw
+    np.testing.assert_allclose(turned.position, first.position, atol=1e-3)
+    x, y, z = turned.position
+    typed(viewer, "at [m]", (x, y + 0.02, z))
+    np.testing.assert_allclose(place(viewer, thing).position, (x, y + 0.02, z), atol=1e-3)
+    shown = np.array([float(word) for word in str(field(viewer, "x y z w").value).split()])
+    np.testing.assert_allclose(abs(shown @ place(viewer, thing).quaternion_xyzw), 1.0, atol=1e-5)
+    by_worker(viewer, viewer.panel.ends.snap)
+    np.testing.assert_allclose(np.round(place(viewer, thing).position, 2), place(viewer, thing).position, atol=1.1e-3)
+    if thing == GOAL:
+        now, then = viewer.edited.target, before.target
+        assert isinstance(now, PoseTarget)
+        assert isinstance(then, PoseTarget)
+        assert replace(now, pose=then.pose) == then
+    while viewer.edited is not before:
+        assert viewer.document.history.can_undo
+        by_worker(viewer, viewer.document.undo)
+
+
+def test_what_the_tip_cannot_reach_is_refused(opened: Opener) -> None:
+    viewer = opened(load_scene("panda_cage"))
+    by_worker(viewer, lambda: viewer.panel.handles.select(START))
+    before = viewer.edited
+    typed(viewer, "at [m]", (5.0, 0.0, 0.0))
+    assert viewer.edited is before
+    assert "from this posture the tip stays" in viewer.panel.editing.said
+    typed(viewer, "x y z w", "0 0 0 zero")
+    assert "must be a number" in viewer.panel.editing.said
+    typed(viewer, "x y z w", "0 0 0 0")
+    assert "not all 0" in viewer.panel.editing.said
+    assert viewer.edited is before
+    by_worker(viewer, lambda: viewer.panel.handles.select(None))
+    viewer.panel.editing.do(viewer.panel.ends.snap)
+    assert viewer.worker.settle(20)
+    assert "neither start nor goal" in viewer.panel.editing.said
