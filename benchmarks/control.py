@@ -1,6 +1,6 @@
 """The controller measured: solvers of its quadratic program, time of one step, and contacts from random starts.
 
-    python benchmarks/control.py solvers | steps | starts [--starts 1000] [--rate 200] [--speed 0.5]
+    python benchmarks/control.py solvers | steps | updates | starts [--starts 1000] [--rate 200] [--speed 0.5]
 
 `solvers` needs quadprog, piqp, proxsuite and osqp beside daqp (pip install them; hdplan needs daqp alone). `starts`
 proves every simulated motion by the certificate, between its samples too: real meshes, the scene's own shapes.
@@ -28,7 +28,8 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -148,6 +149,48 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
     print(markdown_text(rows))
 
 
+def updates(count: int = 20) -> None:
+    """Time the controller of a world seen anew."""
+    rng = np.random.default_rng(2)
+    table = np.column_stack([rng.uniform((0.3, -1.0), (1.2, 1.0), (50_000, 2)), np.zeros(50_000)])
+    wall = np.column_stack([np.full(50_000, 1.2), rng.uniform((-1.0, 0.0), (1.0, 1.2), (50_000, 2))])
+    places, sizes = rng.uniform((-0.8, -0.8, 0.1), (0.8, 0.8, 1.5), (20, 3)), rng.uniform(0.05, 0.2, (20, 3))
+
+    def boxes(moving: bool) -> list[Obstacle]:
+        motion = SteadyMotion((0.1, 0.0, 0.0)) if moving else None
+        off = rng.normal(0.0, 0.01, places.shape)
+        return [Obstacle(f"box{i}", Box(sizes[i]), Pose(places[i] + off[i]), motion=motion) for i in range(20)]
+
+    def cloud() -> list[Obstacle]:
+        points = np.vstack([table, wall]) + rng.normal(0.0, 1e-3, (100_000, 3))
+        return [Obstacle("cloud", Cloud(points, 0.005))]
+
+    controller, rows = Controller.of(random_scene(rng, 0)), []
+    for name, look in (
+        ("20 boxes", lambda: boxes(moving=False)),
+        ("20 boxes that move", lambda: boxes(moving=True)),
+        ("100,000 points of a table and a wall", cloud),
+    ):
+        used, step_used, pairs = [], [], 0
+        for _ in range(count):
+            seen = look()
+            began = process_time()
+            updated = controller.update(seen)
+            used.append(process_time() - began)
+            began, pairs = process_time(), len(updated.barriers.names)
+            updated.step(np.array(READY), standing(np.array(READY)))
+            step_used.append(process_time() - began)
+        rows.append(
+            {
+                "what is seen": name,
+                "pairs": pairs,
+                "CPU time of update, median / 95 % / worst [ms]": _quantiles(used),
+                "of the step after it": _quantiles(step_used),
+            }
+        )
+    print(markdown_text(rows))
+
+
 def solvers() -> None:
     """Time the quadratic program alone, 7 joints and bounds on them."""
     missing = [name for name in SOLVERS if importlib.util.find_spec(name) is None]
@@ -243,7 +286,7 @@ SOLVERS: dict[str, Solver] = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("solvers", "steps", "starts"))
+    parser.add_argument("what", choices=("solvers", "steps", "updates", "starts"))
     parser.add_argument("--starts", type=int, default=1000)
     parser.add_argument("--rate", type=float, default=200.0)
     parser.add_argument("--speed", type=float, default=0.5)
@@ -253,6 +296,8 @@ def main() -> None:
             solvers()
         case "steps":
             steps()
+        case "updates":
+            updates()
         case _:
             starts(given.starts, given.rate, given.speed)
 

@@ -58,7 +58,7 @@ class FclPairs(PairDistance):
         """Take the pairs and the bodies that they index; the second body's margin is subtracted from every distance."""
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
-        self.second = {b: _solid(halfspace_bodies[b].solid) for b in set(pairs.halfspace_body.tolist())}
+        self.second = _Solids(halfspace_bodies)
         self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
 
     @property
@@ -159,6 +159,18 @@ class _Outlined:
     def support(self, directions: Array) -> Array:
         """h(d) = max d·x over the shape, for unit directions (S, 3)."""
         return _outline(self.outlined).support(self.outlined, directions)
+
+
+class _Solids(dict[int, _Swept | _Outlined]):
+    """The true shapes of halfspace bodies, made when they are needed: of a cloud's thousands few are ever near."""
+
+    def __init__(self, bodies: Sequence[HalfspaceBody]) -> None:
+        super().__init__()
+        self._bodies = bodies
+
+    def __missing__(self, index: int) -> _Swept | _Outlined:
+        self[index] = found = _solid(self._bodies[index].solid)
+        return found
 
 
 def _outline(shape: Shape) -> Outline:

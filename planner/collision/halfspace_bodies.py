@@ -151,6 +151,7 @@ def _around_points(points: bytes, planes: str) -> tuple[ConvexBody, Array, Array
     return ConvexBody.from_points(cloud), read_only(directions), read_only(supports), half, read_only(frame)
 
 
+@functools.lru_cache(maxsize=1024)
 def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box") -> HalfspaceBody:
     """Enclose an outer link body by the directions of its box; it moves with `joint`."""
     frame, directions = _box_frame(body.vertices), few_directions(planes)

@@ -3,7 +3,7 @@ limits; and how fast at most."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import freeze, read_only
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Reach:
         return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
 
 
+@functools.lru_cache(maxsize=1024)
 def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
     """Bound the places of a body on `joint` within the robot's limits.
 
@@ -51,7 +52,8 @@ def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
     return Reach(np.array(model.jointPlacements[joint].translation), radius)
 
 
-def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Array:
+@functools.lru_cache(maxsize=64)
+def levers(robot: Robot, bodies: tuple[tuple[int, ConvexBody], ...]) -> Array:
     """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), at any
     configuration within the robot's limits: [m] for a revolute joint, 1 for a prismatic one.
 
@@ -64,7 +66,7 @@ def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Array:
             found[at - 1] = max(found[at - 1], 1.0 if _slides(robot, at) else length + _travel(robot, at))
             length += _travel(robot, at) + float(np.linalg.norm(model.jointPlacements[at].translation))
             at = int(model.parents[at])
-    return found
+    return read_only(found)
 
 
 def _slides(robot: Robot, joint: int) -> bool:

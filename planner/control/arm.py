@@ -22,7 +22,8 @@ class Arm(Protocol):
         """Return the time [s] on its clock."""
 
     def state(self) -> tuple[Array, Array]:
-        """Return the positions (n,) [rad or m] and velocities (n,) that were measured."""
+        """Return the positions (n,) [rad or m] and velocities (n,) that were measured; joints that turn without limits
+        count on over whole turns, as what is sent to them does."""
 
     def send(self, position: Array, velocity: Array) -> None:
         """Be at a position (n,), with a velocity (n,), one period from now; returns when it is over."""

@@ -91,6 +91,7 @@ def counts(distance: str, normals: str) -> tuple[int, int, int]:
     return max(plane_counts(normals)), 1, 1
 
 
+@functools.lru_cache(maxsize=1024)
 def separation_bound(delta: float, gamma: int, length: float, count: int, inner: int) -> float:
     """Return the least D̃ [m] possible with D ≥ delta [m], by the module's equations."""
     p = gamma + 1

@@ -128,7 +128,7 @@ class Barriers:
             row_of = {pair: row for row, pair in enumerate(unique)}
             rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
-        self._directions = [body.directions for body in others] if settings.distance == "hdsdf" else []
+        self._directions = _distinct([body.directions for body in others])
         self.obstacle_speed = max(
             (_fastest(motion, moved) for motion, moved in movers), default=0.0
         )  # of any obstacle [m/s]
@@ -140,7 +140,7 @@ class Barriers:
         self.standing = standing & (settings.distance in PROVEN)  # (P,) of which `within` is proven
         self._enlarged: dict[tuple[int, float], BodyPairs] = {}  # by group, and by how much
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
-        every = levers(robot.unfolded, [(body.joint, body.body) for body in bodies])
+        every = levers(robot.unfolded, tuple((body.joint, body.body) for body in bodies))
         self.levers = every if robot.linkage is None else every @ np.abs(robot.linkage.matrix)  # (n,) [m]
 
     def __repr__(self) -> str:
@@ -156,6 +156,8 @@ class Barriers:
         of these obstacles: a lower bound; None if nothing is proven."""
         b = self.settings
         any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
+        if b.distance != "hdsdf":
+            return any_planes
         proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
         return min(proven, default=any_planes)
 
@@ -266,6 +268,11 @@ class _Moment(NamedTuple):
         columns = self.kinematics.columns
         turned = wrench @ columns[0].T if len(columns) == 1 else np.einsum("sni,si->sn", columns[sample], wrench)
         return BarrierRows(value, turned * pairs.moves[pair], drift, separation)
+
+
+def _distinct(directions: Sequence[Array]) -> list[Array]:
+    """Return sets of directions (K, 3) without those that are there twice: most cells of a cloud have the same."""
+    return list({(np.round(each, 9) + 0.0).tobytes(): each for each in directions}.values())
 
 
 def _fastest(motion: ObstacleMotion, bodies: Sequence[HalfspaceBody]) -> float:

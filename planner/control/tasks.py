@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.kinematics.inverse import LinkPose
+from hdplan.planner.kinematics.relative import RelativePose
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.targets import PoseTarget
-from hdplan.scenes.values import Number, Whole, checked, instance, is_row, wrong
+from hdplan.scenes.values import Number, Whole, checked, instance, is_row, text, wrong
 
 GAIN = Number(0.0, 1e3, unit="1/s")
 WEIGHT = Number(high=1e6, above=0.0)
@@ -41,12 +42,14 @@ class Task(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PoseTask:
-    """Bring a link to a pose: min ‖J u − k e‖² + λ ‖u‖², with e the error in position and orientation."""
+    """Bring a link to a pose, in the world or in the frame of another link, which may move: min ‖J u − k e‖² + λ ‖u‖²,
+    with e the error in position and orientation."""
 
     robot: Robot
     target: PoseTarget
     gain: float = 4.0  # k: relative decrease of the error per second [1/s]
     regularization: float = 0.01  # λ: keeps u small near singular configurations
+    to: str | None = None  # the link in whose frame the target's pose is; None: in the world
 
     def __post_init__(self) -> None:
         """Refuse invalid arguments."""
@@ -54,10 +57,14 @@ class PoseTask:
         instance(self.target, PoseTarget, "target")
         checked(GAIN, self.gain, "gain")
         checked(Number(high=1e3, above=0.0), self.regularization, "regularization")
+        if self.to is not None:
+            checked(text, self.to, "to")
 
     @cached_property
-    def _pose(self) -> LinkPose:
-        return LinkPose.of(self.robot, self.target)
+    def _pose(self) -> LinkPose | RelativePose:
+        if self.to is None:
+            return LinkPose.of(self.robot, self.target)
+        return RelativePose.of(self.robot, self.target, self.to)
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """Return the quadratic at q; it does not depend on the time."""

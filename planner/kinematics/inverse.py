@@ -7,6 +7,7 @@ Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Free
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.geometry.rotations import vectors_of
 from hdplan.planner.kinematics import inverse_loop
-from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
@@ -42,23 +43,44 @@ class LinkPose(NamedTuple):
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose error (B, 6), translation [m] and rotation [rad] in world axes, and its Jacobian (B, 6, n)."""
-        state, wanted, joint = self.arm.evaluate(self.robot.expand(q)), self.target.pose.matrix, self.joint
-        rotation = state.rotations[:, joint] @ self.placement[:3, :3]
-        origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
-        linear = state.linear + np.cross(state.angular, origin[:, None])
-        turning = state.angular
-        if self.target.free_rotation == "all":
-            turn, turning = np.zeros_like(origin), np.zeros_like(turning)
-        elif self.target.free_rotation in AXES:
-            axis = AXES.index(self.target.free_rotation)
-            along = rotation[:, :, axis]
-            turn = _turn_between(along, wanted[:3, axis])
-            turning = turning - (turning @ along[..., None]) * along[:, None]
-        else:
-            turn = vectors_of(wanted[:3, :3] @ rotation.transpose(0, 2, 1))
+        place = self.moving(self.arm.evaluate(self.robot.expand(q)))
+        error, kept = off_pose(place, self.target.pose.matrix, self.target.free_rotation)
+        jacobian = np.concatenate([place.linear, kept(place.angular)], axis=2).transpose(0, 2, 1)
+        return error, self.robot.fold(jacobian)
+
+    def moving(self, state: KinematicsBatch) -> Moving:
+        """Return where the link is at B configurations, and what moves it."""
+        joint, rotations = self.joint, state.rotations[:, self.joint]
+        origin = rotations @ self.placement[:3, 3] + state.translations[:, joint]
         moved = self.arm.supports[joint][:, None]
-        jacobian = (np.concatenate([linear, turning], axis=2) * moved).transpose(0, 2, 1)
-        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), self.robot.fold(jacobian)
+        linear = state.linear + np.cross(state.angular, origin[:, None])
+        return Moving(rotations @ self.placement[:3, :3], origin, linear * moved, state.angular * moved)
+
+
+class Moving(NamedTuple):
+    """A frame in the world at B configurations, and its velocities for each joint's."""
+
+    rotation: Array  # (B, 3, 3)
+    origin: Array  # (B, 3) [m]
+    linear: Array  # (B, n, 3) of the origin
+    angular: Array  # (B, n, 3)
+
+
+def off_pose(place: Moving, wanted: Array, free: str) -> tuple[Array, Callable[[Array], Array]]:
+    """Return how far a frame is off a pose (4, 4) or (B, 4, 4): translation and rotation (B, 6) in world axes, and what
+    of angular velocities (B, n, 3) changes that, with the rotations that are free."""
+    if free == "all":
+        turn, kept = np.zeros_like(place.origin), np.zeros_like
+    elif free in AXES:
+        axis = AXES.index(free)
+        along = place.rotation[:, :, axis]
+        turn = _turn_between(along, wanted[..., :3, axis])
+
+        def kept(turning: Array) -> Array:
+            return np.asarray(turning - (turning @ along[..., None]) * along[:, None])
+    else:
+        turn, kept = vectors_of(wanted[..., :3, :3] @ place.rotation.transpose(0, 2, 1)), np.asarray
+    return np.concatenate([wanted[..., :3, 3] - place.origin, turn], axis=1), kept
 
 
 class Aim(NamedTuple):
@@ -149,11 +171,13 @@ def self_motion(way: Array, jacobian: Array) -> Array:
 
 
 def _turn_between(directions: Array, wanted: Array) -> Array:
-    """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to a wanted one; a half turn for opposite
-    ones."""
+    """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to wanted ones, (3,) or (B, 3); a half turn for
+    opposite ones."""
     cross = np.cross(directions, wanted)
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
-    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
-    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
-    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
+    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin(axis=-1)])
+    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across)
+    cosine = np.sum(directions * wanted, axis=1, keepdims=True)
+    turn: Array = axis * np.arctan2(sine, cosine)
     return turn

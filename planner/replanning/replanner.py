@@ -267,14 +267,16 @@ class Replanner:
         if measured is None or measured.at > now:
             return
         self._measured, self._off = None, ""
-        away = np.abs(measured.q - self._held.at(measured.at)[0]) - self._lags - OFF
+        expected = self._held.at(measured.at)[0]
+        q = self.robot.nearest_turn(measured.q, expected)  # an encoder may count each turn from 0 on
+        away = np.abs(q - expected) - self._lags - OFF
         i = int(away.argmax())
         if away[i] <= 0.0:
             return
         joint, off, allowed = self.robot.joint_names[i], away[i] + self._lags[i], self._lags[i]
         self._off = f"joint '{joint}' is {off:.3g} off its motion, robot.tracking.position is {allowed:g}"
         if measured.at >= self._grid.time(self._held.last) and np.abs(measured.dq).max() <= AT_REST:
-            inside = np.clip(measured.q, self.robot.lower, self.robot.upper)
+            inside = np.clip(q, self.robot.lower, self.robot.upper)
             self._held = Held.standing(self._grid, self._grid.after(measured.at), inside)
             self._course, self._off = None, ""
             self._ways.forget(reaches=True)

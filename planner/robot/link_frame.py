@@ -86,14 +86,8 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
     Raises InputError for a link that the robot does not have, for two that do not move relative to each other, and for
     a start that does not fit the robot.
     """
-    field = "path.relative"
-    frames = [
-        robot.model.frames[_frame(robot, name, f"{field}.{key}")]
-        for name, key in ((asked.link, "link"), (asked.to, "to"))
-    ]
+    frames = links_apart(robot, asked.link, asked.to, "path.relative")
     link, other = (int(frame.parentJoint) for frame in frames)
-    if link == other:
-        raise InputError(f"{field}: '{asked.link}' and '{asked.to}' do not move relative to each other")
     placements = (frames[0].placement.homogeneous, frames[1].placement.homogeneous)
     if asked.pose is not None:
         return TwoLinks((link, other), placements, asked.pose.matrix)
@@ -101,6 +95,22 @@ def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
     pin.forwardKinematics(robot.model, data, robot.pin_q(robot.configuration(scene.start, scene.from_request)))
     held = (data.oMi[other] * frames[1].placement).actInv(data.oMi[link] * frames[0].placement)
     return TwoLinks((link, other), placements, held.homogeneous)
+
+
+def links_apart(robot: Robot, link: str | None, to: str, field: str) -> tuple[pin.Frame, pin.Frame]:
+    """Return the frames of two links that move relative to each other; without a name, the first is the end effector.
+
+    Raises InputError, naming the scene's `field` (if any), for a link that the robot does not have, for two that do not
+    move relative to each other, and as `end_effector`.
+    """
+    link = end_effector(robot, field or "link") if link is None else link
+    before = f"{field}." if field else ""
+    one, other = (
+        robot.model.frames[_frame(robot, name, f"{before}{key}")] for name, key in ((link, "link"), (to, "to"))
+    )
+    if one.parentJoint == other.parentJoint:
+        raise InputError(f"{field or 'link'}: '{link}' and '{to}' do not move relative to each other")
+    return one, other
 
 
 def _frame(robot: Robot, link: str, field: str) -> int:

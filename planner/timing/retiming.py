@@ -9,9 +9,9 @@ twice differentiable, with the polyline's ends, and within its hull, so within t
 
 *The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window of
 whole rows, then stretched in time until every limit holds on the executed curve (`limits`), which takes one look, as a
-stretch changes no shape. Of several windows the one with the shortest motion is chosen. With `timing.duration` it is
-the minimum-jerk law; only if that violates a limit and no obstacle moves, it is the fastest law, stretched to the
-duration.
+stretch changes no shape, but for what its rows are rounded by: that is looked at last. Of several windows the one with
+the shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
+obstacle moves, it is the fastest law, stretched to the duration.
 
 *Ends.* All of this is from rest to rest; a start or a goal through which the robot moves is joined to it
 (`moving_ends`).
@@ -30,7 +30,7 @@ from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
-from hdplan.planner.timing.limits import timing_limits
+from hdplan.planner.timing.limits import MARGIN, RateLimit, timing_limits
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.planner.timing.time_optimal import time_optimal
@@ -46,6 +46,7 @@ FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
 LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion that its window is wide enough for; that has other causes
 DENSER = 5  # times that a motion, stretched, gets more rows
+ROUNDINGS = 8  # stretches at most, for what rows are rounded by
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
 
@@ -132,7 +133,7 @@ class Retimer:
 
     def along(self, path: Trajectory, spline: PathSpline) -> Timed:
         """Return the quickest motion from rest to rest along a spline over [0, 1] that is drawn through a path."""
-        return self._timed(path, spline, *self._quickest(path, spline)[:3])
+        return self._rounded(path, spline, self._quickest(path, spline))
 
     def ways(self, path: Trajectory, than: float = math.inf) -> Iterator[Timed]:
         """Yield the timed motion along a path, unless it takes `than` [s] or longer; where the robot does not begin and
@@ -185,7 +186,7 @@ class Retimer:
                 fastest = self._quickest(path, spline)
                 return self._timed(path, spline, fastest.law, duration, fastest.rows)
         quickest = self._quickest(path, spline, than)
-        return None if quickest is None else self._timed(path, spline, *quickest[:3])
+        return None if quickest is None else self._rounded(path, spline, quickest)
 
     @overload
     def _quickest(self, path: Trajectory, spline: PathSpline) -> Quickest: ...
@@ -229,6 +230,22 @@ class Retimer:
             parameter, rows = _divided(parameter, rows, duration, parts)
         times = duration * np.linspace(0.0, 1.0, len(parameter))
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
+
+    def _rounded(self, path: Trajectory, spline: PathSpline, quickest: Quickest) -> Timed:
+        """Return the motion with a law, stretched a little further where its rows, as they are rounded, exceed a limit
+        of rates: a rounding e of a position makes a jerk of some 60 e/h³ between rows h apart, which no stretch takes
+        away."""
+        law, duration, count, _ = quickest
+        for _ in range(ROUNDINGS):
+            timed = self._timed(path, spline, law, duration, count)
+            over = max(each.rounding(timed.trajectory.curve) for each in self.limits if isinstance(each, RateLimit))
+            if over <= 1.0 + 0.1 * MARGIN:
+                return timed
+            duration *= over
+        raise HdplanError(
+            f"{self.source}: timing.rate: {self.rate:g} rows a second are so close that their rounding alone exceeds "
+            "the scene's limits: give a lower rate"
+        )
 
     def _windowed(self, spline: PathSpline, law: Stepwise) -> Quickest:
         """Return the shortest motion of those with a few windows. The stretch that the narrowest needs calls for a

@@ -170,6 +170,26 @@ def test_a_robot_that_is_off_its_motion_brakes_and_goes_on_from_where_it_stands(
     assert drive.arrives(within=drive.now + 6.0)
 
 
+@pytest.mark.parametrize("turn", [lambda q: q % (2 * np.pi), lambda q: (q + np.pi) % (2 * np.pi) - np.pi])
+def test_encoders_of_joints_without_limits_may_begin_anew_with_each_turn(turn: Callable[[Array], Array]) -> None:
+    ends = {"start": [3.0, 2.01, 3.54, 6.2, 0.81, -3.1], "goal": [3.3, 2.1, 3.5, 6.4, 0.85, -3.2]}
+    drive = Drive(limited("kinova_shelf", obstacles=(), **ends))
+    endless = drive.robot.endless
+    seen: list[tuple[float, Array]] = []
+
+    def look(t: float, q: Array, moves: bool) -> None:
+        seen.append((t, np.where(endless, turn(q), q)))
+
+    while drive.now < 3.0 and drive.period(look).mode.value != "arrived":
+        t, q = seen[-1]
+        drive.replanner.state(q, np.zeros(6), at=t)
+    assert drive.commands[-1].mode.value == "arrived"
+    assert "braking" not in [each.mode.value for each in drive.commands]
+    np.testing.assert_allclose(drive.commands[-1].position, ends["goal"], atol=1e-6)
+    drive.replanner.state(np.where(endless, turn(seen[-1][1]), seen[-1][1] + 0.02), np.full(6, 0.1), at=drive.now)
+    assert "is 0.02 off its motion" in drive.step().why  # what does not turn for ever is where it says
+
+
 def test_bad_input_is_refused_in_one_line_and_changes_nothing() -> None:
     scene = limited("planar_arm")
     drive = Drive(scene)

@@ -22,7 +22,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.timing import Timing
@@ -348,3 +348,29 @@ def test_a_path_that_turns_back_finds_a_law_however_quick_it_may_be_there(jerk: 
     assert all(use.within for use in RateCheck(setup).check(timed.curve).uses)
     assert timed.times is not None
     assert timed.times[-1] <= rests
+
+
+def crowded(seed: int, rate: float) -> tuple[Scene, Robot, Trajectory]:
+    """A short way within a small limit of jerk, in so many rows that a position which is rounded by e makes a jerk of
+    some 60 e/h³, which no stretch takes away."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-1.0, 1.0, 2)
+    goal = start + rng.uniform(0.01, 0.03, 2)
+    scene, robot = limited(Limits(velocity=2.0, acceleration=2.0, jerk=0.3), Timing(rate=rate), "planar_arm")
+    scene = dataclasses.replace(scene, start=start, goal=goal, obstacles=())  # type: ignore[arg-type]
+    return scene, robot, Trajectory(robot.joint_names, np.linspace(start, goal, 8), {})
+
+
+@pytest.mark.parametrize(("seed", "rate"), [(0, 1000.0), (1, 2000.0)])
+def test_limits_hold_where_rows_are_so_close_that_their_rounding_is_seen(seed: int, rate: float) -> None:
+    scene, robot, path = crowded(seed, rate)
+    timed = Retimer(Setup.of(scene, robot))(path)
+    assert hdplan.certify(scene, timed.trajectory, robot).certified
+    assert (timed.trajectory.curve.over_time(3).largest() / 0.3).max() > 1.0 - 1e-3  # and no time is given away
+
+
+def test_rows_whose_rounding_exceeds_a_limit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdplan.planner.timing.retiming.ROUNDINGS", 1)
+    scene, robot, path = crowded(0, 1000.0)
+    with pytest.raises(HdplanError, match=r"timing\.rate: 1000 rows a second are so close"):
+        Retimer(Setup.of(scene, robot))(path)
