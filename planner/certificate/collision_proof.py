@@ -25,6 +25,7 @@ from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
+CLEARLY = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
 # share of this tolerance by which a place must be closer than the closest one known to be looked at
@@ -245,8 +246,12 @@ class _Run:
         items = items[bound <= floor.max(initial=0.0) + ROUNDING]
         if not len(items):
             return True
-        values, *_ = self._exact(nodes, items)
-        less, kept, hollow = self.bounds.unknown(nodes, items), floor[items.pair], self.hollow[items.pair]
+        hollow = self.hollow[items.pair]
+        values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
+        if (deep & ~hollow).any():
+            return False
+        values[~deep], *_ = self._exact(nodes, items[~deep])
+        less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
         def close(apart: Array) -> Mask:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
