@@ -94,6 +94,11 @@ class Sweep:
         """
         return self._standing(q, time).nearest_at_start(within)
 
+    def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
+        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s], at
+        most `within` [m]: sooner known than how far the bodies are, which are no closer. Negative where they overlap."""
+        return self._standing(q, time).hull_gap_at_start(within)
+
     def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
         """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
         return self._standing(q, time).witnesses_at_start(pair)
@@ -264,6 +269,14 @@ class _Run:
             if close(values)[i]:
                 return False
         return True
+
+    def hull_gap_at_start(self, within: float) -> float:
+        """Return the least distance of hulls to obstacles at the first waypoint, at most `within`."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        items = Items.all(1, np.flatnonzero(self.pairs.group == 0))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        items = items[bound <= within + ROUNDING]
+        return float(self.bounds.overlapping(nodes, items, CLEARLY)[0].min(initial=within))
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""

@@ -166,8 +166,7 @@ def _free(
         families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
     fit = (next((q for q in family if may_end(certifier, q)), None) for family in families)
     for q in itertools.islice((q for q in fit if q is not None), PICKED):
-        place, _ = certifier.nearest(q, CLOSE_GOAL, time)
-        crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE_GOAL
+        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
 
