@@ -4,8 +4,9 @@ Job k depends on k alone. Six objects (a can, a bottle, a carton, a brick, a bal
 not convex) stand on a table and on two boards of a shelf, at random places and turns. An arm (a Panda with fingers, a
 UR5 and an xArm 7 with suction) takes one by any of several grasps, from above or from the side, lifts it straight,
 carries it, a bottle upright, sets it down somewhere else in any of several turns, lets go, and backs out. Things and
-places are drawn until there is a grasp with which the arm reaches all that it has to, and meets nothing there, by
-Pinocchio and coal; whether a way leads there is left open.
+places are drawn until there is a grasp that fits at both ends, by Pinocchio and coal alone: with it the arm follows the
+lines to the object, up with it, down to its place and back, and meets nothing on them. Whether a way leads from one end
+to the other is left open, and no job is left out because hdplan fails.
 """
 
 from __future__ import annotations
@@ -32,9 +33,11 @@ GAP = 1e-3  # [m] between a suction cup and what it takes
 ROOM = 0.05  # [m] at least between two objects
 THICK = 0.02  # [m] of boards
 BRACKET = "bracket.obj"
+INSIDE = 0.03  # [m] that fingers reach into what they take from the side
 SHUFFLED = 6  # grasps with which a job is tried when it is drawn
 TRIES, STEPS = 12, 40  # of inverse kinematics
 INNER = 0.05  # [rad] from the limits of joints
+PARTS, FARTHEST = 6, 0.35  # of a line on which an arm is looked at; [rad] that a joint moves between two of them
 
 
 @dataclass(frozen=True)
@@ -103,10 +106,12 @@ class Kind:
     beside: float = 0.0  # [m] from its middle to the side at which a cup takes it, along x; 0: not there
     top: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where a cup takes it from above
     held: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where fingers take it
+    short: float = 0.0  # [m] of that, at which they stop where they come from the side
 
 
 def _box(x: float, y: float, z: float) -> Kind:
-    return Kind({"type": "box", "size": [x, y, z]}, z, y, False, 0.5 * math.hypot(x, y), 0.5 * x, (0, 0, 0.5 * z))
+    shape, away, short = {"type": "box", "size": [x, y, z]}, 0.5 * math.hypot(x, y), max(0.0, 0.5 * x - INSIDE)
+    return Kind(shape, z, y, False, away, 0.5 * x, (0, 0, 0.5 * z), short=short)
 
 
 def _can(radius: float, length: float) -> Kind:
@@ -215,7 +220,7 @@ def _grasps(arm: Arm, kind: Kind, covered: tuple[bool, bool]) -> Iterator[tuple[
             yield np.array([*kind.held[:2], deep]), Rotation.from_euler("z", yaw, degrees=True) * _down()
         for yaw in across:
             for pitch in (0, 25):
-                yield np.array(kind.held), _sideways(yaw, pitch)
+                yield np.array(kind.held) - kind.short * _sideways(yaw, 0).as_matrix()[:, 2], _sideways(yaw, pitch)
         return
     for yaw in np.arange(0, 360, 60) if not any(covered) else ():
         yield np.array(kind.top) + [0.0, 0.0, GAP], Rotation.from_euler("z", yaw, degrees=True) * _down()
@@ -255,9 +260,9 @@ def job(number: int, folder: Path) -> dict[str, Any]:
             {"name": each, "shape": KINDS[each].shape, "pose": {"position": there.tolist(), "rpy": [0.0, 0.0, turned]}}
             for each, (_, there, turned) in stand.items()
         ]
-        others = [each for each in obstacles if each["name"] != what]
-        reach = Reach(Scene({"robot": arm.robot, "obstacles": others}, folder), arm.link)
-        if any(_reaches(reach, arm, grasp, (at, yaw), (place, turns)) for grasp in grasps[:SHUFFLED]):
+        hand = Hand(arm, Scene({"robot": arm.robot, "obstacles": obstacles}, folder), what)
+        there = [(place, turn, target.name) for turn in turns]
+        if any(hand.fits(grasp, (at, yaw, source.name), there) for grasp in grasps[:SHUFFLED]):
             break
     here = Rotation.from_euler("z", yaw)
     poses = []
@@ -320,57 +325,85 @@ def _stages(
     ]
 
 
-def _reaches(
-    reach: Reach,
-    arm: Arm,
-    grasp: tuple[np.ndarray, Rotation],
-    stands: tuple[np.ndarray, float],
-    goes: tuple[np.ndarray, list[float]],
-) -> bool:
-    """True if a tool reaches an object by a grasp, and sets it down by it."""
-    offset, turn = grasp
-
-    def tool(place: np.ndarray, yaw: float, back: float, up: float) -> bool:
-        here = Rotation.from_euler("z", yaw)
-        whole = here * turn
-        at = place + here.apply(offset) - back * whole.as_matrix()[:, 2] + [0.0, 0.0, up]
-        return reach(at, whole * arm.tool.inv())
-
-    def all_of(place: np.ndarray, yaw: float, back: float) -> bool:
-        return tool(place, yaw, 0.0, 0.0) and tool(place, yaw, 0.0, RAISED) and tool(place, yaw, back, 0.0)
-
-    return all_of(*stands, BEFORE) and any(all_of(goes[0], yaw, BACK) for yaw in goes[1])
+Stand = tuple[np.ndarray, float, str]  # an object's place, its turn, and the board below it
 
 
-class Reach:
-    """An arm's inverse kinematics, by Pinocchio: damped least squares from random configurations, free ones by coal."""
+class Hand:
+    """A witness of grasps that fit: inverse kinematics by Pinocchio, damped least squares from random configurations
+    and then along lines; distances by coal."""
 
-    def __init__(self, scene: Scene, link: str) -> None:
-        """Take the arm and what stands around it."""
-        self.scene, self.model = scene, scene.model
-        self.data, self.frame = self.model.createData(), self.model.getFrameId(link)
-        self.low, self.high = self.model.lowerPositionLimit, self.model.upperPositionLimit
-        self.low, self.high = np.maximum(self.low, -math.pi) + INNER, np.minimum(self.high, math.pi) - INNER
+    def __init__(self, arm: Arm, scene: Scene, what: str) -> None:
+        """Take the arm, what stands around it, and what it is to take."""
+        self.arm, self.scene, self.what, self.model = arm, scene, what, scene.model
+        self.data, self.frame = self.model.createData(), self.model.getFrameId(arm.link)
+        moved = [self.model.joints[i].idx_q for i, name in enumerate(self.model.names) if i and name not in FINGERS]
+        self.moved, self.rng = np.array(moved), np.random.default_rng(0)
+        self.low = np.maximum(self.model.lowerPositionLimit, -math.pi)[moved] + INNER
+        self.high = np.minimum(self.model.upperPositionLimit, math.pi)[moved] - INNER
 
-    def __call__(self, place: np.ndarray, turn: Rotation) -> bool:
-        """True if a configuration is found."""
-        rng, goal = np.random.default_rng(0), pin.SE3(turn.as_matrix(), place)
+    def fits(self, grasp: tuple[np.ndarray, Rotation], stands: Stand, goes: list[Stand]) -> bool:
+        """True if the hand takes the object from where it stands by a grasp, and sets it down by it."""
+        return self._at(grasp, stands, BEFORE) and any(self._at(grasp, there, BACK) for there in goes)
+
+    def _at(self, grasp: tuple[np.ndarray, Rotation], stands: Stand, back: float) -> bool:
+        """True if from a configuration that grasps the object the hand can go back, and up with it."""
+        place, yaw, board = stands
+        object_ = np.eye(4)
+        object_[:3, :3], object_[:3, 3] = Rotation.from_euler("z", yaw).as_matrix(), place
+        offset, turn = grasp
+        tool = np.eye(4)
+        tool[:3, :3], tool[:3, 3] = (turn * self.arm.tool.inv()).as_matrix(), offset
+        taken = object_ @ tool
+        up, behind = np.array([0.0, 0.0, RAISED]), -back * (object_[:3, :3] @ turn.as_matrix()[:, 2])
         for _ in range(TRIES):
-            q = rng.uniform(self.low, np.maximum(self.high, self.low))
-            for _ in range(STEPS):
-                pin.computeJointJacobians(self.model, self.data, q)
-                pin.updateFramePlacement(self.model, self.data, self.frame)
-                error = pin.log6(self.data.oMf[self.frame].actInv(goal)).vector
-                if np.abs(error).max() < 1e-4:
-                    self.scene.place(q)
-                    if self.scene.least(set(), 0.0)[0] >= 0.0:
-                        return True
-                    break
-                slope = pin.getFrameJacobian(self.model, self.data, self.frame, pin.ReferenceFrame.LOCAL)
-                step = slope.T @ np.linalg.solve(slope @ slope.T + 1e-3 * np.eye(6), error)
-                step *= min(1.0, 0.4 / np.abs(step).max())
-                q = np.clip(q + step, self.low, np.maximum(self.high, self.low))
+            q = self._brought(self.rng.uniform(self.low, self.high), taken)
+            if q is None:
+                continue
+            self.scene.held, self.scene.places[self.what] = {}, object_
+            touching = set(self.arm.touching) if not self.arm.fingers else set()
+            if not self._follows(q, taken, behind, {frozenset((self.what, link)) for link in touching}, 0.04):
+                continue
+            self.scene.held = {self.what: (self.arm.link, np.linalg.inv(tool), set(self.arm.touching))}
+            width = 0.5 * KINDS[self.what].width
+            if self._follows(q, taken, up, {frozenset((self.what, board))}, width):
+                return True
         return False
+
+    def _follows(
+        self, q: np.ndarray, begins: np.ndarray, by: np.ndarray, touch: set[frozenset[str]], fingers: float
+    ) -> bool:
+        """True if the tool follows a line freely from a configuration (n,), with fingers so far open."""
+        for share in np.linspace(0.0, 1.0, PARTS):
+            goal = begins.copy()
+            goal[:3, 3] += share * by
+            found = self._brought(q, goal)
+            if found is None or np.abs(found - q).max() > FARTHEST:
+                return False
+            q = found
+            self.scene.place(self._whole(q, fingers))
+            if self.scene.least(touch, LOOSE)[0] < LOOSE:
+                return False
+        return True
+
+    def _brought(self, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
+        """Return joint values (n,) that bring the tool to a pose (4, 4), from some; None if none are found."""
+        wanted = pin.SE3(goal[:3, :3], goal[:3, 3])
+        for _ in range(STEPS):
+            pin.computeJointJacobians(self.model, self.data, self._whole(q, 0.0))
+            pin.updateFramePlacement(self.model, self.data, self.frame)
+            error = pin.log6(self.data.oMf[self.frame].actInv(wanted)).vector
+            if np.abs(error).max() < 1e-4:
+                return q
+            slope = pin.getFrameJacobian(self.model, self.data, self.frame, pin.ReferenceFrame.LOCAL)[:, self.moved]
+            step = slope.T @ np.linalg.solve(slope @ slope.T + 1e-3 * np.eye(6), error)
+            step *= min(1.0, 0.4 / np.abs(step).max())
+            q = np.clip(q + step, self.low, self.high)
+        return None
+
+    def _whole(self, q: np.ndarray, fingers: float) -> np.ndarray:
+        found = np.full(self.model.nq, fingers)
+        found[self.moved] = q
+        return found
 
 
 def _hand(arm: Arm, what: str, fingers: dict[str, float], **said: Any) -> dict[str, Any]:

@@ -118,7 +118,7 @@ class Scene:
             if np.linalg.norm(middles[0] - middles[1]) - ball[1] - ball2[1] > limit:
                 continue
             found = distance(shape, pose, shape2, pose2)
-            if found < limit:
+            if found < limit or found <= 0.0:  # of triangles that meet, coal says 0
                 worst, between = found, (one, other)
         return worst, between
 

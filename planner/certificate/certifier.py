@@ -346,6 +346,10 @@ class Certifier:
         """True if nothing is `too_close` at a configuration."""
         return self.sweep.is_clear(self._configuration(q), self._floor(required), time)
 
+    def hull_gap(self, q: ArrayLike, within: float, time: float = 0.0) -> float:
+        """Return a lower bound of the distance to obstacles at one configuration and time [s], at most `within` [m]."""
+        return self.sweep.hull_gap(self._configuration(q), within, time)
+
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and
         between links; None where nothing is `within` [m]."""

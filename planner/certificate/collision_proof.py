@@ -25,6 +25,7 @@ from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
+CLEARLY = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
 # share of this tolerance by which a place must be closer than the closest one known to be looked at
@@ -92,6 +93,11 @@ class Sweep:
         None for a group without a pair `within` [m].
         """
         return self._standing(q, time).nearest_at_start(within)
+
+    def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
+        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s], at
+        most `within` [m]: sooner known than how far the bodies are, which are no closer. Negative where they overlap."""
+        return self._standing(q, time).hull_gap_at_start(within)
 
     def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
         """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
@@ -245,8 +251,12 @@ class _Run:
         items = items[bound <= floor.max(initial=0.0) + ROUNDING]
         if not len(items):
             return True
-        values, *_ = self._exact(nodes, items)
-        less, kept, hollow = self.bounds.unknown(nodes, items), floor[items.pair], self.hollow[items.pair]
+        hollow = self.hollow[items.pair]
+        values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
+        if (deep & ~hollow).any():
+            return False
+        values[~deep], *_ = self._exact(nodes, items[~deep])
+        less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
         def close(apart: Array) -> Mask:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
@@ -259,6 +269,14 @@ class _Run:
             if close(values)[i]:
                 return False
         return True
+
+    def hull_gap_at_start(self, within: float) -> float:
+        """Return the least distance of hulls to obstacles at the first waypoint, at most `within`."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        items = Items.all(1, np.flatnonzero(self.pairs.group == 0))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        items = items[bound <= within + ROUNDING]
+        return float(self.bounds.overlapping(nodes, items, CLEARLY)[0].min(initial=within))
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""

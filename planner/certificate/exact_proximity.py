@@ -30,12 +30,13 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import freeze, made_once, read_only
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere, own_fields
 
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
 HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
+KEPT_MESHES = 256  # of links, whose pieces are kept
 # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-5
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
@@ -146,8 +147,15 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
             return (hull_piece(np.array(geometry.points())),)
         case coal.BVHModelBase():
             corners = np.array([[t[0], t[1], t[2]] for t in map(geometry.tri_indices, range(geometry.num_tris))])
-            return mesh_pieces(TriangleMesh.merged(geometry.vertices(), corners).trimmed())
+            return _link_mesh(np.array(geometry.vertices()).tobytes(), corners.astype(np.int64).tobytes())
     raise HdplanError(f"link geometry '{name}': shape {type(geometry).__name__} is not supported by the certificate")
+
+
+@made_once(KEPT_MESHES)
+def _link_mesh(vertices: bytes, corners: bytes) -> tuple[Piece, ...]:
+    """Return the pieces of a link's mesh: a robot that holds something is another one, of the same meshes."""
+    points, triangles = np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(corners, np.int64).reshape(-1, 3)
+    return mesh_pieces(TriangleMesh.merged(points, triangles).trimmed())
 
 
 def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:

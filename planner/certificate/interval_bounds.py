@@ -177,14 +177,9 @@ class Bounds:
     def by_best_plane(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         """Return the hulls' signed distance at the midpoints, the bound over the intervals, how far the bodies move at
         most, and the directions."""
-        pairs, pieces = self.pairs, self.bodies.pieces
-        a, b = pairs.a[items.pair], pairs.b[items.pair]
-        normals, said = directions(
-            (pieces[one].shape, nodes.transform(row), pieces[other].shape, nodes.transform(beside))
-            for one, row, other, beside in zip(
-                *(each.tolist() for each in (a, nodes.row(items.node, a), b, nodes.row(items.node, b))), strict=True
-            )
-        )
+        pieces = self.bodies.pieces
+        a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
+        normals, said = self._proposed(nodes, items)
         values, bound, travel = self.by_plane(nodes, items, normals)
         doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL_DIFFERENCE)))
         for i in doubtful.tolist():
@@ -193,6 +188,23 @@ class Bounds:
         if len(doubtful):
             values[doubtful], bound[doubtful], _ = self.by_plane(nodes, items[doubtful], normals[doubtful])
         return values, bound, travel, normals
+
+    def overlapping(self, nodes: Intervals, items: Items, depth: float) -> tuple[Array, Mask]:
+        """Return gap(n) of the hulls for coal's first directions at the midpoints (i,), and where they surely overlap by
+        `depth` [m]: much sooner known than by how much."""
+        normals, said = self._proposed(nodes, items)
+        values, *_ = self.by_plane(nodes, items, normals)
+        return values, (values < -depth) & (said < -depth)
+
+    def _proposed(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
+        """Return the directions that coal proposes at the midpoints, and its signed distances."""
+        pieces, a, b = self.bodies.pieces, self.pairs.a[items.pair], self.pairs.b[items.pair]
+        return directions(
+            (pieces[one].shape, nodes.transform(row), pieces[other].shape, nodes.transform(beside))
+            for one, row, other, beside in zip(
+                *(each.tolist() for each in (a, nodes.row(items.node, a), b, nodes.row(items.node, b))), strict=True
+            )
+        )
 
     def _extremes(self, nodes: Intervals, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""

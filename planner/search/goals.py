@@ -70,7 +70,8 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
             starts = STARTS if drawn else max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // len(scene.goal.targets)))
             for i, target in enumerate(scene.goal.targets):
                 if i not in looked or starts > before or len(looked[i][0]):
-                    looked[i] = _reached(certifier, target, start, rng, path, starts)
+                    draws = DRAWN if drawn or len(scene.goal.targets) == 1 else 1
+                    looked[i] = _reached(certifier, target, start, rng, path, starts, draws)
             before, none = starts, not any(len(reached) for reached, *_ in looked.values())
             if any(free for *_, free in looked.values()) or (none and starts == STARTS):
                 break
@@ -98,14 +99,15 @@ def _reached(
     rng: np.random.Generator,
     path: tuple[PathTerm, ...],
     starts: int,
+    draws: int,
 ) -> _Reached:
     """Return the configurations found, by how much a pose was missed at least, and which of them are free, with their
-    scores."""
+    scores; they are drawn again, up to so many `draws`, where none is free."""
     robot = certifier.robot
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
         return reached, None, _free(certifier, reached, start)
-    for _ in range(DRAWN):
+    for _ in range(draws):
         reached, nearest = reaching(robot, target, start, rng, path, starts)
         if path and not len(reached):  # to say whether the pose or the path is to blame
             reached, nearest = reaching(robot, target, start, rng, starts=starts)
@@ -164,8 +166,7 @@ def _free(
         families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
     fit = (next((q for q in family if may_end(certifier, q)), None) for family in families)
     for q in itertools.islice((q for q in fit if q is not None), PICKED):
-        place, _ = certifier.nearest(q, CLOSE_GOAL, time)
-        crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE_GOAL
+        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
 
