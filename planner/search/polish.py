@@ -20,12 +20,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdplan.planner.problem.assemble import closer
+from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
 from hdplan.planner.search.touches import NOTHING_LEFT
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus, ends_overlap
 from hdplan.scenes.array_types import Array
 
 CLOSER = (0.5, 0.2)  # of the activation
@@ -40,21 +40,32 @@ WAYS, MORE = 8, 4  # that are compared in a round, before the most promising one
 
 
 class Stages:
-    """Problems to each goal whose penalties set in ever closer to obstacles."""
+    """Problems to each goal, for a first guess and, with penalties that set in ever closer to obstacles, for what it
+    leads to. Their distances are exact where the bodies overlap at an end: what is too loose there bars the best way,
+    or moves it."""
 
     def __init__(self, searches: Sequence[Search]) -> None:
         """Take the searches; a problem is laid out once it is asked for."""
         self.searches = searches
-        self._made: dict[int, tuple[Problem, ...]] = {}
+        self._first: dict[int, Problem] = {}
+        self._closer: dict[int, tuple[Problem, ...]] = {}
+
+    def first(self, i: int) -> Problem:
+        """That of search i for a first guess."""
+        if i not in self._first:
+            problem = self.searches[i].problem
+            self._first[i] = exactly(problem) if ends_overlap(problem) else problem
+        return self._first[i]
 
     def __getitem__(self, i: int) -> tuple[Problem, ...]:
-        """Those of search i."""
-        if i not in self._made:
+        """Those of search i that follow it."""
+        if i not in self._closer:
             search = self.searches[i]
             activation = search.problem.scene.planner.activation
             chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
-            self._made[i] = tuple(closer(search.problem, each, search.objective.name == "time") for each in chosen)
-        return self._made[i]
+            made = (closer(search.problem, each, search.objective.name == "time") for each in chosen)
+            self._closer[i] = tuple(exactly(each) if self.first(i).exact else each for each in made)
+        return self._closer[i]
 
 
 def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array | None:
@@ -69,7 +80,7 @@ def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array
         if search.over or interrupted or search.objective.least(search.problem) >= value:
             continue
         search.begin()
-        path, status = search.led(next(seeds(search.problem, seed)), FIRST_WEIGHT)
+        path, status = search.led(stages.first(i), next(seeds(search.problem, seed)), FIRST_WEIGHT)
         interrupted = status is SolverStatus.INTERRUPTED
         if status is not SolverStatus.CLEAR or search.objective.least_along(path) >= value:
             continue
@@ -113,7 +124,7 @@ def polish(searches: Sequence[Search], taken: int, stages: Stages, seed: int, im
                 continue
             guess = draw()
             search.begin()
-            if solution := search.clear(search.problem, guess.positions, guess.weight):
+            if solution := search.clear(stages.first(i), guess.positions, guess.weight):
                 path = solution.trajectory.positions
                 found.append((search.objective.least_along(path), i, path))
         found = [each for each in found if all(np.abs(each[2] - other).max() > SAME_WAY for other in ways)]

@@ -251,9 +251,10 @@ class Search:
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
         return None
 
-    def led(self, positions: Array, weight: float) -> tuple[Array, SolverStatus]:
-        """Solve from a guess (N, n); return where it leads (N, n) and why the solver stopped. Its steps are counted."""
-        _, solution = self._solve(self.problem.resampled(positions), positions, weight)
+    def led(self, problem: Problem, positions: Array, weight: float) -> tuple[Array, SolverStatus]:
+        """Solve a problem to this goal from a guess (N, n); return where it leads (N, n) and why the solver stopped.
+        Its steps are counted."""
+        _, solution = self._solve(problem.resampled(positions), positions, weight)
         self._took(solution)
         self.last = replace(solution, steps=())
         return solution.trajectory.positions, solution.status
