@@ -12,13 +12,13 @@
 #define WIDE 0.15 /* [m] of what moves most, in an interval that is looked at in the middle alone: gaps would be in vain */
 
 long long line_numbers(const space* of) {
-  return 5 * of->pairs + of->arm->n + 12 * of->arm->joints + 6 * of->arm->n;
+  return 4 * of->pairs + 2 * of->arm->n + 12 * of->arm->joints + 6 * of->arm->n;
 }
 
 line line_in(const space* of, double* numbers, long long* indices) {
-  line found = {.of = of, .rates = numbers, .bends = numbers + of->pairs, .active = indices};
-  found.normals = found.bends + of->pairs;
-  found.joints = found.normals + 3 * of->pairs;
+  line found = {.of = of, .rates = numbers, .normals = numbers + of->pairs, .active = indices};
+  found.moved = found.normals + 3 * of->pairs;
+  found.joints = found.moved + of->arm->n;
   found.placements = found.joints + of->arm->n;
   found.columns = found.placements + 12 * of->arm->joints;
   for (long long k = 0; k < of->pairs; ++k) {
@@ -85,6 +85,22 @@ static double steady(const line* along, const keeping* kept, long long pair, dou
   return dot(n, twist);
 }
 
+/* How far a pair may be from a steady motion about the middle of the whole line; of a part, by the square of its share. */
+static double bend_of(const line* along, const keeping* kept, long long pair) {
+  const tree* arm = along->of->arm;
+  const double* moves = kept->moves + pair * arm->n;
+  double turned_before[2] = {0.0}, bend = 0.0;
+  for (long long row = 0; row < arm->joints - 1; ++row) {
+    const long long j = arm->coordinates[row];
+    const double delta = along->moved[j];
+    if (moves[j] == 0.0) continue;
+    double* before = turned_before + (moves[j] < 0.0);
+    bend += delta * kept->reach[j * kept->pairs->pairs + pair] * (0.5 * (arm->turns[row] ? delta : 0.0) + *before);
+    if (arm->turns[row]) *before += delta;
+  }
+  return bend;
+}
+
 /* The least gap of a pair along the normal that was found in the middle of an interval, over all of it. */
 static double gap_through(const line* along, const keeping* kept, long long pair, long long which, double half) {
   const double* frame = along->placements + 12 * kept->pairs->joint_b[pair];
@@ -101,7 +117,7 @@ static double gap_through(const line* along, const keeping* kept, long long pair
     }
     least = least_of(least, s * ahead + gap_along(kept->solids, kept->pairs, pair, along->placements, a, b));
   }
-  return least - half * half * along->bends[which];
+  return least - half * half * bend_of(along, kept, pair);
 }
 
 /* Look at the pairs that are active in the middle of an interval of half width `half`, and put those first of which it
@@ -148,37 +164,34 @@ static double end_of(line* along, double low, double high, long long count) {
   return end_of(along, middle, high, open);
 }
 
-/* How far a pair may move along the whole line, and how far from a steady motion about its middle, but for the square of
-   the half width. */
-static void bound(const line* along, const double* reach, const double* moves, double* rate, double* bend) {
+/* How far each joint moves along the whole line, and each pair at most, and the most of these. */
+static void bound(line* along) {
   const space* of = along->of;
-  double turned_before[2] = {0.0};
-  *rate = *bend = 0.0;
-  for (long long row = 0; row < of->arm->joints - 1; ++row) {
-    const long long j = of->arm->coordinates[row], i = of->leader[j];
-    const double delta = fabs(of->factor[j] * (along->to[i] - along->from[i])), moved = delta * reach[j];
-    if (moves[j] == 0.0) continue;
-    double* before = turned_before + (moves[j] < 0.0);
-    *rate += moved;
-    *bend += moved * (0.5 * (of->arm->turns[row] ? delta : 0.0) + *before);
-    if (of->arm->turns[row]) *before += delta;
+  double* rates = along->rates;
+  for (long long j = 0; j < of->arm->n; ++j) {
+    const long long i = of->leader[j];
+    along->moved[j] = fabs(of->factor[j] * (along->to[i] - along->from[i]));
+  }
+  along->fastest = 0.0;
+  for (long long term = 0; term < of->terms; ++term) {
+    const long long pairs = of->kept[term]->pairs->pairs;
+    for (long long k = 0; k < pairs; ++k) rates[k] = 0.0;
+    for (long long j = 0; j < of->arm->n; ++j) {
+      const double moved = along->moved[j], *reach = of->kept[term]->reach + j * pairs;
+      for (long long k = 0; moved != 0.0 && k < pairs; ++k) rates[k] += moved * reach[k];
+    }
+    for (long long k = 0; k < pairs; ++k) along->fastest = most_of(along->fastest, rates[k]);
+    rates += pairs;
   }
 }
 
 double free_until(line* along, const double* from, const double* to, int whole) {
   const space* of = along->of;
-  long long which = 0;
   along->from = from;
   along->to = to;
   along->hit = -1;
   along->whole = whole;
-  for (long long term = 0; term < of->terms; ++term) {
-    const keeping* kept = of->kept[term];
-    for (long long k = 0; k < kept->pairs->pairs; ++k, ++which)
-      bound(along, kept->reach + k * of->arm->n, kept->moves + k * of->arm->n, along->rates + which, along->bends + which);
-  }
-  along->fastest = 0.0;
-  for (which = 0; which < of->pairs; ++which) along->fastest = most_of(along->fastest, along->rates[which]);
+  bound(along);
   if (!(along->fastest <= MOST * of->finest)) {
     along->hit = 0;
     return 0.0;
@@ -215,7 +228,7 @@ WRAPPER(make_keeping) {
   }
   of.moves = numbers(&taken, "moves", SHAPE(pairs, ANY));
   const long long joints = taken.shape[1];
-  of.reach = numbers(&taken, "reach", SHAPE(pairs, joints));
+  of.reach = numbers(&taken, "reach", SHAPE(joints, pairs));
   of.floors = numbers(&taken, "floors", SHAPE(pairs));
   of.radii = numbers(&taken, "radii", SHAPE(bodies));
   of.joints = joints;

@@ -29,12 +29,12 @@ typedef struct {
   double finest;
 } space;
 
-/* Room for one line at a time: of each pair, how far it may move along the whole line, and how far from a steady motion
-   [m]. `hit` is the pair that ended it, counted through all terms. */
+/* Room for one line at a time: how far each joint moves along the whole line, and each pair at most [m]. `hit` is the pair
+   that ended it, counted through all terms. */
 typedef struct {
   const space* of;
   const double *from, *to;
-  double *rates, *bends, *normals, *joints, *placements, *columns, fastest;
+  double *moved, *rates, *normals, *joints, *placements, *columns, fastest;
   long long *active, hit;
   int whole;
 } line;

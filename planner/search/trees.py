@@ -80,11 +80,12 @@ def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
 
 
 def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
-    """How far the bodies of each pair move, seen from each other, per unit of each joint (P, m)."""
+    """How far the bodies of each pair move, seen from each other, per unit of each joint (m, P)."""
     pairs = distance.pairs
     first = _reach_of(chain, [(part.joint, part.body) for part in distance.parts], travel)
     second = _reach_of(chain, [(solid.joint, solid.shape) for solid in distance.solids], travel)
-    return np.where(pairs.moves > 0, first[pairs.body], np.where(pairs.moves < 0, second[pairs.halfspace_body], 0.0))
+    moved = np.where(pairs.moves > 0, first[pairs.body], np.where(pairs.moves < 0, second[pairs.halfspace_body], 0.0))
+    return np.ascontiguousarray(moved.T)
 
 
 def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | None]], travel: Array) -> Array:
