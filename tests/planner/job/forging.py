@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from hdplan.verify.bundle import MAGIC as JOB_MAGIC, parts_of
 from hdplan.verify.checking import Verdict, check_job
 from hdplan.verify.compare import plain
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import JOB_MAGIC, MAGIC, parts_of, unpack
+from hdplan.verify.kernel import MAGIC, unpack
 
 Told = list[dict[str, Any]]
 

@@ -16,9 +16,9 @@ import hdplan
 from hdplan.planner.job.proof import prove_job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.verify.balls import RejectedError
+from hdplan.verify.bundle import parts_of
 from hdplan.verify.checking import check, check_job, check_part
 from hdplan.verify.job import read_job
-from hdplan.verify.kernel import parts_of
 
 from ..proof.worlds import packed as packed_world, unpacked
 from .forging import judged, packed, worlds
