@@ -36,9 +36,9 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
-from hdplan.scenes.shapes import Cloud
 from hdplan.scenes.yaml_format.reader import load_scene
 
 FRAMES = 200

@@ -1,4 +1,4 @@
-"""Where a ray meets what is drawn: the point that somebody clicked on."""
+"""The point at which a ray meets what is drawn, as somebody clicked on it."""
 
 from __future__ import annotations
 
