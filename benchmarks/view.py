@@ -49,6 +49,7 @@ FEW = 5  # obstacles beside a cloud
 TABLE, WALL = (-0.35, 1.3), 1.15  # [m] height and reach of the cloud's table, and how far its wall is away
 POST, WAY = Thing("obstacle", "post"), 0.25  # [m] to and fro along y
 PERIOD = 4.0  # [s]
+GRIPS = 60  # tries to grip its handle, which is drawn after it is sent
 SMALL = {"width": 760, "height": 360}  # [px] while it is dragged
 UNFILLED = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
     WebGL2RenderingContext.prototype[name] = () => {}"""
@@ -143,25 +144,19 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         page.wait_for_timeout(3000)
         viewer.worker.ask("select", lambda: viewer.panel.handles.select(POST))
         page.wait_for_timeout(1000)
-        middle = place_of(viewer.edited, POST, viewer.stage.tip).matrix[:3, 3]
-        along = [_seen(page, viewer, middle + step * np.array([0.0, 1.0, 0.0])) for step in (0.0, 1e-3, WAY)]
-        arrow = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
-        begin = along[0] + 0.7 * SIZE_OF_HANDLE * arrow
-        page.mouse.move(*begin)
-        page.wait_for_timeout(500)
-        page.mouse.down()
+        begin, way = _gripped(page, viewer)
         viewer.panel.player.speed.value = "0.25"
         viewer.panel.player.play()
         shown, began, processor = Shown(viewer), time.perf_counter(), time.process_time()
         while (spent := time.perf_counter() - began) < seconds:
             share = 0.5 - 0.5 * np.cos(2 * np.pi * spent / PERIOD)
-            page.mouse.move(*(begin + share * (along[2] - along[0])))
+            page.mouse.move(*(begin + share * way))
             if not viewer.panel.player.playing:
                 viewer.panel.player.play()
         processor = time.process_time() - processor
         page.mouse.up()
     viewer.close()
-    median, p95 = np.percentile(shown.waits, [50, 95])
+    median, p95 = np.percentile(shown.waits or [np.nan], [50, 95])
     return {
         "obstacles": str(len(scene.obstacles) - bool(points)) + (f" and {points:,} points" if points else ""),
         "moves a second": f"{shown.moves / spent:.1f}",
@@ -170,6 +165,24 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         "the slider's frames a second": f"{shown.frames / spent:.0f}",
         "processor of the server [s/s]": f"{processor / spent:.2f}",
     }
+
+
+def _gripped(page: Any, viewer: Viewer) -> tuple[Array, Array]:
+    """Grip the arrow along which the post is dragged, once it is drawn; return where, and how far WAY is (2,) [px]."""
+    for _ in range(GRIPS):
+        middle = place_of(viewer.edited, POST, viewer.stage.tip).matrix[:3, 3]
+        along = [_seen(page, viewer, middle + step * np.array([0.0, 1.0, 0.0])) for step in (0.0, 1e-3, WAY)]
+        arrow = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
+        begin = along[0] + 0.7 * SIZE_OF_HANDLE * arrow
+        page.mouse.move(*begin)
+        page.wait_for_timeout(500)
+        page.mouse.down()
+        page.mouse.move(*(begin + arrow))
+        page.wait_for_timeout(500)
+        if viewer.panel.handles.dragging:
+            return begin, along[2] - along[0]
+        page.mouse.up()
+    sys.exit("the handle of what is to be dragged was not drawn in time")
 
 
 def _seen(page: Any, viewer: Viewer, point: Array) -> Array:
