@@ -1,4 +1,4 @@
-"""What is edited: a scene with its motions, and the way back. Knows no browser, and nothing that is drawn.
+"""The edited: a scene with its motions, and the way back. It knows no browser, and nothing that is drawn.
 
 Who shows it listens (`Audience`); the panel's parts change it by the methods here, and by no other way. All is called
 by the viewer's one thread.

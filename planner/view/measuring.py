@@ -102,7 +102,7 @@ class Measuring:
                 yield skin.vertices, skin.triangles, robot.data.oMi[skin.joint].homogeneous
         for node in stage.obstacles if panel.layers.on("obstacles") else ():
             if node.frame.visible:
-                yield np.asarray(node.mesh.vertices, dtype=np.float64), node.mesh.faces.astype(np.int64), node.place
+                yield node.mesh.vertices, node.mesh.faces, node.place
 
     def _clicked(self, event: viser.SceneClickEvent | Any) -> None:
         """Handle a browser's event."""

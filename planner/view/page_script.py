@@ -85,6 +85,7 @@ div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-b
   div[style*="position: absolute"]:has(.hdplan-page), .mantine-Paper-root[style*="position: fixed"]:has(.hdplan-page) {
     top: auto !important; left: 0 !important; width: 100% !important; max-height: LOW% !important }
   div[style*="position: absolute"]:has(.hdplan-page) { height: LOW% }
+  div[style*="box-shadow"][style*="right: 0px"]:not(:has(*)) { display: none }  /* of the panel beside the scene */
   div[style*="flex-shrink: 0"]:has(.hdplan-page), div[style*="width: 20em"]:has(.hdplan-page) {
     width: 100% !important; padding: 0 !important }
   div:has(> [role="tab"]) { margin-top: 0.7em }

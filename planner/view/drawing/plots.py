@@ -132,9 +132,7 @@ class MotionPlots:
         lines += [Line(name, LIMIT, dashed=True) for _ in limits for name in ("limit", "−limit")]
         near = [] if wanted != POSITION else _near(active.joints, *self._bounds)
         lines += [Line("", LINES[joint % len(LINES)], dotted=True) for joint, _ in near]
-        title = f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
-        if wanted == POSITION:
-            title = "joints [rad or m]" + (", limits dotted" if near else "")
+        title = "joints [rad or m]" if wanted == POSITION else f"{wanted} of the joints [{UNITS.get(wanted, '')}]"
         self.joints.name(title if known else f"{title}: none known", lines)
         if not known:
             nothing = np.array([timeline.begin, timeline.end])
@@ -154,6 +152,8 @@ class MotionPlots:
         if any(limit <= 2.0 * reach for limit in limits):  # close enough to be of interest
             low, high = -1.05 * max(reach, limits[0]), 1.05 * max(reach, limits[0])
         self.joints.set(timeline, times, curves, low, high, now, self._view)
+        if near:
+            self.joints.remark(", limits dotted")
 
     def _show_shares(self, active: ShownMotion, now: float) -> None:
         if active.shares is None:

@@ -1,4 +1,4 @@
-"""Where a ray meets what is drawn: the point that somebody clicked on."""
+"""The point at which a ray meets what is drawn, as somebody clicked on it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
 
-Surface = tuple[Array, NDArray[np.integer[Any]], Array]
+Surface = tuple[NDArray[np.floating[Any]], NDArray[np.integer[Any]], Array]
 """A surface: its vertices (k, 3), its triangles (t, 3) of their numbers, and where it stands (4, 4)."""
 PARALLEL = 1e-14  # of a ray and a triangle's plane, by their triple product [m²]
 
@@ -21,7 +21,9 @@ def first_hit(origin: Array, direction: Array, surfaces: Iterable[Surface]) -> A
     nearest = np.inf
     for vertices, triangles, place in surfaces:
         turn, shift = place[:3, :3], place[:3, 3]
-        nearest = min(nearest, _nearest(turn.T @ (origin - shift), turn.T @ direction, vertices[triangles]))
+        nearest = min(
+            nearest, _nearest(turn.T @ (origin - shift), turn.T @ direction, vertices[triangles].astype(np.float64))
+        )
     return None if not np.isfinite(nearest) else origin + nearest * direction
 
 

@@ -20,6 +20,8 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+import scipy.sparse
+import scipy.sparse.csgraph
 import trimesh
 from numpy.typing import NDArray
 
@@ -48,6 +50,8 @@ PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
+FLAT = 1e-3  # [rad] up to which neighbouring faces are one flat face
+LARGE = 0.1  # of a mesh's area, of a flat face that is not smoothed into its neighbours
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
 SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
@@ -184,8 +188,21 @@ def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint3
     vertices that faces share."""
     merged = mesh.copy()
     merged.merge_vertices(merge_tex=True, merge_norm=True)
-    smooth = trimesh.graph.smooth_shade(merged, angle=SHARP)
-    return smooth.vertices.astype(np.float32), smooth.faces.astype(np.uint32)
+    faces, pairs, angles = merged.faces, merged.face_adjacency, merged.face_adjacency_angles
+    flat = _connected(len(faces), pairs[angles < FLAT])
+    large = np.bincount(flat, merged.area_faces)[flat] > LARGE * merged.area  # flat faces whose light stays even
+    group = np.where(large, flat, -1)
+    smooth = (angles < SHARP) & (group[pairs[:, 0]] == group[pairs[:, 1]])
+    corners = _connected(len(faces), pairs[smooth])[:, None].astype(np.int64) * len(merged.vertices) + faces
+    found, own = np.unique(corners, return_inverse=True)
+    vertices = merged.vertices[found % len(merged.vertices)]
+    return vertices.astype(np.float32), own.reshape(faces.shape).astype(np.uint32)
+
+
+def _connected(count: int, pairs: Rows) -> Rows:
+    """Return the numbers of the connected components to which `count` faces belong, joined by pairs of them (k, 2)."""
+    joined = scipy.sparse.coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), (count, count))
+    return np.asarray(scipy.sparse.csgraph.connected_components(joined, directed=False)[1])
 
 
 def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
