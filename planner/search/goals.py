@@ -35,7 +35,7 @@ DRAWN = 10  # times at most that configurations are looked for, where a pose can
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
-TRIED = 6  # goals that are planned to, over all targets; at least one of each
+TRIED = 4  # goals that are planned to, over all targets; at least one of each
 
 
 class Choice(NamedTuple):
