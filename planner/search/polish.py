@@ -1,10 +1,10 @@
 """Better motions, in rounds: each improves one motion, and its result is kept only if it is certified and better.
 
 Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is, where
-time counts before its certificate, which is for what comes of it (`first_motion`); the
-second, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
-before (SAME_WAY): perhaps there is a better way around, or a better goal; each that follows, the most promising of what
-is left and MORE others. To improve a motion is to solve until it has converged, with the
+time counts before its certificate, which is for what comes of it (`first_motion`). Each that follows improves the most
+promising of what is left (`Ways`) and of MORE motions from further guesses, to each goal in turn, or of WAYS where
+nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better
+goal. To improve a motion is to solve until it has converged, with the
 penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its path speed, and
 with its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
 
