@@ -1,6 +1,7 @@
 """Random requests within limits of torque, with a link upright, or with a point in a box: all that can be done?
 
     python benchmarks/constrained.py [--requests N] [--from J] [--kinds torque upright position] [--limit S] [--dense S]
+    [--csv F]
 
 Each request has a robot (Panda, UR5) among random boxes, ends that are free and allowed, a tolerance, a box or a load
 and torque limits of its own, and is drawn with its number as the seed. Half of the goals are poses, and half of the
@@ -8,6 +9,9 @@ motions with path constraints are timed. Each is planned within --limit seconds;
 dense search (`dense_search.py`) of --dense seconds to the configurations that may be its goal, and what that finds is
 certified as it is, or planned from as a guess. Requests that are certified only so are those that planning missed; of
 those without a way nothing is known. Prints a row for each kind, and the missed ones by number.
+
+With --csv each request is written as soon as it is done, and what the file already holds is not planned again: the 150
+requests can be run in shares, such as --requests 10 --from 20, and a last call without --from sums all of them up.
 """
 
 from __future__ import annotations
@@ -15,13 +19,15 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from dense_search import DenseSearch
+from resumed import kept, read
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -52,7 +58,8 @@ DRAWN, APART = 256, 1.5  # configurations drawn for ends; between these [rad]
 RATES = Limits(velocity="urdf", acceleration=10.0, jerk=500.0)
 
 
-class Outcome(NamedTuple):
+@dataclass(frozen=True)
+class Outcome:
     """What came of one request."""
 
     kind: str
@@ -211,12 +218,20 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--limit", type=float, default=5.0, help="[s] of planning")
     parser.add_argument("--dense", type=float, default=60.0, help="[s] of a dense search")
+    parser.add_argument("--csv", type=Path, help="where each request is written, and what was done is read from")
     options = parser.parse_args()
-    rows = []
-    for kind in options.kinds:
-        numbers = range(options.first, options.first + options.requests)
-        rows.append(row(kind, [run(kind, number, options.limit, options.dense) for number in numbers]))
-    print(markdown_text(rows))
+    numbers = range(options.first, options.first + options.requests)
+    asked = [(kind, number) for kind in options.kinds for number in numbers]
+    known = {(outcome.kind, outcome.number): outcome for outcome in read(options.csv, Outcome)}
+
+    def planned() -> Iterator[Outcome]:
+        for kind, number in asked:
+            if (kind, number) not in known:
+                yield run(kind, number, options.limit, options.dense)
+
+    for outcome in kept(options.csv, Outcome, list(known.values()), planned()):
+        known[outcome.kind, outcome.number] = outcome
+    print(markdown_text([row(kind, [known[kind, number] for number in numbers]) for kind in options.kinds]))
 
 
 if __name__ == "__main__":

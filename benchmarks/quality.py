@@ -17,17 +17,16 @@ run can be interrupted and called once more.
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 import itertools
 import sys
 import time
-from collections.abc import Iterable, Iterator
-from io import StringIO
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
+from resumed import kept, read
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -35,7 +34,6 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.objective import Energy
 from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
-from hdplan.scenes.output import write_output
 
 GRASP = (0.0, 0.0, 0.1)  # [m] a payload's centre of mass, in the hand's frame
 
@@ -117,36 +115,6 @@ def energy(scene: hdplan.Scene, motion: hdplan.Trajectory) -> float:
 # --- what was measured ------------------------------------------------------------------------------------------------
 
 
-def read(file: Path | None) -> dict[Key, Outcome]:
-    """Outcomes of an earlier run; a line that was cut off is left out."""
-    if file is None or not file.is_file():
-        return {}
-    lines = [line for line in file.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
-    fields = dataclasses.fields(Outcome)
-    kinds = {"str": str, "int": int, "float": float}
-    if lines and lines[0].strip().split(",") != [field.name for field in fields]:
-        sys.exit(f"{file}: not a file of this benchmark, or of an older form of it")
-    found = [Outcome(*(kinds[str(f.type)](row[f.name]) for f in fields)) for row in csv.DictReader(lines)]
-    return {outcome.key: outcome for outcome in found}
-
-
-def kept(file: Path | None, known: Iterable[Outcome], new: Iterator[Outcome]) -> Iterator[Outcome]:
-    """Pass new outcomes on, each written behind the known ones before the next is planned."""
-    if file is None:
-        yield from new
-        return
-    done = StringIO()
-    writer = csv.writer(done, lineterminator="\n")
-    writer.writerow(field.name for field in dataclasses.fields(Outcome))
-    writer.writerows(dataclasses.astuple(outcome) for outcome in known)
-    write_output(file, done.getvalue().encode())
-    with file.open("a", newline="", encoding="utf-8", buffering=1) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        for outcome in new:
-            writer.writerow(dataclasses.astuple(outcome))
-            yield outcome
-
-
 def line(o: Outcome) -> str:
     """One line for a person."""
     figures = f"{o.motion:.3f} s, {o.length:.2f} rad, {o.jerk:.0f} rad/s³, {o.energy:.1f} J"
@@ -202,7 +170,7 @@ def main() -> None:
     problems = real_problems(options.folder, options.robot, options.every)
     if not problems:
         sys.exit(f"no problems found below {options.folder}")
-    known = read(options.csv)
+    known = {outcome.key: outcome for outcome in read(options.csv, Outcome)}
 
     def planned() -> Iterator[Outcome]:
         for kind in kinds:
@@ -215,7 +183,7 @@ def main() -> None:
     polish = options.polish or [posed(problems[0], "joints", None, 0.0).polish]
     kinds = list(itertools.product(options.goals, polish, options.payload))
     with threadpool_limits(1):
-        for outcome in kept(options.csv, list(known.values()), planned()):
+        for outcome in kept(options.csv, Outcome, list(known.values()), planned()):
             known[outcome.key] = outcome
             print(line(outcome), file=sys.stderr)
     asked = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]

@@ -23,7 +23,7 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
-from hdplan.planner.search.polish import Stages, first_motion, polish
+from hdplan.planner.search.polish import Stages, Ways, first_motion, polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
@@ -138,14 +138,14 @@ def plan(
         try:
             if alone and not (warm[0] and searches[0].follows(warm[0])):
                 continue
-            stages, improved = Stages(searches), None
+            stages, ways = Stages(searches), Ways()
             if scene.objective == "time" and scene.polish and guess is None:
-                improved = first_motion(searches, stages, seed)
+                first_motion(searches, stages, seed, ways)
             if not alone:
                 search_in_turn(searches, seed, warm)
             attempts = _attempts(searches)
             if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
-                polish(searches, taken, stages, seed, improved)
+                polish(searches, taken, stages, seed, ways)
         except KeyboardInterrupt:
             if not any(search.best is not None or search.certify_last() for search in searches):
                 raise

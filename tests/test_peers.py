@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "benchmarks"))
 import quality
 from peer_task import Task, evenly
 from peer_urdf import describe
+from resumed import kept, read
 
 RNG = np.random.default_rng(16)
 
@@ -89,20 +90,20 @@ def outcome(problem: str, verdict: str = "certified", energy: float = 1.5) -> qu
 def test_what_was_measured_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "quality.csv"
     done = [outcome("0001"), outcome("0002", 'in contact: "a", b', np.nan), outcome("0003")]
-    assert list(quality.kept(file, [], iter(done))) == done
+    assert list(kept(file, quality.Outcome, [], iter(done))) == done
     text = file.read_text(encoding="utf-8")
-    assert [str(each) for each in quality.read(file).values()] == [str(each) for each in done]
+    assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in done]
     for end in range(text.index("\n") + 1, len(text)):  # wherever it is cut, what is whole is read
         file.write_text(text[:end], encoding="utf-8")
         whole = text[:end].count("\n") - 1
-        assert [str(each) for each in quality.read(file).values()] == [str(each) for each in done[:whole]]
+        assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in done[:whole]]
     more = outcome("0004")
-    list(quality.kept(file, quality.read(file).values(), iter([more])))
-    assert [str(each) for each in quality.read(file).values()] == [str(each) for each in [*done[:2], more]]
+    list(kept(file, quality.Outcome, read(file, quality.Outcome), iter([more])))
+    assert [str(each) for each in read(file, quality.Outcome)] == [str(each) for each in [*done[:2], more]]
 
 
 def test_another_file_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "other.csv"
     file.write_text("robot,goals\npanda,pose\n", encoding="utf-8")
     with pytest.raises(SystemExit, match="not a file of this benchmark"):
-        quality.read(file)
+        read(file, quality.Outcome)

@@ -1,5 +1,5 @@
 """Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
-first.
+first. Arms whose every branch a closed form gives are not searched, but where none of these is free.
 
 They are ordered by joint-space distance from the start, or by the time that it takes where time is the objective, times
 up to 2 where obstacles are close. The planner's
@@ -21,7 +21,7 @@ from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.inverse_kinematics import STARTS, reaching
+from hdplan.planner.search.inverse_kinematics import STARTS, every_branch, reaching
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.path_constraints import PathConstraints
@@ -35,7 +35,7 @@ DRAWN = 10  # times at most that configurations are looked for, where a pose can
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
-TRIED = 6  # goals that are planned to, over all targets; at least one of each
+TRIED = 4  # goals that are planned to, over all targets; at least one of each
 
 
 class Choice(NamedTuple):
@@ -107,8 +107,10 @@ def _reached(
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
         return reached, None, _free(certifier, reached, start)
-    for _ in range(draws):
-        reached, nearest = reaching(robot, target, start, rng, path, starts)
+    for drawn in range(draws):
+        reached, nearest = every_branch(robot, target, start) if not (drawn or path) else (np.empty(0), ())
+        if not len(reached):
+            reached, nearest = reaching(robot, target, start, rng, path, starts)
         if path and not len(reached):  # to say whether the pose or the path is to blame
             reached, nearest = reaching(robot, target, start, rng, starts=starts)
         reached = robot.nearest_turn(reached, start)

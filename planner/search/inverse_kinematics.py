@@ -177,6 +177,20 @@ def reaching(
     return _reached(aim, draws, start, path)
 
 
+def every_branch(robot: Robot, target: PoseTarget | AllOf, start: Array) -> tuple[Array, tuple[Miss, ...]]:
+    """Return what `reaching` does, without a search: of an arm whose every branch a closed form gives, each as near to
+    `start` as the tolerances allow. No configuration, and no miss, for other arms and families, and for a pose that is
+    out of reach but for its tolerances."""
+    form = closed_form(robot, target) if isinstance(target, PoseTarget) else None
+    if not isinstance(target, PoseTarget) or form is None or form.redundant:
+        return np.empty((0, robot.n)), ()
+    exact = form.branches(robot, target, start)
+    if not len(exact):
+        return exact, ()
+    near = _drawn_near(Aim.at(robot, target), exact, start)
+    return _distinct(np.vstack([near, exact]), start), (Miss(0.0, 0.0),)
+
+
 def _reached(aim: Aim, draws: Array, start: Array, path: tuple[PathTerm, ...] = ()) -> tuple[Array, tuple[Miss, ...]]:
     """The same from `start` and from what was drawn (B, n)."""
     check_time("looking for configurations that reach the goal")

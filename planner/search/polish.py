@@ -1,10 +1,10 @@
 """Better motions, in rounds: each improves one motion, and its result is kept only if it is certified and better.
 
 Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is, where
-time counts before its certificate, which is for what comes of it (`first_motion`); the
-second, the most promising of WAYS motions from further guesses, to each goal in turn, none of which is one of those
-before (SAME_WAY): perhaps there is a better way around, or a better goal; each that follows, the most promising of what
-is left and MORE others. To improve a motion is to solve until it has converged, with the
+time counts before its certificate, which is for what comes of it (`first_motion`). Each that follows improves the most
+promising of what is left (`Ways`) and of MORE motions from further guesses, to each goal in turn, or of WAYS where
+nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better
+goal. To improve a motion is to solve until it has converged, with the
 penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its path speed, and
 with its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
 
@@ -17,6 +17,7 @@ import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,57 +69,86 @@ class Stages:
         return self._closer[i]
 
 
-def first_motion(searches: Sequence[Search], stages: Stages, seed: int) -> Array | None:
+class Way(NamedTuple):
+    """A motion to a goal that may be improved."""
+
+    promise: float  # a lower bound of the objective along it
+    search: int  # to which goal
+    path: Array  # (N, n)
+
+
+class Ways:
+    """The motions that were found so far, and those of them that were improved."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.found: list[Way] = []
+        self.improved: list[Array] = []  # (N, n) as they were before
+
+    @property
+    def promise(self) -> float:
+        """The least promise of those that are left."""
+        return min((way.promise for way in self.found), default=np.inf)
+
+    def take(self) -> Way | None:
+        """Return the most promising one of those that were not improved, nor are like one that was; None if none is
+        left."""
+        self.found = [
+            way for way in self.found if all(np.abs(way.path - other).max() > SAME_WAY for other in self.improved)
+        ]
+        if not self.found:
+            return None
+        way = self.found.pop(min(range(len(self.found)), key=lambda k: self.found[k][:2]))
+        self.improved.append(way.path)
+        return way
+
+
+def first_motion(searches: Sequence[Search], stages: Stages, seed: int, ways: Ways) -> None:
     """First motion of a search in which time counts: solve from the first guess to each goal that may be reached sooner
-    than those before it, and certify what the quickest of these motions is improved to, or else itself, or else the
-    next. Return the one (N, n) that was improved; None where none was, or none is certified.
+    than the ways before it promise, and certify what the most promising of these is improved to, or else itself, or
+    else the next. The others are left for `polish`.
 
     Raises KeyboardInterrupt as the user does, once what was found is certified."""
-    found, value, interrupted = [], np.inf, False
+    interrupted = False
     least = min(search.objective.least(search.problem) for search in searches)
     for i, search in enumerate(searches):
-        if search.over or interrupted or search.objective.least(search.problem) >= value:
+        if search.over or interrupted or search.objective.least(search.problem) >= ways.promise:
             continue
         search.begin()
         path, status = search.led(stages.first(i), next(seeds(search.problem, seed)), FIRST_WEIGHT)
         interrupted = status is SolverStatus.INTERRUPTED
-        if status is not SolverStatus.CLEAR or search.objective.least_along(path) >= value:
+        if status is SolverStatus.CLEAR:
+            ways.found.append(Way(search.objective.least_along(path), i, path))
+    while (way := ways.take()) is not None:
+        search, path = searches[way.search], way.path
+        if not (motions := search.timed(path, np.inf)):
             continue
-        if motions := search.timed(path, value):
-            value = search.objective.value(path, motions[0])
-            found.append((value, i, path, motions))
-    improved = None
-    for value, i, path, motions in reversed(found):
-        if not interrupted and value > (1.0 + NOTHING_LEFT) * least and _improve(searches[i], stages[i], path, value):
-            improved = path
-            break
-        if searches[i].keep(path, motions):
+        value = search.objective.value(path, motions[0])
+        better = not interrupted and value > (1.0 + NOTHING_LEFT) * least
+        if (better and _improve(search, stages[way.search], path, value)) or search.keep(path, motions):
             break
     if interrupted and not searches[0].stop():
         raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
-    return improved
 
 
-def polish(searches: Sequence[Search], taken: int, stages: Stages, seed: int, improved: Array | None = None) -> None:
+def polish(searches: Sequence[Search], taken: int, stages: Stages, seed: int, ways: Ways) -> None:
     """Better the certified motion of search `taken`, one of several to different goals, in the scene's rounds: the
-    search with the best motion has another one then, or another search a better one. Where it was `improved` from
-    waypoints (N, n), or had its last touches, that was the first round."""
-    further: Iterator[tuple[int, Callable[[], Guess]]] | None = None
-    ways: list[Array] = []  # those (N, n) that were improved, as they were before
-    found: list[tuple[float, int, Array]] = []  # those that were not yet, with what they promise
-    for _ in range(searches[taken].problem.scene.polish):
+    search with the best motion has another one then, or another search a better one. Where one of the `ways` was
+    improved, or it had its last touches, that was the first round."""
+    further = _further(searches, seed)
+    for turn in range(searches[taken].problem.scene.polish):
         best, value = searches[taken].best, searches[taken].value
         assert best is not None
         least = min(search.objective.least(search.problem) for search in searches)
         if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
-        if further is None:
-            ways.append(best.path if improved is None else improved)
-            if improved is None and not searches[taken].touched:
-                _improve(searches[taken], stages[taken], best.path, value)
-            further = _further(searches, seed)
+        if turn == 0:
+            if not ways.improved:
+                ways.improved.append(best.path)
+                if not searches[taken].touched:
+                    _improve(searches[taken], stages[taken], best.path, value)
             continue
-        for i, draw in itertools.islice(further, MORE if found else WAYS):
+        for i, draw in itertools.islice(further, MORE if ways.found else WAYS):
             search = searches[i]
             if search.objective.least(search.problem) >= value:
                 continue
@@ -126,14 +156,13 @@ def polish(searches: Sequence[Search], taken: int, stages: Stages, seed: int, im
             search.begin()
             if solution := search.clear(stages.first(i), guess.positions, guess.weight):
                 path = solution.trajectory.positions
-                found.append((search.objective.least_along(path), i, path))
-        found = [each for each in found if all(np.abs(each[2] - other).max() > SAME_WAY for other in ways)]
-        if found:
-            most = min(range(len(found)), key=lambda k: found[k][:2])
-            least, i, path = found.pop(most)
-            ways.append(path)
-            if not searches[i].objective.unimprovable(least, value) and _improve(searches[i], stages[i], path, value):
-                taken = i
+                ways.found.append(Way(search.objective.least_along(path), i, path))
+        if (way := ways.take()) is not None:
+            search = searches[way.search]
+            if not search.objective.unimprovable(way.promise, value) and _improve(
+                search, stages[way.search], way.path, value
+            ):
+                taken = way.search
 
 
 def _improve(search: Search, stages: Sequence[Problem], path: Array, value: float) -> bool:

@@ -23,7 +23,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
 from hdplan.planner.search.goals import goal_choice, settled
-from hdplan.planner.search.inverse_kinematics import APART, reaching
+from hdplan.planner.search.inverse_kinematics import APART, every_branch, inverse_kinematics, reaching
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
@@ -74,6 +74,37 @@ def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> N
         assert np.all(np.diff(lengths) >= 0)
         again, _ = reaching(robot, target, start, np.random.default_rng(0))
         assert again.tobytes() == found.tobytes()
+
+
+def test_plans_to_a_pose_know_every_branch_of_an_arm_in_closed_form() -> None:
+    robot, rng = load_scene_robot(load_scene("ur5_table")), np.random.default_rng(0)
+    for q, start in zip(robot.draw(rng, 5), robot.draw(rng, 5), strict=True):
+        target = target_at("tool0", placed(robot, "tool0", q), "none")
+        found, missed = every_branch(robot, target, start)
+        listed = inverse_kinematics(robot, target.pose, "tool0", seed=start, all_branches=True)
+        assert missed
+        assert all(miss_of(robot, target, each).within(target) for each in found)
+        for branch in listed:  # whole turns aside, which plans undo towards their start
+            way = found - branch
+            assert np.abs(way - 2 * np.pi * np.round(way / (2 * np.pi))).max(axis=1).min() <= APART
+    spare = load_scene_robot(load_scene("panda_cage"))
+    for arm, link, free in ((robot, "tool0", "z"), (spare, "panda_hand", "none")):  # families: these are searched
+        start = arm.draw(rng, 1)[0]
+        assert not len(every_branch(arm, target_at(link, placed(arm, link, start), free), start)[0])
+
+
+def test_where_every_branch_is_in_contact_the_search_still_speaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    start = robot.configuration(scene.start)
+    scene = aimed(scene, target_at("tool0", placed(robot, "tool0", start), "none"))
+    asked = []
+    monkeypatch.setattr(goal_search, "every_branch", lambda *_: (np.full((1, robot.n), 100.0), ()))
+    monkeypatch.setattr(goal_search, "_free", lambda certifier, reached, *_: [(1.0, q) for q in reached if q[0] < 99.0])
+    monkeypatch.setattr(goal_search, "reaching", lambda *args: (asked.append(args), reaching(*args))[1])
+    goals = goal_choice(Certifier(Setup.of(scene))).goals
+    assert asked
+    assert np.abs(np.array([goal.positions for goal in goals]) - start).max(axis=1).min() < 0.1
 
 
 def test_a_miss_is_what_the_target_was_moved_by() -> None:
