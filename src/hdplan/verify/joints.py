@@ -84,7 +84,7 @@ class Joints:
         return found | {x: factor * found[leader] + add for x, (leader, factor, add) in self.rules.items()}
 
     def standing(self, lead: dict[str, float]) -> tuple[dict[str, tuple[int, Pose]], list[Any]]:
-        """Where all links are in the world, and their shapes, by the values of the joints that lead."""
+        """Placements of all links in the world, and their shapes, by the values of the joints that lead."""
         where = self.tree, json.dumps(self.spec.get("base")), (), (*self.everywhere(lead).items(),)
         return links_at(*where)[0], shapes_at(*where)
 

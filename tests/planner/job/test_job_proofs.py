@@ -351,7 +351,7 @@ def test_what_stands_around_may_be_elsewhere_by_a_known_size(scene: Scene, tmp_p
     assert result.certified, result.text
     known = hdplan.certify_job(unsure(None), result.trajectory)
     least = [
-        each.certificate.clearance - other.certificate.clearance
+        (each.certificate.clearance or 0.0) - (other.certificate.clearance or 0.0)
         for each, other in zip(known.stages, result.certificate.stages, strict=True)
         if each.certificate.worst is not None and each.certificate.worst.other == "post"
     ]

@@ -105,16 +105,17 @@ def test_a_held_object_and_an_obstacle_have_two_names(tmp_path: Path) -> None:
 
 
 def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: Path) -> None:
-    """Voxels of a link's name: their boxes, not the link's shape."""
-    np.save(tmp_path / "v.npy", np.ones((1, 1, 1), dtype=bool))
-    voxels = {"name": "fore", "voxels": {"file": "v.npy", "size": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
-    given = files(tmp_path, {"obstacles": [voxels]})
-    boxes = {**hull([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)]), "parts": [[*range(8)]]}
+    """A cloud of a link's name: its balls, not the link's shape."""
+    (tmp_path / "v.ply").write_bytes(b"a kind that is not read")
+    cloud = {"name": "fore", "cloud": {"file": "v.ply", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
+    given = files(tmp_path, {"obstacles": [cloud]})
+    balls = {**hull([[0.0, 0.0, 0.0]], 0.1, 0.1, 0.1), "parts": [[0]]}
     honest = read_world(*files(tmp_path / "other", {})).world
-    told = put(honest, "bodies", -1, to={**honest["bodies"][-1], "name": "fore", "shape": boxes})
+    told = put(honest, "bodies", -1, to={**honest["bodies"][-1], "name": "fore", "shape": balls})
     reading = read_world(*given, told)
-    assert reading.world["bodies"][-1]["shape"] == boxes
-    assert [kind_of(x["shape"])[0] for x in reading.world["bodies"]] == ["box", "box", "sphere", "box", "boxes"]
+    assert reading.world["bodies"][-1]["shape"] == balls
+    assert reading.taken == ("fore (cloud)",)
+    assert [kind_of(x["shape"])[0] for x in reading.world["bodies"]] == ["box", "box", "sphere", "box", "balls"]
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -325,14 +325,16 @@ def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: st
         claimed(*two, "start", "goal", "velocity", "path")
 
 
-def test_a_path_of_what_is_held_is_not_known_to_the_checker(tmp_path: Path) -> None:
-    """hdplan knows it as it knows a link."""
+def test_a_path_of_what_is_held_is_known_as_that_of_a_link(tmp_path: Path) -> None:
+    """To hdplan, too; what is not held has none."""
     tool = {"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}
     path = {"upright": {"link": "tool", "tolerance": 3}}
     timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
     two = files(tmp_path, {"timing": {"duration": 2}, "attached": [tool], "path": path}, timed)
     assert hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1])).path
-    with pytest.raises(RejectedError, match="'tool' is no link"):
+    assert "path" in claimed(*two, "start", "goal", "velocity", "path")
+    two = files(tmp_path, {"timing": {"duration": 2}, "path": path}, timed)
+    with pytest.raises(RejectedError, match="'tool' is no link of the world, and not held"):
         claimed(*two, "start", "goal", "velocity", "path")
 
 

@@ -133,7 +133,9 @@ def test_shapes_are_those_of_the_page() -> None:
         assert [*shape] == ["points", "parts", "sweep", "off"]
         assert type(kind).__name__.lower() in said
         assert points is None or np.abs(np.array(shape["points"]) - points).max() < 1e-15
-        assert (shape["parts"], shape["sweep"], shape["off"]) == (parts, sweep, 0.0)
+        assert (shape["parts"], shape["sweep"]) == (parts, sweep)
+        assert (0.0 < shape["off"] < 1e-10) == isinstance(kind, Cloud | Voxels)
+        assert isinstance(kind, Cloud | Voxels) or shape["off"] == 0.0
 
 
 # --- its numbers ------------------------------------------------------------------------------------------------------
