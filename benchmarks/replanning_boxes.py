@@ -40,7 +40,7 @@ def scene_of(seed: int, count: int, spec: hdplan.RobotSpec) -> tuple[hdplan.Scen
     """Return a trial's scene, and where its boxes are."""
     rng = np.random.default_rng([seed, count])
     limits = LIMITS if spec.name == "panda" else hdplan.Limits(velocity="urdf", acceleration=10, jerk=5000)
-    robot = hdplan.load_robot(spec.name if spec.urdf is None else spec.urdf)
+    robot = hdplan.load_robot(spec)
     hand = frames_of(robot)[end_effector(robot, "robot")]
     ends: list[np.ndarray] = []
     bare = hdplan.Scene(robot=spec, start=[0.0] * robot.n, goal=[0.0] * robot.n, limits=limits)
