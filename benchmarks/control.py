@@ -166,11 +166,12 @@ def updates(count: int = 20) -> None:
         return [Obstacle("cloud", Cloud(points, 0.005))]
 
     controller, rows = Controller.of(random_scene(rng, 0)), []
-    for name, look in (
-        ("20 boxes", lambda: boxes(moving=False)),
-        ("20 boxes that move", lambda: boxes(moving=True)),
-        ("100,000 points of a table and a wall", cloud),
-    ):
+    looks: dict[str, Callable[[], list[Obstacle]]] = {
+        "20 boxes": lambda: boxes(moving=False),
+        "20 boxes that move": lambda: boxes(moving=True),
+        "100,000 points of a table and a wall": cloud,
+    }
+    for name, look in looks.items():
         used, step_used, pairs = [], [], 0
         for _ in range(count):
             seen = look()

@@ -127,13 +127,14 @@ class World:
 class Judge:
     """Distances of the robot's meshes from the world as it is, by Pinocchio and coal."""
 
-    def __init__(self, robot: hdplan.Robot) -> None:
+    def __init__(self, robot: hdplan.Robot, floor: bool = True) -> None:
         self.robot, self.model, self.items = robot, robot.model, robot.collision
         self.data, self.places = self.model.createData(), self.items.createData()
         for each in self.items.geometryObjects:
             each.geometry.computeLocalAABB()
         self.moving = [i for i, each in enumerate(self.items.geometryObjects) if each.parentJoint]
-        self.floor = coal.Box(2.4, 2.4, 0.1), coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.1]))
+        at = coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.1]))
+        self.floor = [(coal.Box(2.4, 2.4, 0.1), at, 3.0, np.zeros(3))] if floor else []
         self.shapes: dict[str, Any] = {}
 
     def hand(self, q: np.ndarray) -> np.ndarray:
@@ -152,8 +153,7 @@ class Judge:
             geometry, place = self.items.geometryObjects[i].geometry, self.places.oMg[i]
             center = place.rotation @ geometry.aabb_center + place.translation
             one = coal.Transform3s(place.rotation, place.translation)
-            others = [(*self.floor, 3.0, np.zeros(3))]
-            others += [
+            others = self.floor + [
                 (self._shape(each), coal.Transform3s(each.turn, each.at), each.lever + 0.2, each.at) for each in walkers
             ]
             for shape, other, radius, at in others:

@@ -37,7 +37,8 @@ PUBLISHED = 35.0  # [s] after which the published run ends
 def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stopper) -> Report:
     """Run the paper's robot experiment under each distance, and change one setting at a time; for ``quick`` the first
     seconds alone, without the changes."""
-    names = ("corridor.csv", "corridor_commands.csv", "corridor.png", *(() if quick else ("corridor_settings.csv",)))
+    pictures = ("corridor.png", "corridor_arm.png", "corridor_witnesses.png")
+    names = ("corridor.csv", "corridor_commands.csv", *pictures, *(() if quick else ("corridor_settings.csv",)))
     paths = check_report(folder, names)
     changes = () if quick else sweep()
     total = len(VARIANTS) + len(changes)
@@ -56,6 +57,7 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
             break
         changed.append((words, run_variant(variant, SWEPT)))
     from hdplan.planner.studies.corridor_sheet import corridor_sheet
+    from hdplan.planner.studies.corridor_snapshots import arm_sheet, witness_sheet
 
     lines = [_corridor_line(outcome) for outcome in outcomes]
     steps = len(outcomes[0].run.velocities[: round(CRITICAL / outcomes[0].run.period)])
@@ -64,7 +66,9 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
         for k in range(steps)
     ]
     settings: list[dict[str, Cell]] = [_setting_line(words, outcome) for words, outcome in changed]
-    contents: list[str | bytes] = [csv_text(lines), csv_text(commands), png(corridor_sheet(outcomes))]
+    arm = next((each for each in outcomes if each.variant.name == AS_SAFE), outcomes[0])
+    sheets = (corridor_sheet(outcomes), arm_sheet(arm), witness_sheet(outcomes[0]))
+    contents: list[str | bytes] = [csv_text(lines), csv_text(commands), *map(png, sheets)]
     write_report(paths, [*contents, *([csv_text(settings)] if settings else [])])
     shown: list[dict[str, Cell]] = [
         {

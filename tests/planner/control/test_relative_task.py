@@ -93,5 +93,5 @@ def test_what_does_not_move_apart_is_refused_in_one_line(baxter: Robot) -> None:
         ("", "to"),
     ):
         with pytest.raises(InputError, match=said) as refused:
-            PoseTask(baxter, target, to=to).objective(np.zeros(baxter.n), 0.0)  # type: ignore[arg-type]
+            PoseTask(baxter, target, to=to).objective(np.zeros(baxter.n), 0.0)
         assert "\n" not in str(refused.value)

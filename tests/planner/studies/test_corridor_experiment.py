@@ -19,6 +19,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies import paper_corridor as reproduce_corridor
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
+    EXACT_EVERY,
     NAMES,
     START,
     TARGET,
@@ -212,3 +213,16 @@ def test_the_picture_says_how_many_times_and_is_not_cut_off(exact: Outcome, smoo
     for text in figure.findobj(Text):
         box = text.get_window_extent()
         assert not text.get_text() or figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
+
+
+def test_the_snapshots_show_where_the_nearest_points_are(exact: Outcome) -> None:
+    pytest.importorskip("matplotlib")
+    from hdplan.planner.studies.corridor_snapshots import APART, arm_sheet, witness_sheet, witnesses
+
+    every = round(EXACT_EVERY / exact.run.period)
+    for sample in (0, 40, 100):
+        found = witnesses(exact.run.positions[sample * every])
+        gap = float(np.linalg.norm(found.points[0] - found.points[1]))
+        assert gap == pytest.approx(exact.clearances[sample], abs=1e-6)
+    assert f"Within {1e3 * APART:.0f} ms" in witness_sheet(exact).get_suptitle()
+    assert len(arm_sheet(exact).axes) == 2

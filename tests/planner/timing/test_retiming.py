@@ -357,7 +357,7 @@ def crowded(seed: int, rate: float) -> tuple[Scene, Robot, Trajectory]:
     start = rng.uniform(-1.0, 1.0, 2)
     goal = start + rng.uniform(0.01, 0.03, 2)
     scene, robot = limited(Limits(velocity=2.0, acceleration=2.0, jerk=0.3), Timing(rate=rate), "planar_arm")
-    scene = dataclasses.replace(scene, start=start, goal=goal, obstacles=())  # type: ignore[arg-type]
+    scene = dataclasses.replace(scene, start=start, goal=goal, obstacles=())
     return scene, robot, Trajectory(robot.joint_names, np.linspace(start, goal, 8), {})
 
 

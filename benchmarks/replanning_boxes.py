@@ -1,0 +1,143 @@
+"""A replanner among random boxes, by the rule of SPARROWS' experiments with a single arm (arXiv 2402.08857).
+
+    python benchmarks/replanning_boxes.py [--boxes N ...] [--trials N] [--from SEED] [--seconds S] [--robot FILE]
+        [--journal FILE]
+
+Start and goal are drawn within the joints' limits (continuous ones within a turn), free of the robot itself. N cubes of
+20 cm, aligned with the world, stand where the hand is at further random configurations, 1 cm or more away from the
+robot at start and goal; they may overlap. Nothing says that there is a way. The robot is to come to rest at the goal
+within S seconds (75, as their 150 periods of half a second); steps and ways take as long as the processor takes, and
+all boxes are known from the beginning.
+
+Theirs is a Kinova Gen3, whose description comes with no package that hdplan needs: name one by --robot (URDF or MJCF).
+By default it is a Panda by the same rule, with its own limits; the shares are then not comparable with theirs. Contacts
+are looked for without hdplan, by Pinocchio and coal, every 20 ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from replanning import CHECK, LATENCY, PERIOD, Beside
+from replanning_world import LIMITS, Judge
+
+import hdplan
+from hdplan.planner.robot.link_frame import end_effector, frames_of, link_poses
+from hdplan.planner.studies.report import markdown_text
+
+SIDE, APART = 0.2, 0.01  # [m] of a cube; between it and the robot at start and goal
+LOOKS = 4 * CHECK  # [s]
+TRIES = 200  # of a draw
+
+
+def scene_of(seed: int, count: int, spec: hdplan.RobotSpec) -> tuple[hdplan.Scene, list[np.ndarray]]:
+    """Return a trial's scene, and where its boxes are."""
+    rng = np.random.default_rng([seed, count])
+    limits = LIMITS if spec.name == "panda" else hdplan.Limits(velocity="urdf", acceleration=10, jerk=5000)
+    robot = hdplan.load_robot(spec)
+    hand = frames_of(robot)[end_effector(robot, "robot")]
+    ends: list[np.ndarray] = []
+    bare = hdplan.Scene(robot=spec, start=[0.0] * robot.n, goal=[0.0] * robot.n, limits=limits)
+    while len(ends) < 2:
+        q = robot.draw(rng, 1)[0]
+        if not hdplan.check_configuration(bare, robot, q):
+            ends.append(q)
+    judge, places = Judge(robot, floor=False), list[np.ndarray]()
+    for _ in range(TRIES * count):
+        at = link_poses(robot, robot.draw(rng, 1), hand)[0, :3, 3]
+        if all(judge.distance(q, [box(0, at)]) > APART for q in ends):
+            places.append(at)
+        if len(places) == count:
+            break
+    cubes = [hdplan.Obstacle(f"box{i}", hdplan.Box([SIDE] * 3), pose=at) for i, at in enumerate(places)]
+    start, goal = (q.tolist() for q in ends)
+    return hdplan.Scene(robot=spec, obstacles=cubes, start=start, goal=goal, limits=limits), places
+
+
+def box(index: int, at: np.ndarray) -> Any:
+    """Return a cube as the judge takes it."""
+    return SimpleNamespace(name=f"box{index}", shape=hdplan.Box([SIDE] * 3), at=at, turn=np.eye(3), lever=SIDE)
+
+
+def trial(seed: int, count: int, spec: hdplan.RobotSpec, seconds: float) -> dict[str, Any]:
+    """Return what came out of one trial."""
+    scene, places = scene_of(seed, count, spec)
+    beside, clock = Beside(), [0.0, 0.0]
+
+    def now() -> float:
+        return clock[0] + time.process_time() - clock[1] - beside.spent
+
+    replanner = hdplan.Replanner(scene, period=PERIOD, latency=LATENCY, clock=now, executor=beside)
+    judge, cubes = Judge(replanner.robot, floor=False), [box(i, at) for i, at in enumerate(places)]
+    least, t, steps, mode = np.inf, 0.0, list[float](), ""
+    while t < seconds and mode != "arrived":
+        beside.advance(t)
+        clock[0], clock[1], beside.spent = t, time.process_time(), 0.0
+        command = replanner.step(t)
+        steps.append(now() - t)
+        mode = command.mode.value
+        after = t + max(PERIOD, steps[-1])
+        for at in np.arange(t, after, LOOKS):
+            found = command.at(at)
+            if found.velocities.any():
+                least = min(least, judge.distance(found.positions, cubes))
+        t = after
+    return {
+        "seed": seed,
+        "boxes": count,
+        "arrived": mode == "arrived",
+        "seconds": t,
+        "least": least,
+        "cycle": [float(np.median(steps)), float(np.quantile(steps, 0.99))],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--boxes", type=int, nargs="+", default=[10, 20, 40])
+    parser.add_argument("--trials", type=int, default=100)
+    parser.add_argument("--from", dest="first", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=75.0)
+    parser.add_argument("--robot", default="panda")
+    parser.add_argument("--journal", type=Path)
+    said = parser.parse_args()
+    spec = hdplan.RobotSpec(said.robot) if said.robot == "panda" else hdplan.RobotSpec(urdf=Path(said.robot))
+    found: dict[tuple[int, int], dict[str, Any]] = {}
+    if said.journal is not None and said.journal.exists():
+        lines = [json.loads(line) for line in said.journal.read_text(encoding="utf-8").splitlines()]
+        found = {(line["boxes"], line["seed"]): line for line in lines}
+    wanted = [(count, seed) for seed in range(said.first, said.first + said.trials) for count in said.boxes]
+    for count, seed in wanted:
+        if (count, seed) in found:
+            continue
+        found[count, seed] = trial(seed, count, spec, said.seconds)
+        if said.journal is not None:
+            with said.journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(found[count, seed]) + "\n")
+    rows = []
+    for count in said.boxes:
+        own = [found[each] for each in wanted if each[0] == count]
+        reached = [each["seconds"] for each in own if each["arrived"]]
+        rows.append(
+            {
+                f"cubes around a {said.robot}": count,
+                "trials": len(own),
+                "goals reached": len(reached),
+                "with a contact": sum(each["least"] <= 0.0 for each in own),
+                "seconds to the goal, median": float(np.median(reached)) if reached else None,
+                "cycle median / 99 % [ms]": "{:.1f} / {:.1f}".format(
+                    *(1e3 * np.median([each["cycle"][k] for each in own]) for k in range(2))
+                ),
+            }
+        )
+    print(markdown_text(rows))
+
+
+if __name__ == "__main__":
+    main()
