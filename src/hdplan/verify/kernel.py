@@ -216,6 +216,14 @@ class Motion:
             gap, change = (dot("kmi,i->km", each, bond.along) for each in (gap, change))
         return farthest(gap, change, rest + more)
 
+    def seen(self, joint: int, local: Ball, other: int) -> Ball:
+        """Return where a point (3,) of a joint's frame is in another's, anywhere on the first interval."""
+        here = dot("ij,j->i", self.turn[0, joint], local) + self.at[0, joint]
+        there = dot("ji,j->i", self.turn[0, other], here - self.at[0, other])
+        carried = self.world.carried[[joint, other]]  # what carries both changes nothing
+        reach = self.reaches(stack([here, here])[None], 0.0, carried)[0] * (carried & ~carried[::-1])
+        return Ball(there.mid, up(there.rad + (self.most[0] * reach).sum()))
+
     def outside(self, mesh: tuple[Ball, Any], joint: int, pieces: list[Piece], way: Any) -> bool:
         """True if a ray shows that a corner of pieces of one body is outside of a mesh, whose points (m, 3) are in a
         joint's frame, on the first interval: by a ray along the direction `way` (3,) in that frame."""
@@ -223,11 +231,7 @@ class Motion:
         toward = self.turn.mid[0, joint] @ way @ self.turn.mid[0, body.joint] @ body.pose[0].mid
         farthest = corners[np.argmax(corners @ toward)]  # any corner will do
         local = dot("ij,j->i", body.pose[0], farthest) + body.pose[1]
-        here = dot("ij,j->i", self.turn[0, body.joint], local) + self.at[0, body.joint]
-        place = dot("ji,j->i", self.turn[0, joint], here - self.at[0, joint])
-        carried = self.world.carried[[body.joint, joint]]  # what carries both changes nothing
-        reach = self.reaches(stack([here, here])[None], 0.0, carried)[0] * (carried & ~carried[::-1])
-        points, triangles = mesh[0] - Ball(place.mid, up(place.rad + (self.most[0] * reach).sum())), mesh[1]
+        points, triangles = mesh[0] - self.seen(body.joint, local, joint), mesh[1]
         ahead = dot("mi,i->m", points, way)
         seen = points[triangles[~(ahead.mid < -ahead.rad)[triangles].all(axis=1)]]  # all others are behind p
         sides = cross(seen, seen[:, [1, 2, 0]])

@@ -176,6 +176,25 @@ def test_intervals_enclose_curve_and_frames(scene: str, kind: str, tmp_path: Pat
     assert motion.off[:1].max() > 1e-3 > 1e-14 > motion.off[-1].max() or kind != "linear"
 
 
+@pytest.mark.parametrize(("scene", "kind"), motions())
+def test_points_are_seen_from_other_links_where_they_are(scene: str, kind: str, tmp_path: Path) -> None:
+    """On long and on short intervals: what a ray begins at is enclosed whichever of the two links moves, and hardly
+    more is enclosed than that."""
+    world, curve, setup = random_motion(scene, kind, tmp_path)
+    rng, n, data = np.random.default_rng(4), setup.robot.n, setup.robot.model.createData()
+    for _ in range(40):
+        low = rng.uniform(0.0, 4.9)
+        width = min(10.0 ** rng.uniform(-6, 0), np.floor(low) + 1.0 - low)
+        motion, (one, other) = Motion(world, np.array([[low, low + width]])), rng.integers(-1, n, 2).tolist()
+        local = rng.normal(size=3)
+        found = motion.seen(one, Ball(local), other)
+        for s in (0.0, 1.0, *rng.random(8)):
+            pin.forwardKinematics(setup.robot.model, data, setup.robot.pin_q(curve.at_parameter((low + width * s) / 5)))
+            place = data.oMi[other + 1].actInv(data.oMi[one + 1].act(local))
+            assert (np.abs(place - found.mid) <= found.rad + 1e-12).all()
+        assert found.rad.max() < 60.0 * motion.most.sum() + 1e-9
+
+
 @pytest.mark.parametrize(("name", "order"), [("velocity", 1), ("acceleration", 2), ("jerk", 3)])
 def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
     name: str, order: int, tmp_path: Path
