@@ -41,6 +41,11 @@ class UnsolvableError(InputError):
         return type(self), (self.args[0], self.cause)
 
 
+class MisplacedError(InputError):
+    """What a stage of a job asks for cannot be done from where the robot is: it may be from elsewhere, where a stage
+    before it leaves a choice."""
+
+
 class NotProvenError(HdplanError):
     """A motion of which no proof can be written, and why."""
 
@@ -108,5 +113,7 @@ def naming(where: object) -> Iterator[None]:
         yield
     except UnsolvableError as error:
         raise UnsolvableError(f"{where}: {error}", error.cause) from None
+    except MisplacedError as error:
+        raise MisplacedError(f"{where}: {error}") from None
     except InputError as error:
         raise InputError(f"{where}: {error}") from None

@@ -95,8 +95,8 @@ class Sweep:
         return self._standing(q, time).nearest_at_start(within)
 
     def hull_gap(self, q: Array, within: float, time: float = 0.0) -> float:
-        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s], at
-        most `within` [m]: sooner known than how far the bodies are, which are no closer. Negative where they overlap."""
+        """Return how far the hulls of the robot are from those of obstacles at one configuration q (n,) and time [s],
+        at most `within` [m]: sooner known than the distance of the bodies, which is no less. Negative in an overlap."""
         return self._standing(q, time).hull_gap_at_start(within)
 
     def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:

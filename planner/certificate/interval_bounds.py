@@ -190,8 +190,8 @@ class Bounds:
         return values, bound, travel, normals
 
     def overlapping(self, nodes: Intervals, items: Items, depth: float) -> tuple[Array, Mask]:
-        """Return gap(n) of the hulls for coal's first directions at the midpoints (i,), and where they surely overlap by
-        `depth` [m]: much sooner known than by how much."""
+        """Return gap(n) of the hulls for coal's first directions at the midpoints (i,), and where they surely overlap
+        by `depth` [m]: much sooner known than by how much."""
         normals, said = self._proposed(nodes, items)
         values, *_ = self.by_plane(nodes, items, normals)
         return values, (values < -depth) & (said < -depth)

@@ -36,6 +36,10 @@ class StageFailedError(Exception):
     """A stage that cannot be done, and why."""
 
 
+class _LateError(Exception):
+    """Time is up while ways along a curve are looked for."""
+
+
 @dataclass(eq=False)
 class Certain:
     """Makes such motions for the stages of one job."""
@@ -88,14 +92,22 @@ class Certain:
 
     def ways_along(self, setup: Setup, at: Array, start: Array | None) -> Iterator[Array]:
         """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
-        first pose is reached: well away from what stands around first."""
+        first pose is reached: well away from what stands around first. Ends where time is up."""
         follow, certifier = setup.scene.path.follow, Certifier(setup)
         assert follow is not None
         if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
             return  # nothing is left open along the curve
         for beside in SPARE_CLEARANCES:
-            free = functools.partial(_is_free, certifier, setup.scene.planner.clearance + beside)
-            yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
+            free = functools.partial(self._is_free, certifier, setup.scene.planner.clearance + beside)
+            try:
+                yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
+            except _LateError:
+                return
+
+    def _is_free(self, certifier: Certifier, clearance: float, q: Array) -> bool:
+        if self.late():
+            raise _LateError
+        return certifier.is_clear(q, clearance)
 
     def _guided(self, world: World, number: int, start: Array, way: Array | None) -> Piece:
         setup = stage_setup(world, number)
@@ -146,7 +158,3 @@ class Certain:
 def _between(way: Callable[[float], Array], first: float, last: float, share: float) -> Array:
     """Return joint values at a share of the part of a way from one share of it to another."""
     return way((1.0 - share) * first + share * last)
-
-
-def _is_free(certifier: Certifier, clearance: float, q: Array) -> bool:
-    return certifier.is_clear(q, clearance)

@@ -17,7 +17,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.curve_stages import Curve
-from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.errors import InputError, MisplacedError, naming, nearest
 from hdplan.scenes.job import Grip, Move, Release, Set, Wait
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
@@ -107,7 +107,7 @@ def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
     )
     near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
     if far := [link for link in holding if link not in near]:
-        raise InputError(
+        raise MisplacedError(
             f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it "
             "when the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
         )

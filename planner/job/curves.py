@@ -21,7 +21,7 @@ from hdplan.planner.job.world import Corner, World
 from hdplan.planner.robot.link_frame import end_effector, link_frame
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import TOOL, WORLD, Along, Circle, Curve, Line
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, MisplacedError, nearest
 from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.path_constraints import MOST_POSES, MOST_TURN, Follow, PathConstraints
 from hdplan.scenes.poses import Pose, Vector3, from_rpy
@@ -272,7 +272,7 @@ def _end(stage: Line | Circle, world: World, begins: Array) -> Array:
             ends[:3, :3] = frame @ _rotation(stage.turn) @ frame.T @ begins[:3, :3]
     turn = turn_of(ends[:3, :3] @ begins[:3, :3].T)
     if turn > MOST_TURN:
-        raise InputError(
+        raise MisplacedError(
             f"{stage.kind}.{'turn' if stage.to is None else 'rpy'}: turns by {turn:.3g} rad from the beginning; at "
             f"most {MOST_TURN:g} are allowed, as half a turn has no shortest way: give two stages"
         )
@@ -317,7 +317,9 @@ def _through(one: Array, point: Array, other: Array) -> tuple[Array, float, Arra
     square = float(normal @ normal)
     sides = [float(np.linalg.norm(each)) for each in (a, b, b - a)]
     if min(sides) < SHORTEST_RADIUS or square < (SHORTEST_RADIUS * max(sides)) ** 2:
-        raise InputError("circle.interim: lies on one line with the two ends, or at one of them: no circle leads there")
+        raise MisplacedError(
+            "circle.interim: lies on one line with the two ends, or at one of them: no circle leads there"
+        )
     center = one + (np.cross(np.cross(a, b), a) * (b @ b) + np.cross(b, np.cross(a, b)) * (a @ a)) / (2.0 * square)
     axis = normal / np.sqrt(square)
     return center, _angle(one - center, other - center, axis), axis
@@ -330,11 +332,11 @@ def _around(one: Array, center: Array, other: Array, tolerance: float) -> tuple[
     length = float(np.linalg.norm(way))
     first, last = (float(np.linalg.norm(end - center)) for end in (one, other))
     if length < SHORTEST_RADIUS or min(first, last) < SHORTEST_RADIUS:
-        raise InputError(
+        raise MisplacedError(
             "circle.center: the two ends, or one of them and the centre, are one point: no circle is there"
         )
     if abs(first - last) > tolerance:
-        raise InputError(
+        raise MisplacedError(
             f"circle.center: is {first * 1e3:.4g} mm from where the circle begins and {last * 1e3:.4g} mm from where "
             f"it ends: they may differ by the tolerance, {tolerance * 1e3:g} mm"
         )
@@ -343,7 +345,7 @@ def _around(one: Array, center: Array, other: Array, tolerance: float) -> tuple[
     across = float(np.linalg.norm(normal))
     angle = float(np.arctan2(across, (one - center) @ (other - center)))
     if np.pi - angle < HALF_TURN:
-        raise InputError("circle.center: lies between the two ends, and does not say which way: give 'interim'")
+        raise MisplacedError("circle.center: lies between the two ends, and does not say which way: give 'interim'")
     return center, angle, normal / across
 
 
@@ -356,7 +358,7 @@ def _check_length(stage: Curve, poses: Array) -> None:
     """Refuse poses (N, 4, 4) that are all the same, to a link that is free about an axis in the direction of that."""
     turned = slice(3) if stage.free_rotation == "none" else "xyz".index(stage.free_rotation)
     if max(np.ptp(poses[:, :3, 3], axis=0).max(), np.ptp(poses[:, :3, turned], axis=0).max()) < LEAST_LENGTH:
-        raise InputError(f"{stage.kind}: has no length: the link is to stay where it is")
+        raise MisplacedError(f"{stage.kind}: has no length: the link is to stay where it is")
 
 
 def _check_beginning(stage: Along, begins: Array, first: Array) -> None:
@@ -367,7 +369,7 @@ def _check_beginning(stage: Along, begins: Array, first: Array) -> None:
         axis = "xyz".index(stage.free_rotation)
         turned = float(np.arccos(np.clip(begins[:3, axis] @ first[:3, axis], -1.0, 1.0)))
     if off > stage.position_tolerance or turned > stage.orientation_tolerance:
-        raise InputError(
+        raise MisplacedError(
             f"along.poses: the first is {off * 1e3:.3g} mm and {turned:.3g} rad away from where the link is; "
             f"{stage.position_tolerance * 1e3:g} mm and {stage.orientation_tolerance:g} rad are allowed: lead the "
             "stage before it there"

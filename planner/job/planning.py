@@ -6,6 +6,9 @@ after the other, the most promising of each pose first. Before a motion to one i
 move of the arm are tried from there, and whether that move has a goal from which it goes on in the same way, as to set
 down what was taken by this grasp: motions cost more. The first choice that leads to the end is taken. Lines, grips and
 waits leave no choice.
+
+Some errors in the input show only where a choice has led: an object out of a hand's reach, a curve without a length.
+They rule out that choice, and the next one is tried; one that alone ended what came farthest is raised.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.search import Event
 from hdplan.scenes.curve_stages import Curve
-from hdplan.scenes.errors import InputError, TimeLimitError, UnsolvableError
+from hdplan.scenes.errors import InputError, MisplacedError, TimeLimitError, UnsolvableError
 from hdplan.scenes.job import Job, Move, stage_name
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.stage import ArmStage
@@ -77,6 +80,8 @@ def plan_job(
     rested = at_rest(scene)
     search = _Search(rested, seed, began + time_limit, report, stop)
     pieces = search.run(replace(first, scene=rested))
+    if len(pieces) < len(names) and search.wrong is not None and not search.late():
+        raise search.wrong
     refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
     if not pieces and not search.refused:
         ended = f"the time limit of {time_limit:g} s passed, or it was stopped, before the first stage was planned"
@@ -125,20 +130,26 @@ class _Search:
         self, scene: Scene, seed: int, deadline: float, report: Callable[[Event], None], stop: Callable[[], bool]
     ) -> None:
         assert scene.job is not None
-        self.stages, self.seed, self.deadline = scene.job.stages, seed, deadline
+        self.scene, self.stages, self.seed, self.deadline = scene, scene.job.stages, seed, deadline
         self.report, self.stop = report, stop
         self.refused: list[tuple[int, str]] = []  # the stage, and why a choice for it was given up
+        self.wrong: MisplacedError | None = None  # what alone ended what came farthest
+        self._farthest = -1  # stage that was tried
         self._made: dict[int, list[tuple[World, bool, Piece | str]]] = {}  # what leaves no choice, by stage
         self._aims: dict[int, list[tuple[World, tuple[JointTarget, ...] | str]]] = {}  # of moves, by stage
-        self.certain = Certain(self.stages, seed, self._late)
+        self.certain = Certain(self.stages, seed, self.late)
 
     def run(self, world: World) -> list[Piece]:
         """Return the pieces of all stages, or of the most that were done one after the other."""
         best: list[Piece] = []
         pieces: list[Piece] = []
         open_ = [self._choices(world, 0)]
-        while open_ and not self._late():
-            piece = next(open_[-1], None)
+        while open_ and not self.late():
+            try:
+                piece = next(open_[-1], None)
+            except MisplacedError as error:
+                self.refused.append((len(pieces), self._failed(len(pieces), error)))
+                piece = None
             if piece is None:
                 open_.pop()
                 if pieces:
@@ -152,7 +163,15 @@ class _Search:
             open_.append(self._choices(piece.after, len(pieces)))
         return best
 
-    def _late(self) -> bool:
+    def _failed(self, number: int, error: str | StageFailedError | MisplacedError) -> str:
+        """Note that a stage could not be done; return why."""
+        if number >= self._farthest:
+            alone = number > self._farthest or self.wrong is not None
+            self.wrong = error if alone and isinstance(error, MisplacedError) else None
+            self._farthest = number
+        return str(error).removeprefix(f"{self.scene.source}: ")
+
+    def late(self) -> bool:
         return time.perf_counter() >= self.deadline or self.stop()
 
     def _choices(self, world: World, number: int) -> Iterator[Piece]:
@@ -162,21 +181,23 @@ class _Search:
             if isinstance(found := self._only(world, number), Piece):
                 yield found
             else:
-                self.refused.append((number, found))
+                self.refused.append((number, self._failed(number, found)))
             return
         goals = self._goals(world, number)
         if isinstance(goals, str):
-            self.refused.append((number, goals))
+            self.refused.append((number, self._failed(number, goals)))
             return
         for goal, plainly in self._with_beginnings(world, number, goals):
-            if self._late():
+            if self.late():
                 return
             try:
                 if len(goals) > 1:
                     self._look_ahead(world, number, goal, plainly)
-                yield self._moved(world, number, goal, len(goals) > 1)
-            except StageFailedError as failed:
-                self.refused.append((number, str(failed)))
+                piece = self._moved(world, number, goal, len(goals) > 1)
+            except (StageFailedError, MisplacedError) as error:
+                self.refused.append((number, self._failed(number, error)))
+            else:
+                yield piece
 
     def _goals(self, world: World, number: int) -> tuple[JointTarget, ...] | str:
         """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
@@ -223,14 +244,17 @@ class _Search:
         assert goal.positions is not None
         there = after(world, number, stage_setup(world, number).robot, np.array(goal.positions))
         for following in range(number + 1, len(self.stages)):
-            found: Piece | str | None
-            if isinstance(self.stages[following], Move):
-                found = self._leads_on(there, following) if further else None
-            else:
-                found = self._only(there, following, plainly)
-            if isinstance(found, str):
-                name = stage_name(self.stages[following], following)
-                raise StageFailedError(f"given up, as stage '{name}' cannot follow it: {found}")
+            found: Piece | str | MisplacedError | None
+            try:
+                if isinstance(self.stages[following], Move):
+                    found = self._leads_on(there, following) if further else None
+                else:
+                    found = self._only(there, following, plainly)
+            except MisplacedError as error:
+                found = error
+            if isinstance(found, str | MisplacedError):
+                name, why = stage_name(self.stages[following], following), self._failed(following, found)
+                raise StageFailedError(f"given up, as stage '{name}' cannot follow it: {why}")
             if found is None:
                 return
             there = found.after
@@ -241,7 +265,7 @@ class _Search:
         if isinstance(goals, str):
             return goals
         for goal, plainly in self._with_beginnings(world, number, goals):
-            if self._late():
+            if self.late():
                 return None
             try:
                 self._look_ahead(world, number, goal, plainly, further=False)

@@ -157,3 +157,19 @@ def test_fingers_carry_nothing_that_another_hand_holds_too(sliders: hdplan.Scene
     changes = {"robot": spec, "obstacles": [], "attached": [held], "start": [0.6], "job": hdplan.Job(stages)}
     with pytest.raises(InputError, match=r"job\[2\] \(left lets go\): joints: 'bar' is held by two hands, and 'left'"):
         hdplan.plan_job(replace(sliders, goal=None, **changes))
+
+
+def test_a_grasp_out_of_reach_leads_to_the_next_one(placed: JobResult) -> None:
+    """A bar is taken at its middle, and not from where the first choice would take the cup: beside the bar. Alone, that
+    is bad input, by name."""
+    stages = list(placed.scene.job.stages) if placed.scene.job else []
+    above = hdplan.Pose.from_rpy([0.5, 0.3, 0.2], [0.0, np.pi / 2, 0.0])
+    beside = hdplan.Pose.from_rpy([0.38, 0.1, 0.2], [0.0, np.pi / 2, 0.0])
+    stages[1] = hdplan.Line(by=[0.0, 0.0, -0.136], link="ee_link", touch=[["bar", CUP]])
+    both = [hdplan.PoseTarget("ee_link", pose, free_rotation="x") for pose in (beside, above)]
+    job = hdplan.Job([hdplan.Move(both, name="above"), *stages[1:3]])
+    found = hdplan.plan_job(replace(placed.scene, job=job))
+    assert found.certified, found.text
+    job = hdplan.Job([hdplan.Move(both[0], name="above"), *stages[1:3]])
+    with pytest.raises(InputError, match="'bar' is out of reach: wrist_3_link"):
+        hdplan.plan_job(replace(placed.scene, job=job))
