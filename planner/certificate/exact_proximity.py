@@ -30,11 +30,12 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import freeze, made_once, read_only
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere, own_fields
 
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
+KEPT_MESHES = 16  # whose pieces stay in memory
 HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
 # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-5
@@ -150,8 +151,10 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
     raise HdplanError(f"link geometry '{name}': shape {type(geometry).__name__} is not supported by the certificate")
 
 
+@made_once(KEPT_MESHES)
 def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
-    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles.
+    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles. Once for all
+    cans of one file, in all scenes.
 
     Parts that are open or inside out (the wall of a cavity) have a meaning only together, so that the mesh is not split
     then. Parts that are not convex are cut where that makes their hulls much smaller.

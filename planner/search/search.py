@@ -118,7 +118,6 @@ class Search:
         self.touched = False  # whether the best motion got its last touches
         self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
         self.passed = False  # whether a motion was found that costs more than a certified one to another goal
-        self.reconsidered = False  # whether the straight line had its second opinion
         self.certify_seconds = 0.0
 
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
