@@ -153,8 +153,8 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
 
 @made_once(KEPT_MESHES)
 def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
-    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles. Once for all
-    cans of one file, in all scenes.
+    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles. It is done
+    once for all copies of a mesh.
 
     Parts that are open or inside out (the wall of a cavity) have a meaning only together, so that the mesh is not split
     then. Parts that are not convex are cut where that makes their hulls much smaller.

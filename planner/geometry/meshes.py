@@ -27,8 +27,10 @@ FLAT = 1e-6  # a mesh thinner than this part of its length encloses nothing but 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside. Equal to another
-    one of the same arrays."""
+    """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside.
+
+    Equal to another one of the same arrays.
+    """
 
     vertices: Array  # (m, 3) [m]
     triangles: Rows  # (F, 3) rows of vertices

@@ -44,9 +44,9 @@ def touched(search: Search, solution: Solution) -> Solution | None:
 
     first = nearer(solution)
     found, best = [first], cost((first or solution).trajectory.positions)
-    if min(before, best) > wide and search.attempts == 1:
-        if gently := search.clear(problem, problem.polyline(), FIRST_WEIGHT, solver=GENTLE):
-            found += [gently, nearer(gently)]
+    reconsidered = min(before, best) > wide and search.attempts == 1
+    if reconsidered and (gently := search.clear(problem, problem.polyline(), FIRST_WEIGHT, solver=GENTLE)):
+        found += [gently, nearer(gently)]
     better = min(filter(None, found), key=lambda each: cost(each.trajectory.positions), default=solution)
     return better if cost(better.trajectory.positions) < before else None
 
