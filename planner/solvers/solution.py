@@ -146,7 +146,7 @@ class Progress:
         return False
 
     def _is_stuck(self, depth: float) -> bool:
-        """True if a motion is too deep inside something at its deepest [m], and the last raise of two freed it little."""
+        """True if a motion is too far inside something, by its depth [m], and the last raise of two freed it little."""
         if self.weight >= FIRST_WEIGHT:  # lower ones free nothing yet
             self.depths.append(depth)
         return len(self.depths) > 2 and depth > self.budget.stuck and depth > UNMOVED * self.depths[-2]
