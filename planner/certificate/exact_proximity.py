@@ -36,7 +36,7 @@ from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphe
 MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
 WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
 HULL_VERTICES = 250  # vertices of the hull that replaces one too large for coal
-KEPT_MESHES = 256  # of links, whose pieces are kept
+KEPT_MESHES = 256  # whose pieces stay in memory
 # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
 DOUBTFUL_DIFFERENCE = 1e-5
 NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
@@ -158,8 +158,10 @@ def _link_mesh(vertices: bytes, corners: bytes) -> tuple[Piece, ...]:
     return mesh_pieces(TriangleMesh.merged(points, triangles).trimmed())
 
 
+@made_once(KEPT_MESHES)
 def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
-    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles.
+    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles. It is done
+    once for all copies of a mesh.
 
     Parts that are open or inside out (the wall of a cavity) have a meaning only together, so that the mesh is not split
     then. Parts that are not convex are cut where that makes their hulls much smaller.

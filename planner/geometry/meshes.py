@@ -27,7 +27,10 @@ FLAT = 1e-6  # a mesh thinner than this part of its length encloses nothing but 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside."""
+    """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside.
+
+    Equal to another one of the same arrays.
+    """
 
     vertices: Array  # (m, 3) [m]
     triangles: Rows  # (F, 3) rows of vertices
@@ -35,6 +38,14 @@ class TriangleMesh:
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare contents."""
+        return isinstance(other, TriangleMesh) and self.content == other.content
+
+    def __hash__(self) -> int:
+        """Hash the content."""
+        return hash(self.content)
 
     @classmethod
     def merged(cls, vertices: ArrayLike, triangles: ArrayLike) -> TriangleMesh:

@@ -51,6 +51,9 @@ EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, w
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
 LITTLE_CHANGE = 0.05
+# activations that a later guess may be inside something where weights free it little: of 660 runs 190 ended so, and
+# two were freed by higher weights
+STUCK = 3.0
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}
 
@@ -118,7 +121,6 @@ class Search:
         self.touched = False  # whether the best motion got its last touches
         self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
         self.passed = False  # whether a motion was found that costs more than a certified one to another goal
-        self.reconsidered = False  # whether the straight line had its second opinion
         self.certify_seconds = 0.0
 
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
@@ -129,8 +131,9 @@ class Search:
             return True
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
+        stuck = math.inf if self.attempts == 1 else STUCK * self.problem.scene.planner.activation
         for turn in range(1 + REPAIRS):
-            problem, solution = self._solve(problem, guess, weight)
+            problem, solution = self._solve(problem, guess, weight, stuck=stuck)
             if value < math.inf and not self._promises(solution.trajectory.positions, value):
                 self._took(solution)
                 self.passed = True
@@ -187,11 +190,19 @@ class Search:
         return self.stop() or time.perf_counter() > self.deadline
 
     def _solve(
-        self, problem: Problem, guess: Array, weight: float, slow: float = SLOW_DECREASE, solver: Solver | None = None
+        self,
+        problem: Problem,
+        guess: Array,
+        weight: float,
+        slow: float = SLOW_DECREASE,
+        solver: Solver | None = None,
+        stuck: float = math.inf,
     ) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
         again at most DENSER times."""
-        budget = Budget(self.deadline, first_weight=weight, slow=slow, report=self._report_step, stop=self.stop)
+        budget = Budget(
+            self.deadline, first_weight=weight, slow=slow, stuck=stuck, report=self._report_step, stop=self.stop
+        )
         for again in range(DENSER, -1, -1):
             solution = self.last = (solver or self.solver).solve(problem, guess, budget)
             positions = solution.trajectory.positions

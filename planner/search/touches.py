@@ -4,7 +4,7 @@ A first motion keeps more distance than it needs, and its solver stops early. To
 sets in closer to obstacles, takes half as long as the certificate; so what comes of it is certified in its place, and
 the first motion only if that fails. A warm start has had this already, so it begins there. Where a path costs far more
 than the straight line, the solver may have jumped into a wide detour at its first steps: CHOMP's small steps from the
-straight line are a second opinion.
+straight line are a second opinion. Where the straight line led to none before, neither do they.
 """
 
 from __future__ import annotations
@@ -44,10 +44,9 @@ def touched(search: Search, solution: Solution) -> Solution | None:
 
     first = nearer(solution)
     found, best = [first], cost((first or solution).trajectory.positions)
-    if min(before, best) > wide and not search.reconsidered:
-        search.reconsidered = True
-        if gently := search.clear(problem, problem.polyline(), FIRST_WEIGHT, solver=GENTLE):
-            found += [gently, nearer(gently)]
+    reconsidered = min(before, best) > wide and search.attempts == 1
+    if reconsidered and (gently := search.clear(problem, problem.polyline(), FIRST_WEIGHT, solver=GENTLE)):
+        found += [gently, nearer(gently)]
     better = min(filter(None, found), key=lambda each: cost(each.trajectory.positions), default=solution)
     return better if cost(better.trajectory.positions) < before else None
 

@@ -34,6 +34,7 @@ DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obsta
 SLOW_DECREASE = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
 REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
 GIVE_UP = 9  # refused steps in a row, the patience of three weights
+UNMOVED = 0.9  # share of the depth before: a raise that leaves more frees a motion little
 CLEAR_SHARE = 0.5  # share of the activation band that may be used up when the motion counts as clear
 EQUAL_COST = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
@@ -66,6 +67,7 @@ class Budget:
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
     slow: float = SLOW_DECREASE  # relative decrease of the cost below which a step counts as stalled
+    stuck: float = float("inf")  # [m] a motion so deep inside something that weights free little is given up
     report: Callable[[Iteration, Array], None] = _silent
     """Called once per iteration, with the waypoints (N, n) at its end."""
     stop: Callable[[], bool] = _never
@@ -111,6 +113,7 @@ class Progress:
         self.steps: list[Iteration] = []
         self.stalled = 0.0
         self.refused = 0  # steps in a row
+        self.depths: list[float] = []  # at the end of the steps with each weight that counts
 
     def goes_on(self) -> bool:
         """True if another step may be taken."""
@@ -135,12 +138,18 @@ class Progress:
             return False
         if self.is_clear(state):
             self.status = SolverStatus.CLEAR
-        elif self.weight >= LAST_WEIGHT or self.refused >= GIVE_UP:
+        elif self.weight >= LAST_WEIGHT or self.refused >= GIVE_UP or self._is_stuck(depth):
             self.status = SolverStatus.STALLED
         else:
             self.weight, self.stalled = self.weight * RAISE, 0.0
             return True
         return False
+
+    def _is_stuck(self, depth: float) -> bool:
+        """True if a motion is too far inside something, by its depth [m], and the last raise of two freed it little."""
+        if self.weight >= FIRST_WEIGHT:  # lower ones free nothing yet
+            self.depths.append(depth)
+        return len(self.depths) > 2 and depth > self.budget.stuck and depth > UNMOVED * self.depths[-2]
 
     def go_on(self, before: float, state: Evaluation, positions: Array) -> None:
         """Record one more step of a clear motion, and continue if it gained much."""
