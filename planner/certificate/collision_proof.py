@@ -80,10 +80,11 @@ class Sweep:
         """
         return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
 
-    def is_clear(self, q: Array, floor: Array, time: float = 0.0) -> bool:
-        """True if every pair is apart at one configuration q (n,) at a time [s], by what it must keep (P,) [m], less
+    def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
+        """Where every pair is apart (B,) at configurations (B, n) at a time [s], by what it must keep (P,) [m], less
         what is unknown: what `distances` say, but no more is looked at than decides it."""
-        return self._standing(q, time).is_clear_at_start(floor)
+        curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
+        return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
 
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
@@ -235,16 +236,16 @@ class _Run:
             spots.append(Spot(0, 0.0, pair, value - off, value - off <= 0.0, off))
         return tuple(spots)
 
-    def is_clear_at_start(self, floor: Array) -> bool:
-        """True if all pairs are apart at the first waypoint, by what each must keep (P,)."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        if self.containment.found(nodes):
-            return False
-        items = Items.all(1, np.arange(len(self.pairs.a)))
+    def are_clear(self, floor: Array) -> Mask:
+        """Where all pairs are apart, at all waypoints but the last, by what each must keep (P,)."""
+        nodes = self._at_waypoints(np.arange(len(self.curve) - 1))
+        clear = np.ones(len(nodes.interval), dtype=bool)
+        clear[[node for node, _ in self.containment.found(nodes)]] = False
+        items = Items.all(len(clear), np.arange(len(self.pairs.a)))
         bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[bound <= floor.max(initial=0.0) + ROUNDING]
+        items = items[(bound <= floor.max(initial=0.0) + ROUNDING) & clear[items.node]]
         if not len(items):
-            return True
+            return clear
         values, *_ = self._exact(nodes, items)
         less, kept, hollow = self.bounds.unknown(nodes, items), floor[items.pair], self.hollow[items.pair]
 
@@ -252,13 +253,13 @@ class _Run:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
 
         doubtful = close(values)
-        if (doubtful & ~hollow).any():
-            return False
+        clear[items.node[doubtful & ~hollow]] = False
         for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
-            values[i] = self._surface(nodes, 0, int(items.pair[i]))
-            if close(values)[i]:
-                return False
-        return True
+            node = int(items.node[i])
+            if clear[node]:
+                values[i] = self._surface(nodes, node, int(items.pair[i]))
+                clear[node] = not close(values)[i]
+        return clear
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""

@@ -42,7 +42,11 @@ class LinkPose(NamedTuple):
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose error (B, 6), translation [m] and rotation [rad] in world axes, and its Jacobian (B, 6, n)."""
-        state, wanted, joint = self.arm.evaluate(self.robot.expand(q)), self.target.pose.matrix, self.joint
+        return self.towards(q, self.target.pose.matrix[None])
+
+    def towards(self, q: Array, wanted: Array) -> tuple[Array, Array]:
+        """The same with other poses in the place of the target's: one (1, 4, 4), or one for each row (B, 4, 4)."""
+        state, joint = self.arm.evaluate(self.robot.expand(q)), self.joint
         rotation = state.rotations[:, joint] @ self.placement[:3, :3]
         origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
         linear = state.linear + np.cross(state.angular, origin[:, None])
@@ -52,13 +56,13 @@ class LinkPose(NamedTuple):
         elif self.target.free_rotation in AXES:
             axis = AXES.index(self.target.free_rotation)
             along = rotation[:, :, axis]
-            turn = _turn_between(along, wanted[:3, axis])
+            turn = _turn_between(along, wanted[:, :3, axis])
             turning = turning - (turning @ along[..., None]) * along[:, None]
         else:
-            turn = vectors_of(wanted[:3, :3] @ rotation.transpose(0, 2, 1))
+            turn = vectors_of(wanted[:, :3, :3] @ rotation.transpose(0, 2, 1))
         moved = self.arm.supports[joint][:, None]
         jacobian = (np.concatenate([linear, turning], axis=2) * moved).transpose(0, 2, 1)
-        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), self.robot.fold(jacobian)
+        return np.concatenate([wanted[:, :3, 3] - origin, turn], axis=1), self.robot.fold(jacobian)
 
 
 class Aim(NamedTuple):
@@ -149,11 +153,12 @@ def self_motion(way: Array, jacobian: Array) -> Array:
 
 
 def _turn_between(directions: Array, wanted: Array) -> Array:
-    """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to a wanted one; a half turn for opposite
-    ones."""
+    """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to wanted ones (B, 3), or all to one (1, 3); a
+    half turn for opposite ones."""
     cross = np.cross(directions, wanted)
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
-    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
-    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
-    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
+    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across)
+    turn: Array = axis * np.arctan2(sine, (directions * wanted).sum(axis=1, keepdims=True))
     return turn
