@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.blends import UnblendedError
+from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import certified_stage
 from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
@@ -165,10 +165,14 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     setup = _as_one_motion(world, run)
     cuts = path.cuts
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
+    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
     rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
         rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
+        rows = _from_to(
+            rows, *(end if at in (0.0, cuts[-1]) else None for end, at in zip(ends, (first, last), strict=True))
+        )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         limit = ToolLimit(robot, path.link, _paces(path, driven, first, last)) if rated else None
@@ -184,8 +188,15 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         motions.append(motion)
         begins += float(motion.times[-1])
     whole = one_after_other(motions)
-    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     return _Unit(_between(whole, *ends), tuple(marks))
+
+
+def _from_to(rows: Array, begins: Array | None, ends: Array | None) -> Array:
+    """Return rows (N, n) that begin and end at joint values (n,), if these are given: what they are away from there,
+    within the tolerances of what leads there, fades over all rows, as a jump would be a jerk."""
+    faded = quintic(np.linspace(0.0, 1.0, len(rows)))[:, None]
+    off = 0.0 if begins is None else (1.0 - faded) * (begins - rows[0])
+    return np.asarray(rows + off + (0.0 if ends is None else faded * (ends - rows[-1])))
 
 
 def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[Pace]:
