@@ -34,7 +34,7 @@ import hdplan
 
 FAR, ANGLE = 1e-4, math.radians(0.1)
 LINKS = {"panda": "panda_hand", "fetch": "gripper_link"}
-STARTS = {  # the problems name none; where it is not free, any that is
+STARTS: dict[str, list[tuple[float, ...]]] = {  # the problems name none; where it is not free, any that is
     "panda": [(-1.5, -0.8, 0.0, -2.2, 0.0, 1.6, 0.8)],
     "fetch": [(0.1, 1.32, 1.4, -0.2, 1.72, 0.0, 1.66, 0.0)],
 }
