@@ -346,7 +346,7 @@ class Certifier:
         return bool(self.are_clear(self._configuration(q)[None], required, time)[0])
 
     def are_clear(self, values: Array, required: float, time: float = 0.0) -> Mask:
-        """Where nothing is `too_close` (B,), of values (B, m) of all joints of the model."""
+        """True (B,) where nothing is `too_close`, of values (B, m) of all joints of the model."""
         return self.sweep.are_clear(values, self._floor(required), time)
 
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:

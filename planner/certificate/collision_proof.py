@@ -81,7 +81,7 @@ class Sweep:
         return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
 
     def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
-        """Where every pair is apart (B,) at configurations (B, n) at a time [s], by what it must keep (P,) [m], less
+        """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m], less
         what is unknown: what `distances` say, but no more is looked at than decides it."""
         curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
         return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
@@ -237,7 +237,7 @@ class _Run:
         return tuple(spots)
 
     def are_clear(self, floor: Array) -> Mask:
-        """Where all pairs are apart, at all waypoints but the last, by what each must keep (P,)."""
+        """True where all pairs are apart, at all waypoints but the last, by what each must keep (P,)."""
         nodes = self._at_waypoints(np.arange(len(self.curve) - 1))
         clear = np.ones(len(nodes.interval), dtype=bool)
         clear[[node for node, _ in self.containment.found(nodes)]] = False

@@ -77,7 +77,7 @@ class Places:
         return rows
 
     def reached(self, rows: Array) -> Mask:
-        """Where rows (N, n) reach their poses (N,)."""
+        """True (N,) where rows (N, n) reach their poses."""
         return _arrived(self.linearized(rows)[0])
 
 

@@ -50,7 +50,7 @@ LOOKS = 300  # ways that are looked at, at most
 TURN = 2.0 * np.pi
 
 Free = Callable[[Array], Mask]
-"""Where configurations (B, n) are free (B,)."""
+"""True (B,) where configurations (B, n) are free."""
 
 
 def ways_along(
@@ -260,8 +260,8 @@ def _reached(robot: Robot, target: PoseTarget, q: Array) -> Array:
 
 
 def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
-    """Where between two configurations of a way (layers, n) the middle of the two poses is out of reach, or not free
-    (layers − 1,)."""
+    """True (layers − 1,) where between two configurations of a way (layers, n) the middle of the two poses is out of
+    reach, or not free."""
     middles = places.every(slice(1, None, 2))
     rows = middles.back(0.5 * (way[:-1] + way[1:]), BACK)
     return ~middles.reached(rows) | ~free(rows)

@@ -96,7 +96,7 @@ class ToolLimit:
         return float(np.max(found, initial=0.0))
 
     def _kept(self, q: Array) -> NDArray[np.int64]:
-        """Which pace is kept at each of some configurations (k, n) along the path."""
+        """Return which pace is kept at each of some configurations (k, n) along the path."""
         found, last = np.zeros(len(q), np.int64), 0
         for number, pace in enumerate(self.paces):
             if pace.begins is not None:
