@@ -81,8 +81,8 @@ class Sweep:
         return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
 
     def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
-        """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m], less
-        what is unknown: what `distances` say, but no more is looked at than decides it."""
+        """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m],
+        less what is unknown: what `distances` say, but no more is looked at than decides it."""
         curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
         return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
 
