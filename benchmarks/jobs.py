@@ -34,6 +34,10 @@ import hdplan
 
 FAR, ANGLE = 1e-4, math.radians(0.1)
 LINKS = {"panda": "panda_hand", "fetch": "gripper_link"}
+STARTS: dict[str, list[tuple[float, ...]]] = {  # the problems name none; where it is not free, any that is
+    "panda": [(-1.5, -0.8, 0.0, -2.2, 0.0, 1.6, 0.8)],
+    "fetch": [(0.1, 1.32, 1.4, -0.2, 1.72, 0.0, 1.66, 0.0)],
+}
 ARM = "torso_lift shoulder_pan shoulder_lift upperarm_roll elbow_flex forearm_roll wrist_flex wrist_roll"
 
 
@@ -88,19 +92,15 @@ def scene_of(folder: Path, file: Path, fetch: Path | None) -> hdplan.Scene:
         hdplan.Move(hdplan.PoseTarget(link, poses[0], 0.1 * FAR, 0.1 * ANGLE), name="to the path"),
         hdplan.Along(poses, link=link, position_tolerance=FAR, orientation_tolerance=ANGLE, name="along it"),
     ])  # fmt: skip
-    start = (
-        (-1.5, -0.8, 0.0, -2.2, 0.0, 1.6, 0.8)
-        if said["robot"] == "panda"
-        else (0.1, 1.32, 1.4, -0.2, 1.72, 0.0, 1.66, 0.0)
-    )
-    return hdplan.Scene(
-        name=file.stem,
-        robot=spec,
-        start=start,
-        obstacles=boxes_of(said),
-        limits=hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0),
-        job=job,
-    )
+    more: dict[str, Any] = {"robot": spec, "obstacles": boxes_of(said)}
+    rng = np.random.default_rng(0)
+    low, high = np.maximum(robot.inner, -np.pi)[0], np.minimum(robot.inner, np.pi)[1]
+    for start in [*STARTS[said["robot"]], *(tuple(rng.uniform(low, high).tolist()) for _ in range(100))]:
+        standing = hdplan.Scene(**more, start=start, goal=start)
+        if not hdplan.check_configuration(standing, robot, start):
+            break
+    limits = hdplan.Limits(velocity="urdf", acceleration=5.0, jerk=500.0)
+    return hdplan.Scene(**more, name=file.stem, start=start, limits=limits, job=job)
 
 
 def seen_again(scene: hdplan.Scene, result: hdplan.JobResult) -> str:

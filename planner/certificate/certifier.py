@@ -46,7 +46,7 @@ from hdplan.planner.robot.as_loaded import check_as_loaded
 from hdplan.planner.robot.link_frame import links_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
@@ -344,7 +344,11 @@ class Certifier:
 
     def is_clear(self, q: ArrayLike, required: float, time: float = 0.0) -> bool:
         """True if nothing is `too_close` at a configuration."""
-        return self.sweep.is_clear(self._configuration(q), self._floor(required), time)
+        return bool(self.are_clear(self._configuration(q)[None], required, time)[0])
+
+    def are_clear(self, values: Array, required: float, time: float = 0.0) -> Mask:
+        """True (B,) where nothing is `too_close`, of values (B, m) of all joints of the model."""
+        return self.sweep.are_clear(values, self._floor(required), time)
 
     def hull_gap(self, q: ArrayLike, within: float, time: float = 0.0) -> float:
         """Return a lower bound of the distance to obstacles at one configuration and time [s], at most `within` [m]."""

@@ -81,10 +81,11 @@ class Sweep:
         """
         return self._standing(q, time).at_start(within=within, surfaces=surfaces, unknown=unknown)
 
-    def is_clear(self, q: Array, floor: Array, time: float = 0.0) -> bool:
-        """True if every pair is apart at one configuration q (n,) at a time [s], by what it must keep (P,) [m], less
-        what is unknown: what `distances` say, but no more is looked at than decides it."""
-        return self._standing(q, time).is_clear_at_start(floor)
+    def are_clear(self, rows: Array, floor: Array, time: float = 0.0) -> Mask:
+        """True (B,) where every pair is apart, at configurations (B, n) at a time [s], by what it must keep (P,) [m],
+        less what is unknown: what `distances` say, but no more is looked at than decides it."""
+        curve = Curve.through(np.concatenate([rows, rows[-1:]]), np.full(len(rows) + 1, time))
+        return _Run(self, curve, np.zeros(len(self.pairs.a))).are_clear(floor)
 
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
@@ -241,20 +242,21 @@ class _Run:
             spots.append(Spot(0, 0.0, pair, value - off, value - off <= 0.0, off))
         return tuple(spots)
 
-    def is_clear_at_start(self, floor: Array) -> bool:
-        """True if all pairs are apart at the first waypoint, by what each must keep (P,)."""
-        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        if self.containment.found(nodes):
-            return False
-        items = Items.all(1, np.arange(len(self.pairs.a)))
+    def are_clear(self, floor: Array) -> Mask:
+        """True where all pairs are apart, at all waypoints but the last, by what each must keep (P,)."""
+        nodes = self._at_waypoints(np.arange(len(self.curve) - 1))
+        clear = np.ones(len(nodes.interval), dtype=bool)
+        clear[[node for node, _ in self.containment.found(nodes)]] = False
+        items = Items.all(len(clear), np.arange(len(self.pairs.a)))
         bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[bound <= floor.max(initial=0.0) + ROUNDING]
+        items = items[(bound <= floor.max(initial=0.0) + ROUNDING) & clear[items.node]]
         if not len(items):
-            return True
+            return clear
         hollow = self.hollow[items.pair]
         values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
-        if (deep & ~hollow).any():
-            return False
+        clear[items.node[deep & ~hollow]] = False
+        still = clear[items.node]
+        items, values, deep, hollow = items[still], values[still], deep[still], hollow[still]
         values[~deep], *_ = self._exact(nodes, items[~deep])
         less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
@@ -262,13 +264,13 @@ class _Run:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
 
         doubtful = close(values)
-        if (doubtful & ~hollow).any():
-            return False
+        clear[items.node[doubtful & ~hollow]] = False
         for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
-            values[i] = self._surface(nodes, 0, int(items.pair[i]))
-            if close(values)[i]:
-                return False
-        return True
+            node = int(items.node[i])
+            if clear[node]:
+                values[i] = self._surface(nodes, node, int(items.pair[i]))
+                clear[node] = not close(values)[i]
+        return clear
 
     def hull_gap_at_start(self, within: float) -> float:
         """Return the least distance of hulls to obstacles at the first waypoint, at most `within`."""

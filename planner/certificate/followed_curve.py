@@ -37,6 +37,10 @@ from hdplan.scenes.path_constraints import Follow
 NODES = 4  # of an interval between two rows, at which the nearest place is looked for
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
+SOONER = (
+    0.25  # tolerances that a place may be farther away than the nearest: where the curve turns back it has not passed
+)
+# the end yet
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
@@ -113,7 +117,10 @@ class PoseCurve:
             share = np.clip(inner / np.maximum(way[near] ** 2, 1e-300), 0.0, 1.0)
             share[0] = max(share[0], found[k - 1] - begin)
             off, turn = off - share[:, None] * self.steps[near], turn - share[:, None] * self.turns[near]
-            best = int(np.hypot(_lengths(off) / far, _lengths(turn) / angle).argmin())
+            away = np.hypot(_lengths(off) / far, _lengths(turn) / angle)
+            best = int((away <= away.min() + SOONER).argmax())
+            while best + 1 < len(away) and share[best] >= 1.0 and away[best + 1] < away[best]:
+                best += 1
             found[k] = max(found[k - 1], near[best] + share[best])
             gone = ahead[near[best]] + share[best] * way[near[best]]
         found[-1] = last

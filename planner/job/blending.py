@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.planner.job.blends import UnblendedError
+from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import certified_stage
 from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
@@ -35,13 +35,13 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.planner.timing.tool_limit import Pace, ToolLimit
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.path_constraints import Follow, PathConstraints
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.stage import ArmStage
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
@@ -51,6 +51,7 @@ SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would t
 FINER = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
 SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
+BEYOND = 0.2  # share of half a blend for which a pace is planned beyond its middle
 STEPS = 8  # of looking for a row
 
 
@@ -164,12 +165,19 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     setup = _as_one_motion(world, run)
     cuts = path.cuts
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
-    motions, marks, begins = [], [0.0], 0.0
+    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
+    motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
+    rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
         rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
+        rows = _from_to(
+            rows, *(end if at in (0.0, cuts[-1]) else None for end, at in zip(ends, (first, last), strict=True))
+        )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        timed = Retimer(setup).along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
+        limit = ToolLimit(robot, path.link, _paces(path, driven, first, last)) if rated else None
+        paced = retimer if limit is None else retimer.with_limit(limit)
+        timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))
         assert motion.times is not None
         for middle in path.middles:
@@ -180,8 +188,30 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         motions.append(motion)
         begins += float(motion.times[-1])
     whole = one_after_other(motions)
-    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     return _Unit(_between(whole, *ends), tuple(marks))
+
+
+def _from_to(rows: Array, begins: Array | None, ends: Array | None) -> Array:
+    """Return rows (N, n) that begin and end at joint values (n,), if these are given: what they are away from there,
+    within the tolerances of what leads there, fades over all rows, as a jump would be a jerk."""
+    faded = quintic(np.linspace(0.0, 1.0, len(rows)))[:, None]
+    off = 0.0 if begins is None else (1.0 - faded) * (begins - rows[0])
+    return np.asarray(rows + off + (0.0 if ends is None else faded * (ends - rows[-1])))
+
+
+def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> list[Pace]:
+    """Return the paces of a path between two lengths of it: each stage's from the middle of the blend before it to that
+    of the blend after it, planned for a little beyond both, as the law's averaging blurs where one ends."""
+    found, middles = [], [0.0, *path.middles, path.cuts[-1]]
+    for k, each in enumerate(driven):
+        if middles[k + 1] <= first or middles[k] >= last:
+            continue
+        outer = path.length[max(2 * k - 1, 0)][0], path.length[min(2 * k + 1, len(path.length) - 1)][-1]
+        reaches = (middle + BEYOND * (far - middle) for middle, far in zip(middles[k : k + 2], outer, strict=True))
+        begin, end = ((reach - first) / (last - first) for reach in reaches)
+        begins = path.row(middles[k]) if middles[k] > first else None
+        found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
+    return found
 
 
 def _overlapping(
@@ -273,24 +303,13 @@ def _are_curves(stages: Sequence[Stage], number: int) -> bool:
 
 
 def _as_one_motion(world: World, group: range) -> Setup:
-    """Return the scene in which curves are timed as one: within the least of what they ask for."""
+    """Return the scene in which curves are timed as one, with the least share of the limits that they have."""
     assert world.scene.job is not None
     stages = [world.scene.job.stages[k] for k in group]
     setup, timing = stage_setup(world, group[0]), world.scene.timing or Timing()
-    curves = [stage for stage in stages if isinstance(stage, Curve)]
-    rates = [
-        min((rate for each in curves if (rate := getattr(each, name)) is not None), default=None)
-        for name in ("tool_speed", "tool_acceleration")
-    ]
-    path = PathConstraints()
-    if rates != [None, None]:
-        anywhere = (Pose(), Pose((0.0, 0.0, 1.0)))  # of which the timing knows nothing
-        path = PathConstraints(
-            follow=Follow(link_of(curves[0], world), anywhere, speed=rates[0], acceleration=rates[1])
-        )
     scaled = Timing(scale=timing.scale * min(stage.speed for stage in stages), rate=timing.rate)
     here = JointTarget("goal", positions=world.start.positions)
-    return setup.changed(goal=here, path=path, timing=scaled)
+    return setup.changed(goal=here, path=PathConstraints(), timing=scaled)
 
 
 def _passes(motion: Trajectory, q: Array, near: float) -> float:

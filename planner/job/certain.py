@@ -12,24 +12,38 @@ import numpy as np
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.job.certify import certified_stage, standing
-from hdplan.planner.job.following import NotFollowedError, along_poses, drawn_through, length_of, smooth_parts
+from hdplan.planner.job.following import (
+    NotFollowedError,
+    along_poses,
+    drawn_off,
+    drawn_through,
+    length_of,
+    near_guide,
+    smooth_parts,
+)
 from hdplan.planner.job.joining import Piece, one_after_other
 from hdplan.planner.job.redundancy import ways_along
 from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array
+from hdplan.planner.timing.retiming import Retimer, smooth
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.job import Grip, Release, Set, Stage, Wait
+from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
-PLACES = (48, 192, 768)  # along a curve: more of them where the motion between them leaves its tolerance
+STEADY = 48  # places along a curve that is followed as steadily as the joints go
+PLACES = (12, 24, 48, 96, 192, 384, 768, 1536)  # along it, as many as its tolerances need
+CLOSE = 0.5  # share of the tolerances that the motion between places may take
 HAND_PLACES = 5
 POSED = 6  # coordinates of a pose
-SPARE_CLEARANCES = (0.02, 0.004)  # [m] beyond planner.clearance, of configurations that a way may take
+LOOKED_FOR = ((0.02, 1), (0.004, 1), (0.004, 3))  # ways along a curve: [m] beyond planner.clearance that their
+# configurations keep, and how many times as many of these
 
 
 class StageFailedError(Exception):
@@ -97,36 +111,40 @@ class Certain:
         assert follow is not None
         if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
             return  # nothing is left open along the curve
-        for beside in SPARE_CLEARANCES:
-            free = functools.partial(self._is_free, certifier, setup.scene.planner.clearance + beside)
+        quick = setup.limits.get("velocity", np.ones(setup.robot.n))
+        for beside, finer in LOOKED_FOR:
+            free = functools.partial(self._are_free, certifier, setup.scene.planner.clearance + beside)
             try:
-                yield from ways_along(setup.robot, start, follow, length_of(follow), self.seed, free)
+                yield from ways_along(setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer)
             except _LateError:
                 return
 
-    def _is_free(self, certifier: Certifier, clearance: float, q: Array) -> bool:
+    def _are_free(self, certifier: Certifier, clearance: float, rows: Array) -> Mask:
         if self.late():
             raise _LateError
-        return certifier.is_clear(q, clearance)
+        return certifier.are_clear(certifier.robot.expand(rows), clearance)
 
     def _guided(self, world: World, number: int, start: Array, way: Array | None) -> Piece:
+        """Follow a curve near a way along it, or as steadily as the joints go: through ever more places, until the
+        motion keeps to its tolerances between them. Raises StageFailedError."""
         setup = stage_setup(world, number)
         follow = setup.scene.path.follow
         assert follow is not None
-        from hdplan.planner.timing.retiming import smooth
-
         parts = smooth_parts(follow)
         shares = np.cumsum([0.0, *map(length_of, parts)]) / length_of(follow)
         spline = None if way is None else smooth(drawn_through(way))
-        for count in PLACES:
+        least = 0
+        while least < len(PLACES):
             motions: list[Trajectory] = []
-            for part, first, last in zip(parts, shares[:-1], shares[1:], strict=True):
+            used = least
+            for part, first, last in zip(parts, shares[:-1].tolist(), shares[1:].tolist(), strict=True):
                 begins = motions[-1].positions[-1] if motions else start
                 guide = None if spline is None else functools.partial(_between, spline, first, last)
                 try:
-                    rows = along_poses(setup.robot, begins, part, count, guide)
+                    rows, finer = _drawn(setup.robot, begins, part, follow, guide, least)
                 except NotFollowedError as error:
                     raise StageFailedError(str(error)) from None
+                used = max(used, finer)
                 try:
                     motions.append(self._timed(setup, drawn_through(rows)))
                 except InputError:
@@ -141,11 +159,10 @@ class Certain:
                 return Piece(motion, there, found.certificate.notes)
             if found.certificate.status is not Status.OFF_PATH:
                 break
+            least = used + 1
         raise StageFailedError(found.certificate.text)
 
     def _timed(self, setup: Setup, waypoints: Array) -> Trajectory:
-        from hdplan.planner.timing.retiming import Retimer
-
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)
         try:
             return Retimer(setup)(path).trajectory
@@ -155,6 +172,22 @@ class Certain:
             raise StageFailedError(str(error)) from None
 
 
-def _between(way: Callable[[float], Array], first: float, last: float, share: float) -> Array:
-    """Return joint values at a share of the part of a way from one share of it to another."""
-    return way((1.0 - share) * first + share * last)
+def _drawn(
+    robot: Robot, begins: Array, part: Follow, whole: Follow, guide: Callable[[Array], Array] | None, least: int
+) -> tuple[Array, int]:
+    """Return configurations evenly along a part of a curve, near a guide, or as steadily as they go, and which number
+    of PLACES that is: the first one, from the least on, for which the motion between them keeps to the tolerances.
+    Raises NotFollowedError."""
+    if guide is None:
+        guide = smooth(drawn_through(along_poses(robot, begins, part, STEADY)))
+    for number in range(least, len(PLACES)):
+        rows = near_guide(robot, begins, part, PLACES[number], guide)
+        off, turned = drawn_off(robot, part, rows)
+        if off <= CLOSE * whole.position_tolerance and turned <= CLOSE * whole.orientation_tolerance:
+            break
+    return rows, number
+
+
+def _between(way: Callable[[Array], Array], first: float, last: float, shares: Array) -> Array:
+    """Return joint values (k, n) at shares (k,) of the part of a way from one share of it to another."""
+    return way((1.0 - shares) * first + shares * last)

@@ -3,27 +3,97 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdplan.planner.geometry.rotations import matrices_of, quaternions_of, vectors_of
-from hdplan.planner.kinematics.inverse import Aim, damped_step
+from hdplan.planner.kinematics.inverse import DAMPING, LONGEST_STEP, Aim, LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.planner.timing.retiming import smooth
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
 STEPS = 60  # of damped least squares at a place, at most
 POSE_ERROR = 1e-7  # [m] and [rad]
-FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places: beyond it the curve runs through a singularity
+FARTHEST = 0.5  # [rad] or [m] that a joint may move between two places, or be away from a guide: beyond it the curve
+# runs through a singularity
 ARM = 0.3  # [m] by which turns count as lengths, where places are spread over a curve
+UNDAMPED, LEAST_DAMPING = 0.05, 1e-6  # error below which steps are damped less, and what is left of it at last
+TURNED_OVER = "the arm would have to turn over at {:.0%} of the way, near a singularity"
 CORNER = 0.2  # [rad] between two directions: there the link stops
 
 
 class NotFollowedError(Exception):
     """A curve that the arm cannot follow from where it begins, and where it ends to do so."""
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Poses along a curve, one for each row of some joint values, within bounds of these."""
+
+    link: LinkPose
+    poses: Array  # (N, 4, 4)
+    quick: Array  # (n,) speeds of joints, as shares of the greatest: of several steps to a pose it is the quickest
+    low: Array  # (n,)
+    high: Array  # (n,)
+
+    @classmethod
+    def of(cls, robot: Robot, follow: Follow, poses: Sequence[Pose], quick: Array, low: Array, high: Array) -> Places:
+        """Take the poses of the link that follows a curve."""
+        target = PoseTarget(follow.link, poses[0], free_rotation=follow.free_rotation)
+        return cls(LinkPose.of(robot, target), np.array([pose.matrix for pose in poses]), quick, low, high)
+
+    def every(self, which: slice) -> Places:
+        """Return some of them."""
+        return replace(self, poses=self.poses[which])
+
+    @property
+    def free(self) -> str:
+        """The axis about which the link may turn as it likes."""
+        return self.link.target.free_rotation
+
+    def linearized(self, rows: Array) -> tuple[Array, Array]:
+        """The errors (N, 6) of rows (N, n), each at its own pose, and their Jacobians (N, 6, n)."""
+        return self.link.towards(rows, self.poses)
+
+    def back(self, rows: Array, steps: int = STEPS) -> Array:
+        """Return rows (N, n) brought to their poses, as far as that goes in some steps. Where joints would go beyond
+        their bounds, the others do what they can."""
+        rows = np.clip(rows, self.low, self.high)
+        for _ in range(steps):
+            error, jacobian = self.linearized(rows)
+            if _arrived(error).all():
+                break
+            scaled = jacobian * self.quick
+            moved = rows + _least(scaled, error) * self.quick
+            stopped = (moved < self.low) | (moved > self.high)
+            if stopped.any():
+                moved = np.where(stopped, rows, rows + _least(scaled * ~stopped[:, None, :], error) * self.quick)
+            rows = np.clip(moved, self.low, self.high)
+        return rows
+
+    def reached(self, rows: Array) -> Mask:
+        """True (N,) where rows (N, n) reach their poses."""
+        return _arrived(self.linearized(rows)[0])
+
+
+def _least(jacobian: Array, error: Array) -> Array:
+    """Return the least steps (N, n) that take away errors (N, 6), damped the less the smaller these are; none is longer
+    than LONGEST_STEP."""
+    damping = DAMPING * np.minimum(1.0, np.linalg.norm(error, axis=1) / UNDAMPED) + LEAST_DAMPING
+    square = jacobian @ jacobian.transpose(0, 2, 1) + damping[:, None, None] ** 2 * np.eye(6)
+    step = (jacobian.transpose(0, 2, 1) @ np.linalg.solve(square, error[..., None]))[..., 0]
+    longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12)
+    return np.asarray(step * np.minimum(1.0, LONGEST_STEP / longest))
+
+
+def _arrived(error: Array) -> Mask:
+    sizes = np.linalg.norm(error.reshape(len(error), 2, 3), axis=2)
+    return np.asarray((sizes <= POSE_ERROR).all(axis=1))
 
 
 def smooth_parts(follow: Follow) -> list[Follow]:
@@ -42,24 +112,46 @@ def _cut(follow: Follow, begin: int, end: int) -> Follow:
     return Follow(follow.link, follow.poses[begin : end + 1], free_rotation=follow.free_rotation)
 
 
-def along_poses(
-    robot: Robot, start: Array, follow: Follow, count: int, guide: Callable[[float], Array] | None = None
-) -> Array:
-    """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly: near a
-    `guide`, which gives joint values (n,) at shares of the way, or else as steadily as they go. Raises
-    NotFollowedError."""
+def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array:
+    """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly and as
+    steadily as they go. Raises NotFollowedError."""
     rows = [start]
     for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), spread(follow, count)[1:], strict=True):
         aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
         steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
-        q = np.clip(steady if guide is None else guide(share), robot.lower, robot.upper)
-        reached = brought(robot, aim, q)
+        reached = brought(robot, aim, np.clip(steady, robot.lower, robot.upper))
         if isinstance(reached, str):
             raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way: {reached}")
         if np.abs(reached - rows[-1]).max() > FARTHEST:
-            raise NotFollowedError(f"the arm would have to turn over at {share:.0%} of the way, near a singularity")
+            raise NotFollowedError(TURNED_OVER.format(share))
         rows.append(reached)
     return np.array(rows)
+
+
+def near_guide(robot: Robot, start: Array, follow: Follow, count: int, guide: Callable[[Array], Array]) -> Array:
+    """Return configurations (count, n) that bring a link along a curve, evenly, near a `guide`, which gives joint
+    values (k, n) at shares (k,) of the way; the first is `start` (n,). Raises NotFollowedError."""
+    shares, poses = np.linspace(0.0, 1.0, count), spread(follow, count)
+    places = Places.of(robot, follow, poses, np.ones(robot.n), robot.lower, robot.upper)
+    guided = guide(shares)
+    rows = places.back(guided)
+    rows[0] = start
+    if not (reached := places.reached(rows)[1:]).all():
+        share = float(shares[1 + int((~reached).argmax())])
+        raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way")
+    if (far := np.abs(rows - guided).max(axis=1) > FARTHEST).any():
+        raise NotFollowedError(TURNED_OVER.format(float(shares[int(far.argmax())])))
+    return rows
+
+
+def drawn_off(robot: Robot, follow: Follow, rows: Array) -> tuple[float, float]:
+    """Return how far a link is from a curve [m], and turned [rad], at most, in the middle between rows (N, n) evenly
+    along it, where a smooth path is drawn through these."""
+    path, poses = smooth(drawn_through(rows)), spread(follow, 2 * len(rows) - 1)[1::2]
+    places = Places.of(robot, follow, poses, np.ones(robot.n), robot.lower, robot.upper)
+    error, _ = places.linearized(path((np.arange(len(poses)) + 0.5) / len(poses)))
+    off, turned = np.linalg.norm(error.reshape(-1, 2, 3), axis=2).max(axis=0).tolist()
+    return off, turned
 
 
 def brought(robot: Robot, aim: Aim, q: Array) -> Array | str:

@@ -20,7 +20,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import HdplanError
 
 DIGITS = 9  # of times [s]: rows that are closer are one
-GRID = 32  # times in an interval between rows at which other rows may lie
+GRID = 64  # times in an interval between rows at which other rows may lie
 INNER = 0.95  # of a radius, to which both motions keep
 SHORTER = 0.85  # from one overlap to the next one that is tried
 

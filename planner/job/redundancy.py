@@ -1,157 +1,332 @@
 """Ways of a redundant arm along a whole curve: which of the configurations of each place to take, so that the curve can
 be followed to its end, within the limits and free.
 
-At each of some places, layers of configurations are found by inverse kinematics, from those of the place before and
-from random ones. The cheapest way through the layers, by the squares of the joints' steps and by how close they come to
-their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme, "CppFlow: Generative inverse
-kinematics for efficient and robust Cartesian path planning" (2024). Whether a configuration is free is asked only once
-a way leads through it; those near one that is not are left out with it. Then the way is evened, each configuration
-towards the middle of its neighbours, as long as it stays free.
+At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
+values all over their limits, or else by inverse kinematics from those of the place before and from random ones. The
+cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can do in a second,
+and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme,
+"CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
+configuration is free is asked only once a way leads through it; those near one that is not are left out with it, until
+nothing else leads on. Then the way is evened: the joints' steps are made as small as the poses let them be, where all
+stays free.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hdplan.planner.job.following import POSE_ERROR, spread
+from hdplan.planner.job.following import POSE_ERROR, Places, spread
+from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
-FEWEST, MOST = 16, 200  # layers
-SPACING = 0.03  # [m] between layers, turns counted as lengths
-FIRST, FRESH, KEPT = 300, 120, 200  # configurations: looked for at the first place, newly at others, kept at most
+FEWEST, MOST = 16, 300  # layers
+SPACING = 0.02  # [m] between layers, turns counted as lengths
+VALUES = (1, 96, 144, 216)  # of joints that are held for a closed form, by their number
+FIRST, FRESH, KEPT = 300, 120, 240  # configurations: looked for at the first place, newly at others, kept at most
 STEPS = 40  # of damped least squares
 STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
-INNER = 0.03  # [rad] or [m] from the limits of joints, of ways that are followed
+INNER, ROOM = (
+    0.03,
+    0.01,
+)  # [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
 NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
 STEEP, LIMITS = 10, 0.05  # power and weight of how close joints are to their limits
 SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
-ROUNDS, TIMES = 6, 8  # of evening, between which the way is looked at
+ROUNDS, BACK = 10, 8  # of evening, and steps back to the poses after each
+EVEN = 1e-2  # [rad] or [m] below which a round of it ends
+DAMPED = 1e-3  # of evening
+REFINED, EVENED = 2, 2  # times that configurations are put in between at last, and evened each time
 LOOKS = 300  # ways that are looked at, at most
+TURN = 2.0 * np.pi
 
-
-@dataclass(frozen=True, eq=False)
-class Layers:
-    """Configurations of places along a curve."""
-
-    aims: list[Aim]  # of each place
-    configurations: list[Array]  # (k, n) of each place
-    costs: list[Array]  # (k,) of each; infinite where one is not free
+Free = Callable[[Array], Mask]
+"""True (B,) where configurations (B, n) are free."""
 
 
 def ways_along(
-    robot: Robot, start: Array | None, follow: Follow, length: float, seed: int, free: Callable[[Array], bool]
+    robot: Robot,
+    start: Array | None,
+    follow: Follow,
+    length: float,
+    quick: Array,
+    seed: int,
+    free: Free,
+    finer: int = 1,
 ) -> Iterator[Array]:
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
-    which case each begins elsewhere."""
-    count = int(np.clip(np.ceil(length / SPACING), FEWEST, MOST))
-    layers = _layers(robot, start, follow, count, np.random.default_rng(seed))
-    if layers is None:
+    which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
+    layers there are, and values of joints that are held for a closed form."""
+    count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
+    poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
+    found = _configurations(robot, start, follow, poses[::2], np.random.default_rng(seed), finer)
+    if found is None:
         return
-    known: list[dict[int, bool]] = [{} for _ in range(count)]
+    pace = quick / quick.max()
+    layers = Layers(robot, found, pace)
+    places = Places.of(robot, follow, poses, pace, low, high)
     for _ in range(LOOKS):
-        way = _cheapest(layers)
+        way = layers.cheapest()
         if way is None:
-            return
-        blocked = False
-        for place, chosen in enumerate(way):
-            if chosen not in known[place]:
-                known[place][chosen] = free(layers.configurations[place][chosen])
-            if not known[place][chosen]:
-                at = layers.configurations[place]
-                layers.costs[place][np.abs(at - at[chosen]).max(axis=1) <= NEAR_BLOCKED] = np.inf
-                blocked = True
-        if blocked:
+            if not layers.take_back(free):
+                return
             continue
-        found = np.array([layers.configurations[place][chosen] for place, chosen in enumerate(way)])
-        yield _evened(robot, layers.aims, found, start is not None, free)
+        if not layers.look_at(way, places, free):
+            continue
+        evened = _evened(places, layers.joined(way), start is not None, free)
+        yield _refined(places, follow, evened, start is not None, free)
         if start is not None:
             return
-        at = layers.configurations[0]
-        layers.costs[0][np.abs(at - at[way[0]]).max(axis=1) <= SAME_BEGINNING] = np.inf
+        layers.begin_elsewhere(way)
 
 
-def _layers(robot: Robot, start: Array | None, follow: Follow, count: int, rng: np.random.Generator) -> Layers | None:
-    """Return configurations of `count` places, evenly along the curve; None where one has none."""
+@dataclass(eq=False)
+class Layers:
+    """Configurations of places along a curve, and the cheapest way through them."""
+
+    robot: Robot
+    configurations: list[Array]  # (k, n) of each place
+    quick: Array  # (n,) joints' speeds, as shares of the greatest
+    _own: list[Array] = field(init=False)  # (k,) costs of each; infinite where one is not free
+    _steps: list[Array] = field(init=False)  # (k, l) costs of what leads from layer to layer
+    _unknown: list[Mask] = field(init=False)  # (k,) of which nobody has asked whether they are free
+    _guessed: list[Mask] = field(init=False)  # (k,) which are left out as they are near one that is not
+    _parted: list[tuple[int, Mask, Array]] = field(default_factory=list)  # steps left out so, and what they cost
+    _guesses: bool = True
+    _reached: list[tuple[Array, Array]] = field(init=False)  # costs of the best ways there, and from where they come
+    _changed: int = 0  # the first layer of which costs are no longer true
+
+    def __post_init__(self) -> None:
+        """Weigh the configurations and the steps between them."""
+        robot = self.robot
+        self._circles = robot.turning & ~robot.followed & ~(robot.upper - robot.lower < TURN)
+        middle, half = 0.5 * (robot.lower + robot.upper), 0.5 * (robot.upper - robot.lower)
+        bounded = np.isfinite(half)
+        shares = [np.abs(rows[:, bounded] - middle[bounded]) / half[bounded] for rows in self.configurations]
+        self._weights = [LIMITS * (share**STEEP).sum(axis=1) for share in shares]
+        self._own = [each.copy() for each in self._weights]
+        self._steps = [self._between(*pair) for pair in itertools.pairwise(self.configurations)]
+        self._unknown = [np.ones(len(rows), dtype=bool) for rows in self.configurations]
+        self._guessed = [~each for each in self._unknown]
+        self._reached = []
+
+    def _between(self, last: Array, rows: Array) -> Array:
+        """The costs (l, k) of steps to some configurations from others."""
+        cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
+        for joint, quick in enumerate(self.quick.tolist()):
+            step = np.subtract.outer(rows[:, joint], last[:, joint])
+            if self._circles[joint]:
+                step -= TURN * np.round(step / TURN)
+            far |= np.abs(step) > STEP
+            cost += (step / quick) ** 2
+        cost[far] = np.inf
+        return cost
+
+    def cheapest(self) -> list[int] | None:
+        """Return which configuration of each layer the cheapest way takes; None if no way leads through."""
+        del self._reached[self._changed :]
+        while (k := len(self._reached)) < len(self._own):
+            if k == 0:
+                self._reached.append((self._own[0], np.zeros(0, np.int64)))
+                continue
+            total = self._steps[k - 1] + self._reached[-1][0]
+            best = total.argmin(axis=1)
+            self._reached.append((total[np.arange(len(total)), best] + self._own[k], best))
+        self._changed = len(self._own)
+        cost = self._reached[-1][0]
+        way = [int(cost.argmin())]
+        if not np.isfinite(cost[way[0]]):
+            return None
+        for _, best in reversed(self._reached[1:]):
+            way.append(int(best[way[-1]]))
+        return way[::-1]
+
+    def look_at(self, way: list[int], places: Places, free: Free) -> bool:
+        """Return whether a way is free, and between two layers, too; if not, what is not is left out from now on, and,
+        as a guess, what is near."""
+        new = [k for k, chosen in enumerate(way) if self._unknown[k][chosen]]
+        found = free(np.array([self.configurations[k][way[k]] for k in new])) if new else np.ones(0, dtype=bool)
+        for k, is_free in zip(new, found.tolist(), strict=True):
+            self._unknown[k][way[k]] = False
+            if not is_free:
+                near = self._near(k, way[k], NEAR_BLOCKED) & self._unknown[k] & self._guesses
+                self._guessed[k] |= near
+                near[way[k]] = True
+                self._leave_out(k, near)
+        if not found.all():
+            return False
+        wrong = np.flatnonzero(_wrong_between(places, self.joined(way), free)).tolist()
+        for k in wrong:
+            ends = (self._near(i, way[i], NEAR_BLOCKED if self._guesses else 0.0) for i in (k + 1, k))
+            parted = np.logical_and.outer(*ends)
+            if self._guesses:
+                others = parted.copy()
+                others[way[k + 1], way[k]] = False
+                self._parted.append((k, others, self._steps[k][others]))
+            self._steps[k][parted] = np.inf
+            self._changed = min(self._changed, k + 1)
+        return not wrong
+
+    def take_back(self, free: Free) -> bool:
+        """Ask whether what was left out as a guess is free, and guess no more; return whether there was any."""
+        asked = [(k, i) for k, guessed in enumerate(self._guessed) for i in np.flatnonzero(guessed).tolist()]
+        if not self._guesses or not (asked or self._parted):
+            return False
+        self._guesses, self._changed = False, 0
+        for k, parted, cost in reversed(self._parted):
+            self._steps[k][parted] = cost
+        if not asked:
+            return True
+        found = free(np.array([self.configurations[k][i] for k, i in asked]))
+        for (k, i), is_free in zip(asked, found.tolist(), strict=True):
+            self._unknown[k][i] = False
+            if is_free:
+                self._own[k][i] = self._weights[k][i]
+        return True
+
+    def begin_elsewhere(self, way: list[int]) -> None:
+        """Leave out what is near the beginning of a way."""
+        near = self._near(0, way[0], SAME_BEGINNING)
+        self._guessed[0] &= ~near
+        self._leave_out(0, near)
+
+    def _near(self, layer: int, chosen: int, around: float) -> Mask:
+        at = self.configurations[layer]
+        return np.asarray(np.abs(at - at[chosen]).max(axis=1) <= around)
+
+    def _leave_out(self, layer: int, which: Mask) -> None:
+        self._own[layer][which] = np.inf
+        self._changed = min(self._changed, layer)
+
+    def joined(self, way: list[int]) -> Array:
+        """Return a way (layers, n), on which joints that turn without an end do so the short way."""
+        found = np.array([at[chosen] for at, chosen in zip(self.configurations, way, strict=True)])
+        steps = np.diff(found, axis=0)
+        turns = np.where(self._circles, TURN * np.round(steps / TURN), 0.0)
+        found[1:] -= np.cumsum(turns, axis=0)
+        return found
+
+
+def _configurations(
+    robot: Robot, start: Array | None, follow: Follow, poses: list[Pose], rng: np.random.Generator, finer: int
+) -> list[Array] | None:
+    """Return configurations of places along a curve; None where one has none."""
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    seed = np.clip(0.5 * (low + high) if start is None else start, robot.lower, robot.upper)
+    inner = inner_limits(robot)
     found: list[Array] = []
-    aims: list[Aim] = []
-    for pose in spread(follow, count):
-        aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
-        aims.append(aim)
-        fresh = rng.uniform(low, high, (FRESH if found else FIRST, robot.n))
+    for pose in poses:
+        target = PoseTarget(follow.link, pose, free_rotation=follow.free_rotation)
         if not found and start is not None:
             found.append(start[None])
             continue
-        reached = _reached(robot, aim, np.concatenate([found[-1], fresh]) if found else fresh)
+        if (form := closed_form(robot, target)) is not None:
+            reached = form.branches(robot, target, seed, finer * VALUES[len(form.ways[0].held)])
+        else:
+            fresh = rng.uniform(low, high, (FRESH if found else FIRST, robot.n))
+            reached = _reached(robot, target, np.concatenate([found[-1], fresh]) if found else fresh)
+        reached = reached[((reached >= inner[0]) & (reached <= inner[1])).all(axis=1)]
         if not len(reached):
             return None
-        if len(reached) > KEPT:
-            reached = reached[rng.permutation(len(reached))[:KEPT]]
-        found.append(reached)
-    middle, half = 0.5 * (robot.lower + robot.upper), 0.5 * (robot.upper - robot.lower)
-    bounded = np.isfinite(half)
-    costs = []
-    for rows in found:
-        share = np.abs(rows[:, bounded] - middle[bounded]) / half[bounded]
-        costs.append(LIMITS * (share**STEEP).sum(axis=1))
-    return Layers(aims, found, costs)
+        found.append(reached[rng.permutation(len(reached))[: finer * KEPT]] if len(reached) > finer * KEPT else reached)
+    return found
 
 
-def _evened(robot: Robot, aims: list[Aim], way: Array, fixed: bool, free: Callable[[Array], bool]) -> Array:
-    """Return a way (layers, n) on which joints go more steadily, free where it was looked at."""
-    low, high = robot.lower + INNER, robot.upper - INNER
-    for _ in range(ROUNDS):
-        moved = way.copy()
-        for _ in range(TIMES):
-            inner = moved[1:-1] + 0.5 * (0.5 * (moved[:-2] + moved[2:]) - moved[1:-1])
-            ends = moved[:1] if fixed else moved[1:2], moved[-2:-1]
-            moved = np.clip(np.concatenate([ends[0], inner, ends[1]]), low, high)
-            for k in range(1 if fixed else 0, len(moved)):
-                for _ in range(2):
-                    error, jacobian = aims[k].linearized(moved[k : k + 1])
-                    moved[k : k + 1] = damped_step(robot, moved[k : k + 1], error, jacobian)
-        if not all(free(q) for q in moved):
-            return way
-        way = moved
-    return way
+def inner_limits(robot: Robot) -> tuple[Array, Array]:
+    """Return the limits of joints (n,), (n,) that ways are to keep to."""
+    room = np.minimum(INNER, ROOM * (robot.upper - robot.lower))
+    return robot.lower + room, robot.upper - room
 
 
-def _reached(robot: Robot, aim: Aim, q: Array) -> Array:
-    """Return those of some configurations (B, n) that reach the aim, brought there, within the limits."""
+def _reached(robot: Robot, target: PoseTarget, q: Array) -> Array:
+    """Return those of some configurations (B, n) that reach a target, brought there."""
+    aim = Aim.at(robot, target)
     for _ in range(STEPS):
         error, jacobian = aim.linearized(q)
-        if _there(aim, error).all():
+        if (np.abs(error) <= POSE_ERROR).all():
             break
         q = damped_step(robot, q, error, jacobian)
     error, _ = aim.linearized(q)
-    inside = ((q >= robot.lower + INNER) & (q <= robot.upper - INNER)).all(axis=1)
-    return np.asarray(q[_there(aim, error) & inside])
+    return np.asarray(q[(aim.sizes(error) <= POSE_ERROR).all(axis=(1, 2))])
 
 
-def _there(aim: Aim, error: Array) -> Mask:
-    return np.asarray((aim.sizes(error) <= POSE_ERROR).all(axis=(1, 2)))
+def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
+    """True (layers − 1,) where between two configurations of a way (layers, n) the middle of the two poses is out of
+    reach, or not free."""
+    middles = places.every(slice(1, None, 2))
+    rows = middles.back(0.5 * (way[:-1] + way[1:]), BACK)
+    return ~middles.reached(rows) | ~free(rows)
 
 
-def _cheapest(layers: Layers) -> list[int] | None:
-    """Return which configuration of each layer the cheapest way takes; None if no way leads through."""
-    cost, before = layers.costs[0], []
-    for last, rows, own in zip(layers.configurations[:-1], layers.configurations[1:], layers.costs[1:], strict=True):
-        steps = rows[:, None] - last[None]
-        total = np.where(np.abs(steps).max(axis=2) <= STEP, (steps**2).sum(axis=2), np.inf) + cost[None]
-        best = total.argmin(axis=1)
-        before.append(best)
-        cost = total[np.arange(len(rows)), best] + own
-    chosen = int(cost.argmin())
-    if not np.isfinite(cost[chosen]):
-        return None
-    way = [chosen]
-    for best in reversed(before):
-        way.append(int(best[way[-1]]))
-    return way[::-1]
+def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
+    """Return a way (layers, n) on which joints make smaller steps, free where it was looked at. Configurations that
+    would not be free any more stay where they are."""
+    places = between.every(slice(0, None, 2))
+    held = np.zeros(len(way), dtype=bool)
+    held[0] = fixed
+    for _ in range(ROUNDS):
+        step = _shortening(places, way, held)
+        moved = way + min(1.0, STEP / max(np.abs(step).max(), 1e-12)) * step
+        moved[~held] = places.back(moved, BACK)[~held]
+        wrong = ~places.reached(moved) | ~free(moved)
+        far = np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP
+        far |= _wrong_between(between, moved, free)
+        wrong |= np.append(far, False) | np.append(False, far)
+        if (wrong & ~held).any():
+            held |= wrong
+            continue
+        done, way = np.abs(moved - way).max() <= EVEN, moved
+        if done:
+            break
+    return way
+
+
+def _shortening(places: Places, way: Array, held: Mask) -> Array:
+    """Return steps (layers, n) by which a way's own steps become least in the sum of their squares, to first order: of
+    each configuration only what moves no pose, but nothing of those that are held."""
+    _, jacobian = places.linearized(way)
+    (count, n), rank = way.shape, 6 if places.free == "none" else 5
+    loose = np.linalg.svd(jacobian * places.quick)[2][:, rank:].transpose(0, 2, 1) * ~held[:, None, None]
+    steps, parts = np.diff(way, axis=0) / places.quick, n - rank
+    pull = np.zeros((count, parts))
+    pull[:-1] += np.einsum("kni,kn->ki", loose[:-1], steps)
+    pull[1:] -= np.einsum("kni,kn->ki", loose[1:], steps)
+    own = np.einsum("kni,knj->kij", loose, loose)
+    own[1:-1] *= 2.0
+    own += DAMPED * np.eye(parts)
+    both = -np.einsum("kni,knj->kij", loose[:-1], loose[1:])  # of each with the next
+    band = np.zeros((2 * parts, count, parts))  # SciPy's upper form
+    for i, j in itertools.product(range(parts), range(parts)):
+        if i <= j:
+            band[2 * parts - 1 + i - j, :, j] = own[:, i, j]
+        band[parts - 1 + i - j, 1:, j] = both[:, i, j]
+    found = scipy.linalg.solveh_banded(band.reshape(2 * parts, -1), pull.ravel()).reshape(count, parts)
+    return np.asarray(np.einsum("kni,ki->kn", loose, found) * places.quick)
+
+
+def _refined(between: Places, follow: Follow, way: Array, fixed: bool, free: Free) -> Array:
+    """Return a way with configurations between its own, evened too, where they are free then."""
+    for _ in range(REFINED):
+        places = replace(between, poses=np.array([pose.matrix for pose in spread(follow, 2 * len(way) - 1)]))
+        finer, held = np.repeat(way, 2, axis=0)[:-1], np.zeros(2 * len(way) - 1, dtype=bool)
+        finer[1::2] = 0.5 * (way[:-1] + way[1:])
+        held[0] = fixed
+        finer[~held] = places.back(finer)[~held]
+        evened = finer
+        for _ in range(EVENED):
+            evened = evened + _shortening(places, evened, held)
+            evened[~held] = places.back(evened)[~held]
+        found = [each for each in (evened, finer) if places.reached(each).all() and free(each).all()]
+        if not found:
+            return way
+        way = found[0]
+    return way

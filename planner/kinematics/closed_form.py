@@ -114,17 +114,17 @@ class ClosedForm(NamedTuple):
         names = " and ".join(robot.joint_names[self.planned[joint]] for joint in way.held)
         return f"in closed form, {WORDS[way.kind]}" + f"; {names} at values around the seed's" * bool(names)
 
-    def branches(self, robot: Robot, target: PoseTarget, seed: Array) -> Array:
+    def branches(self, robot: Robot, target: PoseTarget, seed: Array, count: int = 0) -> Array:
         """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else
-        all with the held joints as in the seed (n,), and with other values that lie evenly within the limits. Joints
-        that do not move the link are as in the seed, within the limits."""
+        all with the held joints as in the seed (n,), and with others of `count` values (by default PER_HELD for each)
+        that lie evenly within the limits. Joints that do not move the link are as in the seed, within the limits."""
         functions = library()
         assert functions is not None
         own = self.planned >= 0
         start = np.where(own, seed[self.planned], 0.0)
         pose = target.pose.matrix
         wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
-        values = self._values(start)
+        values = self._values(start, count)
         each = [closed_form_loop.branches(functions, chain, wanted, values, start) for chain in self.chains]
         rows = each[0]
         for more in each[1:]:
@@ -134,7 +134,7 @@ class ClosedForm(NamedTuple):
         found[:, self.planned[own]] = rows[:, own]
         return found
 
-    def _values(self, start: Array) -> Array:
+    def _values(self, start: Array, count: int) -> Array:
         """Values (B, m) of held joints: those of the start first, then a lattice that is even in m dimensions."""
         held = list(self.ways[0].held)
         low, high = self.lower[held], self.upper[held]
@@ -142,7 +142,7 @@ class ClosedForm(NamedTuple):
         seed = start[held]
         low = np.where(wide, seed - np.pi, low)
         span = np.where(wide, 2 * np.pi, high - low)
-        count = PER_HELD * len(held) or 1
+        count = (count or PER_HELD * len(held)) if held else 1
         ratio = 2.0
         for _ in range(32):  # of the lattice: xᵐ⁺¹ = x + 1 (the golden ratio for m = 1)
             ratio = (1.0 + ratio) ** (1.0 / (len(held) + 1.0))

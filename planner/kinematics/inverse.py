@@ -7,6 +7,7 @@ Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Free
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -43,8 +44,12 @@ class LinkPose(NamedTuple):
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose error (B, 6), translation [m] and rotation [rad] in world axes, and its Jacobian (B, 6, n)."""
+        return self.towards(q, self.target.pose.matrix)
+
+    def towards(self, q: Array, wanted: Array) -> tuple[Array, Array]:
+        """The same with other poses in the place of the target's: one (4, 4), or one for each row (B, 4, 4)."""
         place = self.moving(self.arm.evaluate(self.robot.expand(q)))
-        error, kept = off_pose(place, self.target.pose.matrix, self.target.free_rotation)
+        error, kept = off_pose(place, wanted, self.target.free_rotation)
         jacobian = np.concatenate([place.linear, kept(place.angular)], axis=2).transpose(0, 2, 1)
         return error, self.robot.fold(jacobian)
 
@@ -69,18 +74,21 @@ class Moving(NamedTuple):
 def off_pose(place: Moving, wanted: Array, free: str) -> tuple[Array, Callable[[Array], Array]]:
     """Return how far a frame is off a pose (4, 4) or (B, 4, 4): translation and rotation (B, 6) in world axes, and what
     of angular velocities (B, n, 3) changes that, with the rotations that are free."""
+    kept: Callable[[Array], Array]
     if free == "all":
         turn, kept = np.zeros_like(place.origin), np.zeros_like
     elif free in AXES:
         axis = AXES.index(free)
         along = place.rotation[:, :, axis]
-        turn = _turn_between(along, wanted[..., :3, axis])
-
-        def kept(turning: Array) -> Array:
-            return np.asarray(turning - (turning @ along[..., None]) * along[:, None])
+        turn, kept = _turn_between(along, wanted[..., :3, axis]), functools.partial(_across, along)
     else:
         turn, kept = vectors_of(wanted[..., :3, :3] @ place.rotation.transpose(0, 2, 1)), np.asarray
     return np.concatenate([wanted[..., :3, 3] - place.origin, turn], axis=1), kept
+
+
+def _across(along: Array, turning: Array) -> Array:
+    """Return what of angular velocities (B, n, 3) is across directions (B, 3)."""
+    return np.asarray(turning - (turning @ along[..., None]) * along[:, None])
 
 
 class Aim(NamedTuple):

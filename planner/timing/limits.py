@@ -74,7 +74,7 @@ def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
     if setup.scene.path.follow is not None and setup.scene.path.follow.rated:
         from hdplan.planner.timing.tool_limit import ToolLimit
 
-        of_tool.append(ToolLimit(setup))
+        of_tool.append(ToolLimit.of(setup))
     return (*(_kept(name, limit, setup) for name, limit in setup.limits.items()), *of_tool)
 
 

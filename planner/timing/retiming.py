@@ -19,6 +19,7 @@ obstacle moves, it is the fastest law, stretched to the duration.
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -30,7 +31,7 @@ from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.planner.timing.least_time import least_time, least_times
-from hdplan.planner.timing.limits import MARGIN, RateLimit, timing_limits
+from hdplan.planner.timing.limits import MARGIN, RateLimit, TimingLimit, timing_limits
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.planner.timing.time_optimal import time_optimal
@@ -95,6 +96,12 @@ class Retimer:
 
             self.ends = MovingEnds(setup, self.limits, meets)
             self.rate = self.ends.rate
+
+    def with_limit(self, limit: TimingLimit) -> Retimer:
+        """Return the same with one more limit."""
+        found = copy.copy(self)
+        found.limits = (*self.limits, limit)
+        return found
 
     def standing(self, query: Query) -> Query:
         """Return the ends of the path that is timed: where the robot would stand, if it does not at the scene's."""

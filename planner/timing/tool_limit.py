@@ -2,19 +2,24 @@
 
 With p' and p'' its derivatives by u: its velocity is p' u̇, its acceleration p'' u̇² + p' ü, of which the part t along p'
 and the part n across add up to at most a where they are within an octagon that a circle of radius a is drawn around.
-Both are sampled here, not bounded; the certificate bounds them.
+Both are sampled here, not bounded; the certificate bounds them. A path may have several paces, one after the other.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.time_optimal import PathRows, grid
+from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
@@ -27,18 +32,37 @@ DIRECTIONS = read_only(np.array([[np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)] 
 STANDS = 1e-9  # [m] of a path's slope, below which it has no direction
 
 
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """The most that a link may do on a part of a path."""
+
+    speed: float | None  # [m/s]
+    acceleration: float | None  # [m/s²]
+    planned: tuple[float, float] = (0.0, 1.0)  # the path's parameters between which it is planned for
+    begins: Array | None = None  # (n,) the configuration from which on it is kept; None: from the beginning
+
+    def most(self, order: int) -> float:
+        """The most that is planned for, of the speed (1) or the acceleration (2)."""
+        value = self.speed if order == 1 else self.acceleration
+        return MOST if value is None else (1.0 - MARGINS[order]) * value
+
+
 class ToolLimit:
     """Speed of the link's origin along a curve that is followed."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, robot: Robot, link: str, paces: Sequence[Pace]) -> None:
         """Look up the link. Raises InputError as `link_frame`."""
+        frame = robot.model.frames[link_frame(robot, link, "path.follow")]
+        self.robot, self.arm, self.paces = robot, kinematics_of(robot), paces
+        self.joint, self.point = int(frame.parentJoint), frame.placement.translation
+        self.orders = [order for order in MARGINS if any(pace.most(order) < MOST for pace in paces)]
+
+    @classmethod
+    def of(cls, setup: Setup) -> ToolLimit:
+        """Take that of the curve that a scene's motion follows. Raises InputError as `link_frame`."""
         follow = setup.scene.path.follow
         assert follow is not None
-        frame = setup.robot.model.frames[link_frame(setup.robot, follow.link, "path.follow")]
-        self.robot, self.arm = setup.robot, kinematics_of(setup.robot)
-        self.joint, self.point = int(frame.parentJoint), frame.placement.translation
-        given = {1: follow.speed, 2: follow.acceleration}
-        self.most = {order: (1.0 - MARGINS[order]) * value for order, value in given.items() if value is not None}
+        return cls(setup.robot, follow.link, [Pace(follow.speed, follow.acceleration)])
 
     def rows(self, spline: PathSpline) -> PathRows:
         """Rows of the limit on a path at the points of `grid`."""
@@ -47,24 +71,38 @@ class ToolLimit:
         way = slope / np.maximum(size, STANDS)[:, None]
         along = (bend * way).sum(axis=1)
         across = np.linalg.norm(bend - along[:, None] * way, axis=1)
-        found = [(0.0 * size, size**2, self.most[1] ** 2)] if 1 in self.most else []
-        for one, other in DIRECTIONS if 2 in self.most else ():
-            found.append((one * size, one * along + other * across, INSCRIBED * self.most[2]))
-        a, b, c = zip(*found, strict=True)
-        return PathRows(np.stack(a, axis=1), np.stack(b, axis=1), np.tile(c, (len(size), 1)))
+        found = [(0.0 * size, size**2, self._planned(1) ** 2)] if 1 in self.orders else []
+        for one, other in DIRECTIONS if 2 in self.orders else ():
+            found.append((one * size, one * along + other * across, INSCRIBED * self._planned(2)))
+        a, b, c = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+        return PathRows(a, b, c)
+
+    def _planned(self, order: int) -> Array:
+        """The most that is planned for at the points of `grid`: the least of all paces there."""
+        u, found = grid(), np.full(len(grid()), MOST)
+        for pace in self.paces:
+            here = (pace.planned[0] <= u) & (u <= pace.planned[1])
+            found[here] = np.minimum(found[here], pace.most(order))
+        return found
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""
         count = SAMPLES * (len(curve) - 1) + 1
         parameters = np.linspace(0.0, 1.0, count)
         q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
-        slope, bend = self._by_joints(q, v, a)
-        return float(self._stretch(slope, bend).max(initial=0.0))
+        values, pace = dict(zip(MARGINS, self._by_joints(q, v, a), strict=True)), self._kept(q)
+        most = {order: np.array([each.most(order) for each in self.paces])[pace] for order in self.orders}
+        found = [(np.linalg.norm(values[order], axis=1) / each) ** (1 / order) for order, each in most.items()]
+        return float(np.max(found, initial=0.0))
 
-    def _stretch(self, velocity: Array, acceleration: Array) -> Array:
-        values = {1: velocity, 2: acceleration}
-        found = [(np.linalg.norm(values[order], axis=1) / most) ** (1 / order) for order, most in self.most.items()]
-        return np.asarray(np.max(found, axis=0))
+    def _kept(self, q: Array) -> NDArray[np.int64]:
+        """Return which pace is kept at each of some configurations (k, n) along the path."""
+        found, last = np.zeros(len(q), np.int64), 0
+        for number, pace in enumerate(self.paces):
+            if pace.begins is not None:
+                last += int(np.linalg.norm(q[last:] - pace.begins, axis=1).argmin())
+            found[last:] = number
+        return found
 
     def _slopes(self, spline: PathSpline, u: Array) -> tuple[Array, Array]:
         """Return p' and p'' (k, 3) on a path."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 import hdplan
 from hdplan.planner.certificate import tool_rates
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.followed_curve import OnCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import Part
 from hdplan.planner.certificate.path_check import PathCheck
 from hdplan.planner.certificate.verdict import Status
@@ -301,3 +301,21 @@ def test_bad_curves_are_refused() -> None:
         Certifier(slow)
     with pytest.raises(InputError, match="a single motion is not planned along a curve"):
         hdplan.plan(setup.asked)
+
+
+@pytest.mark.parametrize("fastest", [0.01, 0.03])
+def test_where_a_curve_turns_back_its_end_is_not_skipped(fastest: float) -> None:
+    """A link that turns to an angle and back is as near to the way back as to the way there, all along."""
+    angles = np.concatenate([np.linspace(0.0, 0.5, 30), np.linspace(0.5, 0.0, 30)[1:]])
+    turn = [Rotation.from_euler("z", angle) for angle in angles]
+    poses = [hdplan.Pose([0.4, 0.0, 0.4], each.as_quat()) for each in turn]
+    follow = hdplan.Follow("panda_hand", poses, position_tolerance=1e-4, orientation_tolerance=2e-3)
+    curve = PoseCurve.of(hdplan.load_robot("panda"), follow)
+    pace = np.clip(np.concatenate([np.linspace(0.0, 1.0, 20), np.ones(10), np.linspace(1.0, 0.0, 20)]), 0.02, 1.0)
+    there = np.concatenate([[0.0], np.cumsum(np.tile(pace, 20))])
+    there = 0.5 * there[there * fastest <= 0.5] / there[there * fastest <= 0.5][-1]
+    driven = np.concatenate([there, there[::-1][1:]]) + 2e-4 * np.sin(np.arange(2 * len(there) - 1))
+    rotations = Rotation.from_euler("z", driven[:, None]).as_matrix().reshape(-1, 3, 3)
+    places = curve.places(rotations, np.tile([0.4, 0.0, 0.4], (len(driven), 1)), 0.0, float(len(poses) - 1))
+    assert (np.diff(places) >= 0.0).all()
+    assert np.abs(np.interp(places, np.arange(len(angles)), angles) - driven).max() <= 2e-3

@@ -163,6 +163,20 @@ def test_without_speeds_both_brake_and_accelerate_evenly() -> None:
     assert result.trajectory.duration < 0.95 * rested.trajectory.duration  # type: ignore[operator]
 
 
+def test_curves_of_different_speeds_keep_each_to_its_own_and_are_quicker_than_with_stops() -> None:
+    slow, fast = (
+        hdplan.Line(by=by, blend=blend, tool_speed=speed, tool_acceleration=1.0)
+        for by, blend, speed in (([0, 0.12, 0], 0.03, 0.05), ([0.12, 0, 0], 0.0, 0.2))
+    )
+    result = hdplan.plan_job(job_of(slow, fast))
+    rested = hdplan.plan_job(job_of(replace(slow, blend=0.0), fast))
+    assert result.certified
+    assert rested.certified
+    assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
+    first, second = result.certificate.stages
+    assert second.ends - second.begins < 0.6 * (first.ends - first.begins)
+
+
 def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
     """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
     scene, motion = planned.scene, planned.trajectory

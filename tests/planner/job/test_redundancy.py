@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan.planner.job.redundancy import INNER, STEP, ways_along
+from hdplan.planner.job.redundancy import STEP, inner_limits, ways_along
 
 TOOL = "panda_hand_tcp"
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
@@ -31,20 +31,22 @@ def test_ways_are_followed_freely(fixed: bool) -> None:
     follow = hdplan.Follow(TOOL, poses)
     asked: list[np.ndarray] = []
 
-    def free(q: np.ndarray) -> bool:
+    def free(rows: np.ndarray) -> np.ndarray:
         """As if something stood where the elbow is turned to one side."""
-        asked.append(q)
-        return bool(q[2] < 0.4)
+        asked.extend(rows)
+        return np.asarray(rows[:, 2] < 0.4)
 
-    found = list(itertools.islice(ways_along(robot, READY if fixed else None, follow, 0.27, 0, free), 2))
+    start, quick = READY if fixed else None, np.ones(robot.n)
+    found = list(itertools.islice(ways_along(robot, start, follow, 0.27, quick, 0, free), 2))
+    low, high = inner_limits(robot)
     assert len(found) == (1 if fixed else 2)
     assert asked
     for way in found:
         if fixed:
             assert np.array_equal(way[0], READY)
         assert np.abs(np.diff(way, axis=0)).max() <= STEP
-        assert (way >= robot.lower + INNER).all()
-        assert (way <= robot.upper - INNER).all()
+        assert (way >= low).all()
+        assert (way <= high).all()
         assert (way[:, 2] < 0.4).all()
         for share, q in zip(np.linspace(0, 1, len(way)), way, strict=True):
             place = place_of(robot, q)
@@ -60,9 +62,10 @@ def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
         hdplan.Pose(place, pin.Quaternion(place_of(robot, READY)[:3, :3]).coeffs())
         for place in ([0.5, 0, 0.4], [0.5, 0, 2.0])
     ]
-    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, poses), 1.6, 0, lambda q: True))
+    quick = np.ones(robot.n)
+    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, poses), 1.6, quick, 0, lambda q: q[:, 0] < 9.0))
     near = [
         hdplan.Pose([0.5, 0, 0.4], poses[0].quaternion_xyzw),
         hdplan.Pose([0.5, 0.1, 0.4], poses[0].quaternion_xyzw),
     ]
-    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, 0, lambda q: False))
+    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, quick, 0, lambda q: q[:, 0] > 9.0))

@@ -127,7 +127,7 @@ def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:
     rng = np.random.default_rng(4)
     wanted, *others = (v / np.linalg.norm(v) for v in rng.normal(size=(20, 3)))
     for direction in (*others, wanted, -wanted):
-        (turn,) = inverse._turn_between(direction[None], wanted)
+        (turn,) = inverse._turn_between(direction[None], wanted[None])
         np.testing.assert_allclose(pin.exp3(turn) @ direction, wanted, atol=1e-9)
         assert np.linalg.norm(turn) == pytest.approx(np.arccos(np.clip(direction @ wanted, -1, 1)), abs=1e-7)
 
