@@ -52,14 +52,14 @@ class Stages:
         self._closer: dict[int, tuple[Problem, ...]] = {}
 
     def first(self, i: int) -> Problem:
-        """That of search i for a first guess."""
+        """Return the problem of search i for a first guess."""
         if i not in self._first:
             problem = self.searches[i].problem
             self._first[i] = exactly(problem) if ends_overlap(problem) else problem
         return self._first[i]
 
     def __getitem__(self, i: int) -> tuple[Problem, ...]:
-        """Those of search i that follow it."""
+        """Return the problems of search i that follow it."""
         if i not in self._closer:
             search = self.searches[i]
             activation = search.problem.scene.planner.activation
