@@ -42,7 +42,7 @@ class UnsolvableError(InputError):
 
 
 class MisplacedError(InputError):
-    """What a stage of a job asks for cannot be done from where the robot is: it may be from elsewhere, where a stage
+    """A stage of a job that cannot be done from where the robot is: it may be from elsewhere, where a stage
     before it leaves a choice."""
 
 
