@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from . import images, scene as scenes
+from . import images, point_files, scene as scenes
 from .balls import EPS, Ball, inverse, joined, need, norm, up
 from .text import Files, listing, mapping, values
 
@@ -36,9 +36,13 @@ def balls_of(kind: str, value: Any, what: str, folder: Path, files: Files) -> tu
     if "file" in said:
         path = folder / scenes.word(said["file"], what)
         data = files.read(f"{kind} {path.name}", path)
-        if path.suffix.lower() not in (TABLES if kind == "cloud" else images.KINDS):
+        if kind == "cloud" and path.suffix.lower() in point_files.KINDS:
+            if (table := point_files.table(path, data)) is None:
+                return None
+        elif path.suffix.lower() not in (TABLES if kind == "cloud" else images.KINDS):
             return None
-        table = images.table(path, data, "points" if kind == "cloud" else "depth")
+        else:
+            table = images.table(path, data, "points" if kind == "cloud" else "depth")
     else:
         rows = listing(said[given], what)
         need(rows and all(type(x) is list and len(x) == len(rows[0]) for x in rows), f"{what}: rows of numbers")

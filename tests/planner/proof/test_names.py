@@ -106,8 +106,8 @@ def test_a_held_object_and_an_obstacle_have_two_names(tmp_path: Path) -> None:
 
 def test_what_the_checker_takes_from_the_proof_is_not_another_body_s(tmp_path: Path) -> None:
     """A cloud of a link's name: its balls, not the link's shape."""
-    (tmp_path / "v.ply").write_bytes(b"a kind that is not read")
-    cloud = {"name": "fore", "cloud": {"file": "v.ply", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
+    (tmp_path / "v.laz").write_bytes(b"a kind that is not read")
+    cloud = {"name": "fore", "cloud": {"file": "v.laz", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}
     given = files(tmp_path, {"obstacles": [cloud]})
     balls = {**hull([[0.0, 0.0, 0.0]], 0.1, 0.1, 0.1), "parts": [[0]]}
     honest = read_world(*files(tmp_path / "other", {})).world
