@@ -61,6 +61,7 @@ def _xyz(data: bytes, what: str) -> Any:
 def _ply(data: bytes, what: str) -> Any:
     end = re.search(rb"(?<=\n)end_header(\r?\n)", data[:100_000])
     need(data[:4] in (b"ply\n", b"ply\r") and end, f"{what}: is no PLY file, or its header is cut short")
+    assert end is not None
     line_end = end[1]
     head = data[: end.end()].split(line_end)[:-1]
     need(not any(b"\r" in x or b"\n" in x for x in head), f"{what}: lines that end in other ways")
