@@ -7,6 +7,7 @@ Autonomous Robots 2013, and its file formats).
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -92,6 +93,8 @@ def _full(data: bytes) -> list[Leaf]:
         (odds,), bits, half = struct.unpack_from("<f", data, at), data[at + 4], size // 2
         at += 5
         if not bits:
+            if math.isnan(odds):
+                raise InputError("has a cell whose probability is not a number")
             found.append((x, y, z, size, odds >= 0.0))
             continue
         if size <= 1:

@@ -155,7 +155,7 @@ class Job(Hands):
         into = f"; goes over into the next within {stage.blend:g} m" if stage.blend else ""
         about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}{into}"
         name = f"stage {named(stage.name)}{', the arm that stands still' * arm}"
-        read = Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
+        read = reader.reading(world)
         holding = None if arm or stage.kind != "grip" or "object" not in stage.said else self.holding(stage)
         return Part(name, about, read, arm, holding, stage.curve)
 

@@ -45,7 +45,8 @@ class Around(NamedTuple):
 
 def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose: Pose) -> Any:
     """Which of an obstacle's balls stay (m,): all but those that the proof has left out, which the scene must allow."""
-    stay = kept(centres.mid, reader.told.points(name))
+    told = reader.told.seen(name)
+    stay = without(len(centres.mid), told) if "left_out" in told else kept(centres.mid, reader.told.points(name))
     if stay.all():
         return stay
     left = centres.mid[~stay] @ pose[0].mid.T + pose[1].mid
@@ -56,6 +57,15 @@ def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose
         if count > len(left):
             reader.left_out[f"left out, of {len(stay)} balls of {named(name)}: {count - len(left)} {words}"] = None
     need(not len(left), f"'{name}': {len(left)} balls are left out that are not near what the scene names")
+    return stay
+
+
+def without(count: int, told: dict[str, Any]) -> Any:
+    """Which of so many balls stay without the rows that a proof `told`."""
+    stay, rows = np.ones(count, dtype=bool), told["left_out"]
+    good = type(rows) is list and {*map(type, rows)} <= {int} and all(0 <= x < count for x in rows)
+    need(good, "the proof leaves out a ball that is not seen there")
+    stay[rows] = False
     return stay
 
 

@@ -49,6 +49,7 @@ class Reading:
     hashes: dict[str, str]  # of the files
     taken: tuple[str, ...]  # what the checker does not read, and took from the proof's own world
     passed: tuple[str, ...]  # what the files ask for and no world holds, in words
+    left_out: dict[str, list[int]]  # of the balls of a cloud or image that was read, by its name, the rows
 
 
 def read_world(
@@ -61,7 +62,7 @@ def read_world(
         reader = Reader(scene, motion, told, request, robot)
         need("job" not in reader.top, "the scene holds a job, and the proof is that of a single motion")
         world = reader.world_of_other_robot() if isinstance(reader.joints, OtherRobot) else reader.world()
-        return Reading(world, reader.files.hashes, tuple(reader.told.taken), reader.passed(world))
+        return reader.reading(world)
 
 
 @functools.lru_cache(maxsize=8)  # these two by the content of files, which are read each time
@@ -82,6 +83,7 @@ class Reader:
     def __init__(self, scene: Path, motion: Path, told: Any, request: Path | None, robot: str | None) -> None:
         self.files, self.told = Files(), scenes.Told(told)
         self.clouds, self.left_out = dict[str, dict[str, Any]](), dict[str, None]()  # what was seen, by its name
+        self.rows_out = dict[str, list[int]]()  # of what was seen and read here
         self.folder = scene.absolute().parent
         data = self.files.read("scene", scene)
         self.top = scenes.read_scene(scene, data) if request is None else {}
@@ -209,7 +211,9 @@ class Reader:
         ignores = found is not None and bool(value.get("ignore_robot") or value.get("ignore"))
         if found is None or (ignores and isinstance(self.joints, OtherRobot)):
             return self.told.shape(name, None, what)
-        return shape_of(*found, staying(self, name, value, found[0], pose) if ignores else np.s_[:])
+        stay = staying(self, name, value, found[0], pose) if ignores else np.ones(len(found[1]), dtype=bool)
+        self.rows_out[name] = np.flatnonzero(~stay).tolist()
+        return shape_of(*found, stay)
 
     def held_bodies(self) -> tuple[list[Any], set[frozenset[str]]]:
         """Held objects, and the pairs that may touch."""
@@ -272,6 +276,10 @@ class Reader:
             **ends,
             **self.wanted(own),
         }
+
+    def reading(self, world: dict[str, Any]) -> Reading:
+        """A world that was read here, with what there is to say of it."""
+        return Reading(world, self.files.hashes, tuple(self.told.taken), self.passed(world), self.rows_out)
 
     def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
         """Remarks on an allowed collision matrix of MoveIt's that has more pairs of links compared, of rows

@@ -152,11 +152,15 @@ class Told:
         self.taken[what] = None
         return dict(own[number or 0])
 
-    def points(self, name: str) -> Any:
-        """The points (k, 3) of an obstacle that was seen: how it is put together, the proof may say in part."""
-        own = [x["shape"]["points"] for x in self._bodies if x["name"] == name and x["kind"] == "obstacle"]
+    def seen(self, name: str) -> dict[str, Any]:
+        """The shape of an obstacle that was seen: how it is put together, and what is left out, the proof may say."""
+        own = [x["shape"] for x in self._bodies if x["name"] == name and x["kind"] == "obstacle"]
         need(len(own) == 1, f"'{name}': the proof does not have it")
-        return numbers(own[0], (-1, 3), f"'{name}'")
+        return dict(own[0])
+
+    def points(self, name: str) -> Any:
+        """The points (k, 3) of an obstacle that was seen."""
+        return numbers(self.seen(name)["points"], (-1, 3), f"'{name}'")
 
 
 def mesh_of(

@@ -308,7 +308,6 @@ def pixel(value: float) -> Callable[[Any], Any]:
     [
         ({}, {}, lambda x: x),
         ({"scale": 1.0}, {}, lambda x: x / 1000.0),  # metres
-        ({"scale": 0.0001}, {}, lambda x: x.astype(np.int32) * 10),
         ({}, {}, lambda x: np.where(x == 0, np.nan, x).astype(np.float32)),
         ({}, {}, lambda x: np.where(x == 0, -np.inf, x)),
         ({"voxel": 0.05}, {}, None),  # which is the planner's
@@ -327,6 +326,7 @@ def test_the_same_image_in_other_words_is_accepted(
     ("depth", "view", "change"),
     [
         ({"scale": 0.00100001}, {}, None),
+        ({"scale": 0.0001}, {}, lambda x: x.astype(np.int32) * 10),  # which has other bits
         ({"scale": 1.0}, {}, None),
         ({"scale": 1.0}, {}, lambda x: x / 1000.0 + 1e-6),
         ({"intrinsics": [138, 138.0001, 79.5, 59.5]}, {}, None),
@@ -358,6 +358,33 @@ def test_the_proof_of_another_image_is_rejected(
     """Of another camera, another place of it, other pixels, or with less of the robot's image left out."""
     with pytest.raises(RejectedError):
         check(*signed(proven, tmp_path, depth, view, change))
+
+
+def test_the_balls_of_an_image_by_their_digest(proven: Files3) -> None:
+    """A proof names the rows that are left out; it may have the numbers in their place, and no other rows."""
+    scene, motion, data = proven
+    head, told, rest = unpacked(data)
+    (number,) = [i for i, x in enumerate(told["bodies"]) if x["kind"] == "obstacle" and "sha256" in x["shape"]]
+    said = told["bodies"][number]["shape"]
+    rows = said["left_out"]
+    assert len(rows) == 1238
+
+    def proof(shape: Any) -> bytes:
+        bodies = [{**x, "shape": shape} if i == number else x for i, x in enumerate(told["bodies"])]
+        return packed(head, {**told, "bodies": bodies}, rest)
+
+    verdict, read = check(scene, motion, data)
+    assert verdict.whole
+    numbers = json.loads(json.dumps(read["bodies"][number]["shape"], default=plain))
+    assert check(scene, motion, proof(numbers))[0].text == verdict.text
+    far = max({*range(rows[-1])} - {*rows})  # of an image from its upper left, which sees no robot there
+    wrong: list[Any] = [[], rows[1:], [*rows, far], [*rows[:-1], far], [*rows, -1], [*rows, 10**6], [*rows, True]]
+    wrong += [[*rows[:-1], float(rows[-1])], {}, None, "", [rows], [*rows[:-1], str(rows[-1])]]
+    forged = [{**said, "left_out": x} for x in wrong]
+    forged += [{"sha256": said["sha256"]}, {**said, "off": 0.0}, {**numbers, "left_out": rows[1:]}]
+    for shape in forged:
+        with pytest.raises(RejectedError):
+            check(scene, motion, proof(shape))
 
 
 def test_a_job_leaves_out_what_is_near_where_it_begins(tmp_path: Path) -> None:
