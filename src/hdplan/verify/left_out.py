@@ -7,6 +7,7 @@ it: what a closed mesh encloses, and what the meshes of a link surround by more 
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -138,7 +139,9 @@ def _near(points: Any, shape: dict[str, Any], margin: float, links: bool) -> Any
     found = np.zeros(len(points), dtype=bool)
     if shape["parts"] is None:
         piece = Piece("", "", 0, "", -1, HERE, corners, 0.0, sweep[0])
-        for i in rows.tolist():
+        away, exact = _beyond(points[rows], corners, sweep[0])
+        found[rows] = away <= margin
+        for i in rows[away > margin].tolist() if not exact else []:
             point = Piece("", "", 0, "", -1, HERE, points[[i]])
             found[i] = between(*((np.eye(3), np.zeros(3), x) for x in (piece, point))) <= margin
         return found
@@ -149,6 +152,18 @@ def _near(points: Any, shape: dict[str, Any], margin: float, links: bool) -> Any
     for i in rows[~found[rows]].tolist():
         found[i] = _distance(points[i], mesh) <= margin or (encloses and _surrounded(points[i], mesh))
     return found
+
+
+def _beyond(points: Any, corners: Any, sweep: Any) -> tuple[Any, bool]:
+    """Distances (k,) of points (k, 3), or a little more, from points of a swept hull, and True if none is nearer:
+    those of a box along the axes, maybe without width, swept by a ball or disc. Of other hulls they are infinite."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if not {*itertools.product(*zip(low.tolist(), high.tolist(), strict=True))} <= {*map(tuple, corners.tolist())}:
+        return np.full(len(points), np.inf), False
+    rest, wide = points - np.clip(points, low, high), sweep > 0
+    scaled = rest[:, wide] / sweep[wide]
+    share = 1.0 / np.maximum(np.sqrt((scaled * scaled).sum(axis=1)), 1.0)
+    return norm(np.abs(rest - share[:, None] * rest * wide)), len({*sweep[wide].tolist()}) < 2
 
 
 def _distance(point: Any, mesh: Any) -> float:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 import yaml
@@ -25,10 +26,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.world import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import shipped_scenes
+from hdplan.verify import scene as hulls
 from hdplan.verify.balls import RejectedError, rejecting
 from hdplan.verify.checking import check
 from hdplan.verify.compare import check_equal, plain
 from hdplan.verify.images import table
+from hdplan.verify.left_out import _near
 from hdplan.verify.reading import read_world
 from hdplan.verify.seen import balls_of
 from hdplan.verify.text import Files
@@ -231,6 +234,30 @@ def test_what_the_planner_leaves_out_may_be_left_out_and_nothing_else(ignoring: 
     for nothing in (None, {}, {"bodies": []}):  # nobody says what was left out
         with pytest.raises(RejectedError):
             read_world(scene, motion, nothing)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "solid"),
+    [
+        ("box", {"size": [0.1, 0.2, 0.3]}, coal.Box(0.1, 0.2, 0.3)),
+        ("sphere", {"radius": 0.1}, coal.Sphere(0.1)),
+        ("cylinder", {"radius": 0.05, "length": 0.3}, coal.Cylinder(0.05, 0.3)),
+        ("capsule", {"radius": 0.05, "length": 0.3}, coal.Capsule(0.05, 0.3)),
+        ("ellipsoid", {"radii": [0.05, 0.1, 0.2]}, coal.Ellipsoid(0.05, 0.1, 0.2)),
+    ],
+)
+def test_points_near_a_solid_are_those_that_coal_finds_near(kind: str, sizes: dict[str, Any], solid: Any) -> None:
+    """With 200,000 of them in little time, but near an ellipsoid."""
+    rng, here, point = np.random.default_rng(0), coal.Transform3s.Identity(), coal.Sphere(1e-12)
+    points, shape = rng.uniform(-0.2, 0.2, (200_000, 3)), hulls.solid(kind, sizes)
+    some = points[: 30 if kind == "ellipsoid" else 600]
+    for margin in (1e-6, 0.03):
+        near = _near(some if kind == "ellipsoid" else points, shape, margin, links=False)[: len(some)]
+        for row, place in enumerate(some):
+            at = coal.Transform3s(np.eye(3), place)
+            away = coal.distance(solid, here, point, at, coal.DistanceRequest(), coal.DistanceResult()) - margin
+            assert abs(away) < 1e-5 or near[row] == (away < 0)
+        assert 0 < near.sum() < len(some) / 2
 
 
 @pytest.mark.parametrize("open_", [False, True])
