@@ -75,9 +75,7 @@ div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outl
 .u-legend .u-marker { width: 0.9em !important; height: 0.25em !important }
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: max(0.9em, 11px) !important }
-[role="tab"] > div { margin-right: 0.25em !important }
 @media (max-width: 860px) {
-  [role="tab"] svg { display: none }
   [role="tab"], [role="tab"] * { overflow: visible !important; padding: 0 !important }
 }
 @media (pointer: coarse) { .hd-row { padding: 0.35em 0.3em } .hd-link { padding: 0 0.35em } }

@@ -13,8 +13,8 @@ import numpy as np
 import viser
 
 from hdplan.planner.view.drawing.colors import hex_of
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import shortened
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
 
