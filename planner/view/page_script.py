@@ -242,7 +242,8 @@ class Page:
         """Have `handler` called with the browser and what it told, when it tells `what`."""
         self._handlers[what] = handler
 
-    def _heard(self, event: Any) -> None:
+    async def _heard(self, event: Any) -> None:
+        """Pass on what a browser tells: at once, before the next is told in the same field."""
         try:
             told = json.loads(str(self._field.value))
         except (ValueError, RecursionError):  # of a list in a list in a list …
