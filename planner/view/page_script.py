@@ -192,6 +192,16 @@ if (!window.hdplan) {
       tell(told);
     }
   });
+  const line = (details) => details.querySelector('summary')?.dataset.do;
+  const unfolded = new Set();  // lines whose details are open: they stay so when the lines are written anew
+  document.addEventListener('toggle', (event) => {
+    const key = event.target.matches('details') && event.target.isConnected && line(event.target);
+    if (key) unfolded[event.target.open ? 'add' : 'delete'](key);
+  }, true);
+  new MutationObserver(() => {
+    for (const details of document.querySelectorAll('details:not([open])'))
+      if (unfolded.has(line(details))) details.open = true;
+  }).observe(document.body, {childList: true, subtree: true});
   window.hdplan = {theme};
 }
 setTimeout(window.hdplan.theme);
