@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.view.drawing.skins import Color, Skin
+from hdplan.planner.view.drawing.mesh_parts import Color
+from hdplan.planner.view.drawing.skins import Skin
 from hdplan.scenes.array_types import Array
 
 MOST_TRIANGLES, MOST_OF_GHOSTS = 140_000, 30_000  # of what is drawn of a robot: about 1.4 and 0.3 MB

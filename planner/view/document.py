@@ -73,8 +73,7 @@ class Document:
             self.step()
         else:
             self.history.part()
-        before, self.edited = self.scene, edited
-        self._take(before, check)
+        self._show(edited, check)
 
     def step(self) -> None:
         """Begin a step, of the scene or of the motions, that can be undone."""
@@ -165,20 +164,22 @@ class Document:
     def _restore(self, state: State) -> None:
         """Take scene and motions as they were; what was planned meanwhile comes too late."""
         self._audience.left()
-        before = self.scene
-        self.edited, motions, active = state
+        edited, motions, active = state
         self.motions.restore(motions, active)
-        self._take(before)
+        self._show(edited)
         self._measured()
         self._audience.motions_changed()
 
-    def _take(self, before: Scene, check: bool = False) -> None:
-        """Have the scene shown as it is now; if that fails, nothing is known of its motions."""
+    def _show(self, edited: Edited, check: bool = False) -> None:
+        """Have another scene shown; if that fails, nothing is known of its motions."""
+        before, self.edited = self.edited, edited
+        if before is not edited:
+            before.left()
         try:
             active = self.motions.active
             if check and active is not None and not self.holds(active):
                 self._renew(active, measured=False)
-            self._audience.scene_changed(before)
+            self._audience.scene_changed(before.scene)
         except Exception:
             self.doubt()
             raise

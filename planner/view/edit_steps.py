@@ -150,7 +150,7 @@ class Fields:
         if hasattr(handle, "precision"):
             handle.precision = DIGITS if isinstance(handle.value, float | tuple) else 0
 
-        def changed(event: Any) -> None:
+        async def changed(event: Any) -> None:  # at once, before the worker shows what is older
             if event.client is not None:
                 found, turn = handle.value, self._turn()
 

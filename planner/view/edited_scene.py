@@ -65,6 +65,10 @@ class Edited:
         """The certifier of motions in this scene."""
         return Certifier(self.setup)
 
+    def left(self) -> None:
+        """Drop what is large and made again if somebody comes back: another scene is shown by now."""
+        vars(self).pop("certifier", None)
+
     @cached_property
     def contacts(self) -> tuple[tuple[Contact, ...], tuple[Contact, ...]]:
         """Contacts at the start and at the goal, the deepest first."""

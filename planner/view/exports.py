@@ -15,8 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import viser
-
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.page.archive import archive
 from hdplan.planner.page.film import FILMS, film
@@ -54,9 +52,7 @@ class Exports:
         """Build them in the container at hand."""
         self._viewer, self._saving = viewer, saving
         gui = viewer.server.gui
-        whole = gui.add_button(
-            "Save all", icon=viser.Icon.PACKAGE, hint="scene, motion, proof and page in one archive, certified as one"
-        )
+        whole = gui.add_button("Save all", hint="scene, motion, proof and page in one archive, certified as one")
         others = gui.add_button_group("export", ("page", "film", "picture"), hint="of the motions that are shown")
         whole.on_click(lambda event: self._asked_for(ARCHIVE, event.client))
         others.on_click(lambda event: self._asked_for(str(event.target.value), event.client))

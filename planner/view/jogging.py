@@ -106,8 +106,8 @@ class Jogging:
                 slider.min, slider.max = min(slider.min, value), max(slider.max, value)
             slider.value = value
 
-    def _moved(self, event: Any) -> None:
-        """Handle a browser's event."""
+    async def _moved(self, event: Any) -> None:
+        """Handle a browser's event: at once, before the worker shows what is older."""
         if event.client is not None:
             found = np.array([slider.value for slider in self.sliders])
             self._editing.edit(JOINTS, partial(self.jogged, str(self.end.value), found))

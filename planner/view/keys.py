@@ -58,7 +58,7 @@ class Keys:
         self._lists: dict[int, Any] = {}  # by the browsers that see it
         gui = server.gui
         gui.add_html(f'<img src="{NOTHING}" hidden alt="" onload="{html.escape(SCRIPT)}">')
-        button = gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)
+        button = gui.add_button("Keys (?)")
         listing = [Key("?", "?", "List the keys", self._list, shift) for shift in ("shift", None)]  # by the keyboard
         self._keys = (*keys, *listing)
         button.on_click(lambda event: self._list(event.client))

@@ -19,9 +19,10 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.document import Document
 from hdplan.planner.view.drawing.colors import CONTACT, START, clearance_colors
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.nodes import PATH_WIDTH, PathNode, RobotNodes
-from hdplan.planner.view.drawing.skins import Color, Skin
+from hdplan.planner.view.drawing.skins import Skin
 from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.words import SHORT
 from hdplan.scenes.array_types import Array

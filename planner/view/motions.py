@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.colors import MOTIONS
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
 

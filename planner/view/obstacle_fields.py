@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, assert_never
 
-import viser
-
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing, Fields, number_in, numbers_in, optional, spaced
 from hdplan.planner.view.edited_scene import Edited
@@ -38,7 +36,7 @@ class ObstacleFields:
         self._viewer, self._editing = viewer, editing
         gui = viewer.server.gui
         new = gui.add_button_group("add", tuple(scene_edits.NEW), hint="an obstacle, where there is room within reach")
-        mesh = gui.add_upload_button("Add a mesh", icon=viser.Icon.UPLOAD, mime_type=",".join(MESHES))
+        mesh = gui.add_upload_button("Add a mesh", mime_type=",".join(MESHES))
         ways, snaps = ("duplicate", "snap", "delete"), scene_edits.SNAPS
         self._buttons = gui.add_button_group("obstacle", ways, visible=False, hint=snaps)
         self._grouping = gui.add_button_group("group", ("group", "ungroup"), visible=False, hint=GROUPS)

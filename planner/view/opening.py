@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import viser
-
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import READERS
 from hdplan.planner.robot.scene_robot import are_alike
@@ -38,9 +36,7 @@ class Opening:
     def __init__(self, viewer: Viewer, editing: Editing) -> None:
         """Build it in the container at hand."""
         self._viewer, self._editing = viewer, editing
-        button = viewer.server.gui.add_upload_button(
-            "Open scene or motion", icon=viser.Icon.UPLOAD, mime_type=",".join(ENDINGS)
-        )
+        button = viewer.server.gui.add_upload_button("Open scene or motion", mime_type=",".join(ENDINGS))
         button.on_upload(lambda event: editing.do(partial(self.open, event.target.value)))
 
     def open(self, file: Any) -> None:

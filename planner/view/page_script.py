@@ -75,9 +75,7 @@ div:has(> .hdplan-page) + div + div .mantine-Button-root:not([data-variant="outl
 .u-legend .u-marker { width: 0.9em !important; height: 0.25em !important }
 div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
 [role="tab"] { padding: 0 0.25em !important; font-size: max(0.9em, 11px) !important }
-[role="tab"] > div { margin-right: 0.25em !important }
 @media (max-width: 860px) {
-  [role="tab"] svg { display: none }
   [role="tab"], [role="tab"] * { overflow: visible !important; padding: 0 !important }
 }
 @media (pointer: coarse) { .hd-row { padding: 0.35em 0.3em } .hd-link { padding: 0 0.35em } }
@@ -194,6 +192,16 @@ if (!window.hdplan) {
       tell(told);
     }
   });
+  const line = (details) => details.querySelector('summary')?.dataset.do;
+  const unfolded = new Set();  // lines whose details are open: they stay so when the lines are written anew
+  document.addEventListener('toggle', (event) => {
+    const key = event.target.matches('details') && event.target.isConnected && line(event.target);
+    if (key) unfolded[event.target.open ? 'add' : 'delete'](key);
+  }, true);
+  new MutationObserver(() => {
+    for (const details of document.querySelectorAll('details:not([open])'))
+      if (unfolded.has(line(details))) details.open = true;
+  }).observe(document.body, {childList: true, subtree: true});
   window.hdplan = {theme};
 }
 setTimeout(window.hdplan.theme);
@@ -244,7 +252,8 @@ class Page:
         """Have `handler` called with the browser and what it told, when it tells `what`."""
         self._handlers[what] = handler
 
-    def _heard(self, event: Any) -> None:
+    async def _heard(self, event: Any) -> None:
+        """Pass on what a browser tells: at once, before the next is told in the same field."""
         try:
             told = json.loads(str(self._field.value))
         except (ValueError, RecursionError):  # of a list in a list in a list …

@@ -7,8 +7,6 @@ import html
 import time
 from typing import TYPE_CHECKING
 
-import viser
-
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
@@ -67,12 +65,12 @@ class Panel:
         self.page.build()
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
-        with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
+        with self.tabs.add_tab("Plots"):
             self._plots = MotionPlots(viewer.server, viewer.robot, self._replot)
-        with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
+        with self.tabs.add_tab("Joints"):
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
-        with self.tabs.add_tab("Scene", viser.Icon.CUBE):
+        with self.tabs.add_tab("Scene"):
             self.handles = Handles(viewer)
             self.tree = Tree(viewer, self.page, self.editing)
             self.obstacles = ObstacleFields(viewer, self.editing)
@@ -81,10 +79,10 @@ class Panel:
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
             self.exports = Exports(viewer, self.saving)
-        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+        with self.tabs.add_tab("Plan"):
             self.planning.build()
             self.settings = Settings(viewer, self.editing)
-        with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
+        with self.tabs.add_tab("Layers"):
             self.player.build_speed(viewer.server)
             self.layers = Layers(viewer)
             gui.add_html(small(html.escape(note)))

@@ -6,6 +6,7 @@ drawn.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -48,7 +49,7 @@ class Player:
     @property
     def time(self) -> float:
         """The moment that is shown, on the timeline."""
-        return float(self.slider.value)
+        return min(float(self.slider.value), self.timeline.end)
 
     def run_over(self, timeline: Timeline) -> None:
         """Let the slider run over a timeline, from its beginning if it differs from the previous one."""
@@ -56,9 +57,10 @@ class Player:
             return
         self.timeline, slider = timeline, self.slider
         slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("path", PATH_HINT)
-        slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, timeline.end)  # both values fit
+        end = round(math.ceil(round(timeline.end / STEP, 3)) * STEP, 3)  # in digits that there is room for
+        slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, end)  # both values fit
         slider.value = timeline.begin
-        slider.min, slider.max = timeline.begin, timeline.end
+        slider.min, slider.max = timeline.begin, end
 
     @property
     def playing(self) -> bool:

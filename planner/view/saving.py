@@ -14,8 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import viser
-
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.words import small
@@ -36,8 +34,8 @@ class Saving:
         """Build them in the container at hand."""
         self._viewer = viewer
         gui = viewer.server.gui
-        scene = gui.add_button("Save scene", icon=viser.Icon.DOWNLOAD)
-        motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
+        scene = gui.add_button("Save scene")
+        motion = gui.add_button("Save motion")
         self._said = gui.add_html("")
         self._about: tuple[object, object] = None, None  # the scene and the motion of which something is said
         scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))

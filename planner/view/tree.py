@@ -11,6 +11,7 @@ import contextlib
 import html
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import viser
@@ -20,6 +21,7 @@ from hdplan.planner.view.edit_steps import Editing
 from hdplan.planner.view.page_script import Page, Told, link, telling
 from hdplan.planner.view.things import Thing, things
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -71,6 +73,16 @@ class Tree:
             self.hidden |= before[0]
             locked |= before[1]
             raise
+
+    def follow(self, before: Scene) -> None:
+        """Hide what was hidden in an earlier scene under another name, in whichever way it got a new one."""
+        if len(before.obstacles) != len(self._viewer.scene.obstacles):
+            return
+        pairs = zip(before.obstacles, self._viewer.scene.obstacles, strict=True)
+        now = {old.name: new.name for old, new in pairs if old.name != new.name and replace(old, name=new.name) == new}
+        hidden = {now.get(name, name) for name in self.hidden}
+        self.hidden.clear()
+        self.hidden |= hidden
 
     def update(self) -> None:
         """Write the lines, and hide what is hidden."""

@@ -156,6 +156,7 @@ class Viewer(Served):
         """Show the scene as it is now in place of an earlier one."""
         self.stage.take(self.edited)
         if self.scene is not before:
+            self.panel.tree.follow(before)
             self.paint()
             self.panel.outdate()
             self._time()

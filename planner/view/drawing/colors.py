@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.view.drawing.skins import Color
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.once import read_only
 

@@ -26,8 +26,9 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     intensities,
 )
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
-from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, obstacle_parts, shaded
+from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion

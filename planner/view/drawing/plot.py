@@ -13,8 +13,8 @@ import numpy as np
 import viser
 
 from hdplan.planner.view.drawing.colors import hex_of
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import shortened
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
 
@@ -22,6 +22,7 @@ Rows = tuple[Array, ...]
 
 HEIGHT = 165  # [px]
 BAR: Color = (128, 128, 128)
+PADDING = (8, 8, 0, 0)  # [px] above, right, below, left: room for half a number at the end of an axis
 DASH, DOTTED, DOT = [6.0, 4.0], [1.5, 3.0], 7.0  # [px]
 LONGEST_LABEL = 24  # characters of a curve's name
 SPAN = tuple[float, float]  # of the timeline
@@ -57,6 +58,7 @@ class Plot:
             legend={"show": True, "live": True},
             cursor={"points": {"show": False}, "drag": {"x": False, "y": False, "setScale": False}},  # see page_script
             height=HEIGHT,
+            padding=PADDING,
             visible=False,
         )
 

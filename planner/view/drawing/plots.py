@@ -12,9 +12,9 @@ import viser
 from hdplan.planner.pictures.quantities import Rate
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINES, LINKS, SHARES, START, hex_of
+from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plot import SPAN, Line, Plot
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
 

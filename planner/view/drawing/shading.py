@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.view.drawing.skins import Color, Skin
+from hdplan.planner.view.drawing.mesh_parts import Color
+from hdplan.planner.view.drawing.skins import Skin
 
 DARKEST, LIGHTEST = 0.22, 0.80  # luma, of 1
 STEP = 0.16  # of luma from one link to the next

@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,12 +27,13 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.geometry.mesh_files import mesh_stamps, read_mesh_file, read_scene
+from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
 from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.visuals import read_visuals
+from hdplan.planner.view.drawing.mesh_parts import Color, Part, mesh_parts, rgb
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
@@ -44,8 +45,6 @@ from hdplan.scenes.robot_files.packages import Packages
 from hdplan.scenes.robot_files.source import Source
 from hdplan.scenes.robot_spec import RobotSpec
 
-Color = tuple[int, int, int]  # red, green, blue, 0 to 255
-
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
@@ -53,7 +52,6 @@ ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 FLAT = 1e-3  # [rad] up to which neighbouring faces are one flat face
 LARGE = 0.1  # of a mesh's area, of a flat face that is not smoothed into its neighbours
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
-SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
@@ -70,15 +68,6 @@ class Skin:
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A part of a mesh file that has one colour."""
-
-    vertices: Array
-    triangles: Rows
-    color: Color | None  # None: the file says none
 
 
 def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
@@ -126,7 +115,7 @@ def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[S
             failed.append((visual.link, str(error)))
             continue
         for part in found:
-            color = _rgb(visual.color) if visual.color else part.color or PALE
+            color = rgb(visual.color) if visual.color else part.color or PALE
             mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
             parts.setdefault((visual.link, color), []).append(mesh.apply_transform(visual.placement.homogeneous))
     skins = []
@@ -209,57 +198,18 @@ def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
     return Skin(link, joint, *shaded(mesh), color)
 
 
-def _primitive(shape: Any) -> Sequence[_Part]:
+def _primitive(shape: Any) -> Sequence[Part]:
     solid = _solid(shape)
-    return (_Part(solid.vertices, solid.faces, None),)
+    return (Part(solid.vertices, solid.faces, None),)
 
 
-def _parts(link: str, file: Path, scale: Vector3) -> Sequence[_Part]:
+def _parts(link: str, file: Path, scale: Vector3) -> Sequence[Part]:
     with naming(f"link '{link}': mesh {file}"):
         if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST_COORDINATE for factor in scale):
             raise InputError(f"scale must be three numbers other than 0, found {scale}")
-        parts = _read(file, mesh_stamps([file]))
+        parts = mesh_parts(file, mesh_stamps([file]))
     turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
-    return [_Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
-
-
-@functools.lru_cache(maxsize=256)
-def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
-    """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is; without them where trimesh,
-    which reads colours, reads another geometry."""
-    vertices, triangles = read_mesh_file(path)
-    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST_COORDINATE:
-        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST_COORDINATE:g}")
-    try:
-        meshes: Iterable[Any] = read_scene(path.read_bytes(), path).dump()
-        parts = tuple(
-            _Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
-            for mesh in meshes
-            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
-        )
-    except Exception:  # each fails in its own way; what it would add is colours
-        parts = ()
-    return parts if _same(parts, vertices[triangles]) else (_Part(vertices, triangles, None),)
-
-
-def _same(parts: Sequence[_Part], corners: Array) -> bool:
-    """True if parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
-    found = np.concatenate([np.empty((0, 3, 3)), *(part.vertices[part.triangles] for part in parts)])
-    if len(found) != len(corners):
-        return False
-    one, other = (np.concatenate([each.min(axis=(0, 1)), each.max(axis=(0, 1))]) for each in (found, corners))
-    return bool(np.abs(one - other).max() <= SAME_REACH * np.abs(other).max())
-
-
-def _color_of(visual: Any) -> Color | None:
-    if getattr(visual, "defined", False) and hasattr(visual, "material"):
-        return _rgb(np.asarray(visual.material.main_color) / 255.0)
-    return None
-
-
-def _rgb(color: Any) -> Color:
-    red, green, blue = (round(255 * float(np.clip(value, 0.0, 1.0))) for value in list(color)[:3])
-    return red, green, blue
+    return [Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
 
 
 def _solid(shape: Any) -> trimesh.Trimesh:

@@ -224,7 +224,7 @@ def test_a_scenes_mesh_in_which_z_is_not_up_is_refused_a_links_stands_as_it_is(t
 
 
 DOORS = {  # what opens files of geometry, and who may call it
-    "read_mesh_file": {"planner.geometry.meshes", "planner.view.drawing.skins"},  # the latter: looks alone
+    "read_mesh_file": {"planner.geometry.meshes", "planner.view.drawing.mesh_parts"},  # the latter: looks alone
     "load_mesh": {"planner.geometry.opened", "planner.robot.pin_model"},
     "read_cloud": {"planner.geometry.opened"},
     "read_map": {"planner.geometry.opened"},

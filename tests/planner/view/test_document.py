@@ -3,6 +3,8 @@ and motions back, and who shows it is told of all."""
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Callable
 
 import numpy as np
@@ -126,6 +128,21 @@ def test_undo_brings_scene_and_motions_back(document: Document, trajectory: Traj
     document.redo()
     document.redo()
     assert [shown.motion.name for shown in document.motions.shown] == ["mine", "planned"]
+    assert_true(document)
+
+
+def test_earlier_scenes_keep_no_certifiers(document: Document) -> None:
+    """They are the largest part of a step, and made again when somebody comes back."""
+    earlier = []
+    for step in (True, True, False, True):
+        earlier.append(weakref.ref(document.edited.certifier))
+        document.change(moved(0.01)(document.edited), step=step)
+    gc.collect()
+    assert [each() for each in earlier] == [None] * len(earlier)
+    now = document.edited.certifier
+    document.undo()
+    document.redo()
+    assert document.edited.certifier is not now
     assert_true(document)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.view.events import heard
 
 Opener = Callable[..., Viewer]
 
@@ -32,9 +32,7 @@ def field(viewer: Viewer, name: str) -> Any:
 def typed(viewer: Viewer, name: str, value: object) -> None:
     """Let a browser say what somebody typed."""
     handle = field(viewer, name)
-    handle._impl.value = value
-    for heard in handle._impl.update_cb:
-        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    heard(handle, value)
     assert viewer.worker.settle(20)
 
 

@@ -3,6 +3,7 @@ line, and nothing is half applied."""
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import html
 import re
@@ -14,6 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from viser._messages import GuiUpdateMessage
+from viser.infra import ClientId
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view import scene_edits
@@ -28,6 +31,7 @@ from hdplan.scenes.shapes import Points
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
+from tests.planner.view.events import heard
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -48,9 +52,7 @@ def field(viewer: Viewer, label: str) -> Any:
 
 def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
     """Have a browser send a value."""
-    handle._impl.value = value
-    for heard in handle._impl.update_cb:
-        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    heard(handle, value)
     if wait:
         assert viewer.worker.settle(20)
 
@@ -146,6 +148,33 @@ def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Vie
         assert "Error" not in viewer.panel.verdict
     assert refused > 20
     assert taken > 10
+
+
+def test_what_is_typed_while_the_panel_is_written_anew_is_not_lost(
+    viewer: Viewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though viser's own threads are all busy; nor what is told twice by the page."""
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    gui, handle, told, free = viewer.server.gui, field(viewer, "clearance [m]"), list[object](), threading.Event()
+    monkeypatch.setattr(gui, "_resolve_client", lambda _: SimpleNamespace(client_id=1))
+    viewer.panel.page.on("count", lambda _, words: told.append(words["number"]))
+    for _ in range(gui._thread_executor._max_workers):
+        gui._thread_executor.submit(free.wait, 20)
+
+    def send(handle: Any, value: str) -> None:
+        message = GuiUpdateMessage(handle._impl.uuid, {"value": value})
+        asyncio.run_coroutine_threadsafe(gui._handle_gui_updates(ClientId(1), message), gui._event_loop).result(20)
+
+    try:
+        send(handle, "0.005")
+        by_worker(viewer, viewer.panel.show_values)
+        for number in range(3):
+            send(viewer.panel.page._field, f'{{"do": "count", "number": {number}}}')
+    finally:
+        free.set()
+    assert viewer.worker.settle(20)
+    assert viewer.scene.obstacles[-1].clearance == 0.005
+    assert told == [0, 1, 2]
 
 
 def test_a_field_keeps_the_digits_that_it_does_not_show(viewer: Viewer) -> None:

@@ -303,5 +303,15 @@ def test_by_mouse_a_job_is_planned_and_a_stage_is_gone_to(browser: Any, tab: Any
         page.mouse.up()
         until(lambda: abs(viewer.player.time - last.begins) < 1e-3, "it does not go to where the stage begins")
         assert page.locator(".hd-badge").inner_text().startswith("✓ certified")
+        details = page.locator("details").filter(has_text=last.name)
+        line.click()
+        line.click()
+        opened = details.evaluate("each => each.open")
+        for wanted in (opened, not opened):
+            if wanted != opened:
+                line.click()
+            by_worker(viewer, lambda: setattr(viewer._rows, "content", viewer._rows.content + "<p>again</p>"))
+            page.get_by_text("again").nth(int(wanted != opened)).wait_for()
+            assert details.evaluate("each => each.open") == wanted
     finally:
         viewer.close()

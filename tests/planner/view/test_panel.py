@@ -23,6 +23,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.view.events import heard
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -43,9 +44,7 @@ def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
 
 def typed(viewer: Viewer, field: str, value: object) -> Any:
     handle = next(each for each, name, _ in viewer.panel.obstacles._fields._fields if name == field)
-    handle._impl.value = value
-    for heard in handle._impl.update_cb:
-        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    heard(handle, value)
     assert viewer.worker.settle(20)
     return handle
 

@@ -17,6 +17,7 @@ from hdplan.planner.view.drawing.plot import Plot
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import heard
 from tests.planner.view.in_browser import Tabs, address, by_worker
 from tests.waiting import until
 
@@ -119,8 +120,7 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
     by_worker(viewer, lambda: None)
 
     def told(text: str) -> None:
-        page._field.value = text
-        page._heard(SimpleNamespace(client=client))
+        heard(page._field, text, client)
         assert viewer.worker.settle(20)
 
     told('{"do": "zoom", "from": 0.8, "to": 0.4}')

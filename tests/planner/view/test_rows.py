@@ -18,6 +18,7 @@ from hdplan.planner.view.motions import LONGEST_NAME
 from hdplan.planner.view.planning import KEPT_PLANS, NAME
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import heard
 
 Opener = Callable[..., Viewer]
 
@@ -30,9 +31,8 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
 
 def tell(viewer: Viewer, told: object) -> None:
     """As the page's script does."""
-    page = viewer.panel.page
-    page._field.value = told if isinstance(told, str) else json.dumps(told)
-    page._heard(SimpleNamespace(client=SimpleNamespace(client_id=1)))
+    text = told if isinstance(told, str) else json.dumps(told)
+    heard(viewer.panel.page._field, text, SimpleNamespace(client_id=1))
     assert viewer.worker.settle(20)
 
 

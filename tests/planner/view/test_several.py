@@ -4,6 +4,7 @@ one step."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,6 +113,30 @@ def test_a_group_is_hidden_and_locked_as_one(viewer: Viewer) -> None:
     told(viewer, "fold group", name="shelf")
     assert "<b>shelf</b> (2)" in viewer.panel.tree.content
     assert "&emsp;" not in viewer.panel.tree.content
+
+
+def test_what_is_hidden_stays_so_under_another_name(viewer: Viewer) -> None:
+    """Of a group that is renamed, or left, and back by undo; what others are called then is shown."""
+
+    def hidden() -> list[str]:
+        return [node.obstacle.name for node in viewer.stage.obstacles if not node.frame.visible]
+
+    told(viewer, "eye group", name="shelf")
+    told(viewer, "rename group", name="shelf", answer="rack")
+    assert hidden() == ["rack/low", "rack/high"]
+    told(viewer, "rename group", name="rack", answer="")
+    assert hidden() == ["low", "high"]
+    swapped = {"low": "ball", "ball": "low"}
+    after = tuple(replace(each, name=swapped.get(each.name, each.name)) for each in viewer.scene.obstacles)
+    viewer.worker.ask("swap", lambda: viewer.document.change(viewer.edited.changed(obstacles=after)))
+    assert viewer.worker.settle(20)
+    assert sorted(hidden()) == ["ball", "high"]
+    for _ in range(3):
+        viewer.worker.ask("undo", viewer.document.undo)
+        assert viewer.worker.settle(20)
+    assert hidden() == ["shelf/low", "shelf/high"]
+    told(viewer, "eye group", name="shelf")
+    assert hidden() == []
 
 
 def test_groups_are_saved_with_the_scene(viewer: Viewer) -> None:

@@ -13,11 +13,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
+from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.view.drawing import skins as module
+from hdplan.planner.view.drawing import mesh_parts as parts_module
+from hdplan.planner.view.drawing.mesh_parts import Part, mesh_parts
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.library import description_of
@@ -67,10 +69,49 @@ def test_visual_meshes_stand_where_pinocchio_has_them(name: str) -> None:
 def test_meshes_are_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     spec, robot = spec_of("xarm7")
     first, _ = visual_skins(robot, spec)
-    monkeypatch.setattr(module, "read_mesh_file", lambda *_: pytest.fail("read again"))
+    monkeypatch.setattr(parts_module, "read_file", lambda *_: pytest.fail("read again"))
     assert visual_skins(robot, spec)[0] is first
     moved, other = spec_of("xarm7")
     assert visual_skins(other, moved)[0] is first
+
+
+OBJ = "mtllib looks.mtl\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def test_parts_come_from_the_disk_as_long_as_all_that_they_were_read_from_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Colours of an OBJ file stand in a file beside it, which may change, be another's, or go."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    mesh, paint = tmp_path / "looks.obj", tmp_path / "looks.mtl"
+    mesh.write_text(OBJ, encoding="utf-8")
+
+    def read() -> tuple[Part, ...]:
+        mesh_parts.cache_clear()  # as another process
+        return mesh_parts(mesh, mesh_stamps([mesh]))
+
+    colors = []
+    for kd in ("1 0 0", "0 0 1", None, "1 0 0"):
+        paint.unlink() if kd is None else paint.write_text(f"newmtl paint\nKd {kd}\n", encoding="utf-8")
+        (fresh,), (again,) = read(), read()
+        for one, other in ((fresh.vertices, again.vertices), (fresh.triangles, again.triangles)):
+            assert one.dtype == other.dtype
+            assert np.array_equal(one, other)
+        assert fresh.color == again.color
+        colors.append(fresh.color)
+    assert colors[:2] == [(255, 0, 0), (0, 0, 255)]
+    assert colors[3] == colors[0] != colors[2]
+    with monkeypatch.context() as patch:
+        patch.setattr(parts_module, "read_mesh_file", lambda *_: pytest.fail("read again"))
+        read()
+    for entry in (tmp_path / "cache/mesh_parts").iterdir():  # damaged: read again
+        entry.write_bytes(entry.read_bytes()[:-9])
+    assert read()[0].color == colors[0]
+    mesh.write_text(OBJ.replace("1 0 0", "2 0 0"), encoding="utf-8")
+    assert read()[0].vertices.max() == 2.0
+    mesh.write_text(OBJ.replace("f 2 3 4", "f 2 3 9"), encoding="utf-8")
+    with pytest.raises(InputError, match="vertex"):
+        read()
 
 
 LOOKS = """<robot name="looks">

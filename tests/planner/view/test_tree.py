@@ -26,6 +26,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, read_obstacles, shipped_scenes
 from hdplan.scenes.yaml_format.writer import obstacle_text
+from tests.planner.view.events import heard
 from tests.planner.view.in_browser import Tabs, address, by_worker, calm
 from tests.waiting import until
 
@@ -39,9 +40,7 @@ def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
 
 
 def tell(viewer: Viewer, **told: object) -> None:
-    page = viewer.panel.page
-    page._field.value = json.dumps(told)
-    page._heard(SimpleNamespace(client=SimpleNamespace(client_id=1)))
+    heard(viewer.panel.page._field, json.dumps(told), SimpleNamespace(client_id=1))
     assert viewer.worker.settle(20)
 
 

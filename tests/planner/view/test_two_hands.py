@@ -15,6 +15,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.things import START, Thing, place_of, things
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.events import heard
 
 Opener = Callable[..., Viewer]
 BALL, PRISM = Thing("obstacle", "ball"), Thing("obstacle", "prism")
@@ -142,9 +143,7 @@ def test_what_was_typed_for_one_thing_does_not_change_another(viewer: Viewer) ->
     handle = next(field for field, name, _ in panel.obstacles._fields._fields if name == "clearance")
 
     def busy() -> None:
-        handle._impl.value = "0.007"
-        for heard in handle._impl.update_cb:
-            heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+        heard(handle, "0.007")
         panel.handles.select(PRISM)
 
     by_worker(viewer, busy)

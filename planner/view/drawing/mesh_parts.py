@@ -1,0 +1,120 @@
+"""Mesh files with their colours, for pictures alone.
+
+Each file is read by two readers: the strict one says what its geometry is, trimesh adds colours. What they find is kept
+in the cache on disk by the files' content, as they take most of the time until a robot is first seen.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.planner.geometry.mesh_files import files_beside, mesh_stamps, read_mesh_file, read_scene
+from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.files import Stamps, read_file
+from hdplan.scenes.once import freeze
+
+Color = tuple[int, int, int]  # red, green, blue, 0 to 255
+
+VERSION = "1"  # to be changed with anything that changes what is read, so that old cache entries are not used
+SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a mesh file that has one colour."""
+
+    vertices: Array  # (m, 3)
+    triangles: Rows  # (F, 3)
+    color: Color | None  # None: the file says none
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+
+@functools.lru_cache(maxsize=256)
+def mesh_parts(path: Path, stamps: Stamps) -> tuple[Part, ...]:
+    """Return the parts of a mesh file, read once as long as it, by `stamps`, stays as it is; one part without a colour
+    where trimesh reads another geometry. Raises InputError for what is no mesh file, or is damaged."""
+    data = read_file(path)
+    key = content_key(VERSION, path.suffix.lower(), data)
+    known = load("mesh_parts", key)
+    if known is not None and all(_content(path.parent / name) == content for name, content in known["beside"].items()):
+        return tuple(_unpacked(*each) for each in known["parts"])
+    parts, named = _read(path, data)
+    beside = {name: _content(path.parent / name) for name in named}
+    if mesh_stamps([path]) == stamps:  # what was read has this content
+        store("mesh_parts", key, {"beside": beside, "parts": [_packed(part) for part in parts]})
+    return parts
+
+
+def rgb(color: Any) -> Color:
+    """Return a colour whose parts are 0 to 1."""
+    red, green, blue = (round(255 * float(np.clip(value, 0.0, 1.0))) for value in list(color)[:3])
+    return red, green, blue
+
+
+def _content(beside: Path) -> str | None:
+    """Return what tells a file's content from others; None for one that cannot be read."""
+    try:
+        return content_key(read_file(beside))
+    except InputError:
+        return None
+
+
+def _read(path: Path, data: bytes) -> tuple[tuple[Part, ...], Sequence[str]]:
+    """Return the parts of a mesh file, and the names of the files beside it that were asked for."""
+    vertices, triangles = read_mesh_file(path)
+    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST_COORDINATE:
+        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST_COORDINATE:g}")
+    named = [str(beside.relative_to(path.parent)) for beside in files_beside(path)]
+    try:
+        meshes: Iterable[Any] = read_scene(data, path, named.append).dump()
+        parts = tuple(
+            Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
+            for mesh in meshes
+            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
+        )
+    except Exception:  # each fails in its own way; what it would add is colours
+        parts = ()
+    return parts if _same(parts, vertices[triangles]) else (Part(vertices, triangles, None),), named
+
+
+def _same(parts: Sequence[Part], corners: Array) -> bool:
+    """True if parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
+    found = np.concatenate([np.empty((0, 3, 3)), *(part.vertices[part.triangles] for part in parts)])
+    if len(found) != len(corners):
+        return False
+    one, other = (np.concatenate([each.min(axis=(0, 1)), each.max(axis=(0, 1))]) for each in (found, corners))
+    return bool(np.abs(one - other).max() <= SAME_REACH * np.abs(other).max())
+
+
+def _color_of(visual: Any) -> Color | None:
+    if getattr(visual, "defined", False) and hasattr(visual, "material"):
+        return rgb(np.asarray(visual.material.main_color) / 255.0)
+    return None
+
+
+# --- as JSON ----------------------------------------------------------------------------------------------------------
+
+
+def _packed(part: Part) -> tuple[str, str, Color | None]:
+    vertices, triangles = part.vertices.astype("<f8"), part.triangles.astype("<i4")
+    return base64.b64encode(vertices.tobytes()).decode(), base64.b64encode(triangles.tobytes()).decode(), part.color
+
+
+def _unpacked(vertices: str, triangles: str, color: Sequence[int] | None) -> Part:
+    points = np.frombuffer(base64.b64decode(vertices), "<f8").reshape(-1, 3)
+    corners = np.frombuffer(base64.b64decode(triangles), "<i4").reshape(-1, 3).astype(np.int64)
+    return Part(points, corners, None if color is None else (color[0], color[1], color[2]))

@@ -1,0 +1,17 @@
+"""What a browser sends, without one."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from types import SimpleNamespace
+from typing import Any
+
+
+def heard(handle: Any, value: object, client: object = None) -> None:
+    """Have a browser send a value of an input, and viser tell of it."""
+    handle._impl.value = value
+    for told in handle._impl.update_cb:
+        answer = told(SimpleNamespace(client=client or object(), client_id=1, target=handle))
+        if inspect.iscoroutine(answer):
+            asyncio.run(answer)
