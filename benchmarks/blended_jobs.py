@@ -33,7 +33,7 @@ def rounds(count: int, first: int) -> Iterator[tuple[str, hdplan.Scene]]:
     for number in range(first, first + count):
         rng, arm = np.random.default_rng(number), list(ARMS)[number % len(ARMS)]
         link, turned, free, start = ARMS[arm]
-        stages: list[hdplan.Stage] = []
+        stages: list[hdplan.Move | hdplan.Line | hdplan.Set] = []
         for place in range(PLACES):
             away, angle = rng.uniform(NEAR, FAR), rng.uniform(-ROUND, ROUND)
             pose = hdplan.Pose.from_rpy([away * math.cos(angle), away * math.sin(angle), ABOVE], turned)
@@ -53,7 +53,10 @@ def rounds(count: int, first: int) -> Iterator[tuple[str, hdplan.Scene]]:
 def at_rest(scene: hdplan.Scene) -> hdplan.Scene:
     """Return the same job, every leg of which ends at rest."""
     assert scene.job is not None
-    stages = [replace(each, blend=0.0) if hasattr(each, "blend") else each for each in scene.job.stages]
+    stages = [
+        replace(each, blend=0.0) if isinstance(each, hdplan.Move | hdplan.Line | hdplan.Circle | hdplan.Along) else each
+        for each in scene.job.stages
+    ]
     return replace(scene, job=hdplan.Job(stages))
 
 

@@ -249,9 +249,9 @@ def turns_with_tool(stage: Curve) -> bool:
     """True if a curve leads elsewhere where the tool begins it with another turn about the axis that is free on it."""
     if stage.free_rotation == "none" or getattr(stage, "frame", WORLD) != TOOL:
         return False
-    across = np.delete(np.eye(3), "xyz".index(stage.free_rotation), axis=0)
-    straight = isinstance(stage, Line) and stage.turn is None and stage.by is not None
-    return not (straight and not (across @ np.array(stage.by)).any())
+    if not isinstance(stage, Line) or stage.turn is not None or stage.by is None:
+        return True
+    return bool(np.delete(np.array(stage.by), "xyz".index(stage.free_rotation)).any())
 
 
 def _frame(stage: Line | Circle | Along, world: World, begins: Array) -> Array:
