@@ -1,16 +1,19 @@
 """Jobs: tool paths as published with CppFlow, each followed as one stage within 0.1 mm and 0.1°, free, and proven;
-sequences of the tests of MoveIt's Pilz planner, against its definition of their curves.
+sequences of the tests of MoveIt's Pilz planner, against its definition of their curves; a job's time against that of
+its legs, planned one by one.
 
     python benchmarks/jobs.py cppflow DIR --fetch FOLDER
     python benchmarks/jobs.py pilz DIR --prbt FOLDER
     python benchmarks/jobs.py picks DIR --count 200
+    python benchmarks/jobs.py legs --count 12
 
 DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. Each line has the
 problem, the length of the motion [s], the processor time of planning and certifying [s], and whether it is certified;
 the last one how many are. Frames are those at which all joints are 0. What is certified is looked at again at every
 pose of the path, by Pinocchio, against the path as published. Sequences of Pilz' planner: `pilz.py`; there DIR holds
 its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes. Random pick-and-place jobs:
-`picks.py`; they, their motions and what was found are written to DIR, from where a run that was ended goes on.
+`picks.py`; they, their motions and what was found are written to DIR, from where a run that was ended goes on. Legs
+one by one: `blended_jobs.py`.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
+from blended_jobs import legs
 from picks import picks
 from pilz import pilz
 from scipy.spatial.transform import Rotation
@@ -151,8 +155,8 @@ def cppflow(folder: Path, fetch: Path | None, only: str, time_limit: float) -> N
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["cppflow", "pilz", "picks"])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("what", choices=["cppflow", "pilz", "picks", "legs"])
+    parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--fetch", type=Path)
     parser.add_argument("--prbt", type=Path)
     parser.add_argument("--only", default="", help="how the names of problems begin")
@@ -160,7 +164,11 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=200, help="of random jobs")
     parser.add_argument("--first", type=int, default=0, help="the number of the first")
     asked = parser.parse_args()
-    if asked.what == "pilz":
+    if asked.what == "legs":
+        legs(asked.count, asked.first, asked.time_limit)
+    elif asked.folder is None:
+        parser.error("DIR: is missing")
+    elif asked.what == "pilz":
         pilz(asked.folder, asked.prbt, asked.only, asked.time_limit)
     elif asked.what == "picks":
         picks(asked.folder, asked.count, asked.first, asked.time_limit)

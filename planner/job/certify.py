@@ -15,12 +15,13 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status, proven
+from hdplan.planner.job.blends import UnblendedError
 from hdplan.planner.job.changes import REACH, after
-from hdplan.planner.job.curves import corner_of, radius_link, settled
+from hdplan.planner.job.curves import corner_of, leg_of, radius_link, settled
 from hdplan.planner.job.places import link_pose
-from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, standing_scene
+from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, stage_source, standing_scene
 from hdplan.planner.job.touching import touched
-from hdplan.planner.job.world import Rates, World
+from hdplan.planner.job.world import Corner, Rates, World
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
@@ -37,6 +38,7 @@ from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
+TURNS = 4  # times that a turn about a free axis is looked for; one is enough where curves turn about that axis
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
@@ -165,7 +167,8 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
     times = part.times
     assert times is not None
     if world.corner is not None and isinstance(stage, CurveStage):
-        world = replace(world, corner=settled(world.corner, _rotation_beyond(world, part)))
+        with naming(stage_source(world.scene, number)):
+            world = replace(world, corner=_settled(world, number, part))
     setup, blend = stage_setup(world, number), isinstance(stage, ArmStage) and stage.blend
     with naming(f"stage '{name}'"):
         curve = curve_of(setup.robot, part)
@@ -226,13 +229,23 @@ def _rates_at_end(curve: Curve, robot: Robot, part: Trajectory) -> Rates:
     return velocity, acceleration
 
 
-def _rotation_beyond(world: World, part: Trajectory) -> Array:
-    """Return the rotation (3, 3) of a link where it first leaves the radius around a corner."""
-    assert world.corner is not None
-    robot = world.robot
-    poses = link_poses(robot, curve_of(robot, part).rows, frames_of(robot)[world.corner.link])
-    far = np.linalg.norm(poses[:, :3, 3] - world.corner.pose.position, axis=1) > world.corner.radius
-    return np.asarray(poses[int(far.argmax()) if far.any() else -1, :3, :3])
+def _settled(world: World, number: int, part: Trajectory) -> Corner:
+    """Return the corner before a curve, its free axis turned as the motion says: as the link is where it first leaves
+    the radius, less what the curve itself has turned it up to there."""
+    corner, robot = world.corner, world.robot
+    assert corner is not None
+    poses = link_poses(robot, curve_of(robot, part).rows, frames_of(robot)[corner.link])
+    away = np.linalg.norm(poses[:, :3, 3] - corner.pose.position, axis=1)
+    row = int((away > corner.radius).argmax()) if (away > corner.radius).any() else -1
+    found = settled(corner, poses[row, :3, :3])
+    for _ in range(TURNS if found is not corner else 0):
+        leg, _ = leg_of(replace(world, corner=found), number)
+        try:
+            (there,) = leg.at(np.array([leg.leaves(float(away[row]))]))
+        except UnblendedError:  # the curve ends before
+            break
+        found = settled(corner, found.pose.matrix[:3, :3] @ there[:3, :3].T @ poses[row, :3, :3])
+    return found
 
 
 def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:

@@ -245,6 +245,15 @@ def settled(corner: Corner, rotation: Array) -> Corner:
     return replace(corner, pose=pose_of(goal), free="none")
 
 
+def turns_with_tool(stage: Curve) -> bool:
+    """True if a curve leads elsewhere where the tool begins it with another turn about the axis that is free on it."""
+    if stage.free_rotation == "none" or getattr(stage, "frame", WORLD) != TOOL:
+        return False
+    if not isinstance(stage, Line) or stage.turn is not None or stage.by is None:
+        return True
+    return bool(np.delete(np.array(stage.by), "xyz".index(stage.free_rotation)).any())
+
+
 def _frame(stage: Line | Circle | Along, world: World, begins: Array) -> Array:
     """Return the pose (4, 4) of the frame in which a stage says where to go."""
     if stage.frame == WORLD:

@@ -26,6 +26,7 @@ from hdplan.planner.job.blending import NotBlendedError, blended
 from hdplan.planner.job.certain import Certain, StageFailedError
 from hdplan.planner.job.certify import certify_job
 from hdplan.planner.job.changes import after
+from hdplan.planner.job.curves import turns_with_tool
 from hdplan.planner.job.joining import Piece, joined
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.stage_scenes import stage_setup
@@ -117,9 +118,14 @@ def _failure(search: _Search, names: Sequence[str], done: int) -> str:
 
 
 def at_rest(scene: Scene) -> Scene:
-    """Return a scene whose job's stages all end at rest: so they are planned, before they are blended."""
+    """Return a scene whose job's stages all end at rest: so they are planned, before they are blended. A curve that
+    leads elsewhere with each turn of the tool where it begins, and begins in a blend, keeps that turn: from it the
+    certificate tells where the curve leads."""
     assert scene.job is not None
     stages = [replace(stage, blend=0.0) if isinstance(stage, ArmStage) else stage for stage in scene.job.stages]
+    for k, (before, stage) in enumerate(itertools.pairwise(scene.job.stages), 1):
+        if isinstance(before, Move) and before.blend and isinstance(stage, Curve) and turns_with_tool(stage):
+            stages[k] = replace(stage, blend=0.0, free_rotation="none")
     return derived(scene, job=Job(stages))
 
 

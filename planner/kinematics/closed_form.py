@@ -24,7 +24,7 @@ from hdplan.planner.kinematics import closed_form_loop
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import made_once
 from hdplan.scenes.targets import PoseTarget
 
@@ -208,22 +208,20 @@ def choice(joints: Joints) -> tuple[Way, ...]:
     k = len(joints.turns)
     drawn = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(PLACES, k)) * np.where(joints.turns, 1.0, 0.1)
     places = [joints.moved(q) for q in drawn]
+    axes = _Axes.of(np.array([directions for directions, _ in places]), np.array([points for _, points in places]))
     found: list[tuple[bool, float, Way]] = []
     for held in itertools.combinations(range(k), k - SOLVED):
         solved = np.setdiff1d(np.arange(k), held)
-        if not joints.turns[solved].all():
-            continue
-        if np.median([_determinant(directions[solved], points[solved]) for directions, points in places]) < REGULAR:
+        if not joints.turns[solved].all() or axes.determinant(solved) < REGULAR:
             continue
         for first, backwards in itertools.product(range(SOLVED), (False, True)):
             order = np.roll(solved, -first)[:: -1 if backwards else 1]
-            axes = [(directions[order], points[order]) for directions, points in places]
-            kinds = {_kind(*each) for each in axes}
-            kind = kinds.pop() if len(kinds) == 1 else None
+            kind = axes.kind(order)
             if kind is None:
                 continue
-            regular = float(np.median([_first_determinant(*each) for each in axes]))
-            found.append((kind == Kind.MEETING, -regular, Way(kind, held, first, backwards, int(order[3]))))
+            way = Way(kind, held, first, backwards, int(order[3]))
+            regular = float(f"{axes.first_determinant(order):.9g}")  # so that no rounding decides between equal ones
+            found.append((kind == Kind.MEETING, -regular, way))
     found.sort()
     if not found:
         return ()
@@ -233,41 +231,48 @@ def choice(joints: Joints) -> tuple[Way, ...]:
     return best, *[way for _, _, way in found if way.searched != best.searched][:1]
 
 
-def _determinant(directions: Array, points: Array) -> float:
-    """The size [m³] of the determinant of six turning joints' Jacobian; no point of the link matters."""
-    return float(abs(np.linalg.det(np.hstack([np.cross(points, directions), directions]))))
+class _Axes(NamedTuple):
+    """The axes of a chain's k joints at some places of it, and how any two of them lie, each pair once."""
 
+    directions: Array  # (PLACES, k, 3)
+    points: Array  # (PLACES, k, 3)
+    parallel: Mask  # (PLACES, k, k)
+    meeting: Mask  # (PLACES, k, k) that are not parallel, and meet
+    nearest: Array  # (PLACES, k, k, 3) the point of the first axis that is nearest to the second
 
-def _first_determinant(directions: Array, points: Array) -> float:
-    """The size [m³] of the determinant of how the first three joints move the point where the last two meet."""
-    return float(abs(np.linalg.det(np.cross(directions[:3], _meeting(directions[4:], points[4:]) - points[:3]))))
+    @classmethod
+    def of(cls, directions: Array, points: Array) -> _Axes:
+        """Look at every pair."""
+        one, other = directions[:, :, None], directions[:, None]
+        across = np.cross(one, other)
+        sine = np.linalg.norm(across, axis=3)
+        between = points[:, None] - points[:, :, None]
+        parallel = sine <= CLOSE
+        square = np.where(parallel, 1.0, sine**2)
+        gap = np.abs((across * between).sum(axis=3)) / np.sqrt(square)
+        along = (np.cross(between, other) * across).sum(axis=3) / square
+        nearest = points[:, :, None] + along[..., None] * one
+        return cls(directions, points, parallel, ~parallel & (gap <= CLOSE), nearest)
 
+    def determinant(self, solved: NDArray[np.int64]) -> float:
+        """The size [m³] of the determinant of six turning joints' Jacobian; no point of the link matters."""
+        directions, points = self.directions[:, solved], self.points[:, solved]
+        jacobian = np.concatenate([np.cross(points, directions), directions], axis=2)
+        return float(np.median(np.abs(np.linalg.det(jacobian))))
 
-def _kind(directions: Array, points: Array) -> Kind | None:
-    """The geometry by which six axes in this order are solved; None if there is none."""
-    if _parallel(directions[4], directions[5]) or _gap(directions[4:], points[4:]) > CLOSE:
-        return None
-    centre = _meeting(directions[4:], points[4:])
-    if np.linalg.norm(np.cross(directions[3], centre - points[3])) <= CLOSE and not _parallel(*directions[3:5]):
-        return Kind.WRIST
-    if _parallel(*directions[1:3]) and _parallel(*directions[2:4]):
-        return Kind.PARALLEL
-    return Kind.MEETING
+    def first_determinant(self, order: NDArray[np.int64]) -> float:
+        """The size [m³] of the determinant of how the first three joints move the point where the last two meet."""
+        arms = self.nearest[:, order[4], None, order[5]] - self.points[:, order[:3]]
+        return float(np.median(np.abs(np.linalg.det(np.cross(self.directions[:, order[:3]], arms)))))
 
-
-def _parallel(one: Array, other: Array) -> bool:
-    return float(np.linalg.norm(np.cross(one, other))) <= CLOSE
-
-
-def _gap(directions: Array, points: Array) -> float:
-    """The distance [m] of two axes that are not parallel."""
-    across = np.cross(*directions)
-    return float(abs(across @ (points[1] - points[0])) / np.linalg.norm(across))
-
-
-def _meeting(directions: Array, points: Array) -> Array:
-    """The point of the first of two axes that is nearest to the other."""
-    slope = np.stack([directions[0], -directions[1]], axis=1)
-    along = np.linalg.lstsq(slope, points[1] - points[0], rcond=None)[0]
-    met: Array = points[0] + along[0] * directions[0]
-    return met
+    def kind(self, order: NDArray[np.int64]) -> Kind | None:
+        """The geometry by which six axes in this order are solved; None if there is none at every place."""
+        _, one, two, three, four, five = order
+        if not self.meeting[:, four, five].all():
+            return None
+        arm = self.nearest[:, four, five] - self.points[:, three]
+        through = np.linalg.norm(np.cross(self.directions[:, three], arm), axis=1) <= CLOSE
+        wrist = through & ~self.parallel[:, three, four]
+        middle = self.parallel[:, one, two] & self.parallel[:, two, three]
+        kinds = np.where(wrist, Kind.WRIST, np.where(middle, Kind.PARALLEL, Kind.MEETING))
+        return Kind(kinds[0]) if (kinds == kinds[0]).all() else None

@@ -91,7 +91,7 @@ class Job(Hands):
             rows = self.rows.between(self.marks[number], self.marks[number + 1])
             with within(stage):
                 if self.corner is not None and stage.curve:
-                    self.corner = settled(self, self.corner, rows)
+                    self.corner = settled(self, stage, self.corner, rows)
                 found = [*self.worlds(number, rows)]
                 self.advance(number, rows)
             yield from found

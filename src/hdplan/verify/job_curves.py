@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 TABLE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # columns of poses in a file, beside a time that says nothing
 SAME = 1e-14  # of places and rotations
+TURNS = 4  # times that a turn about a free axis is looked for
 KNOWN = 1e-10  # by which placements of links may be off where curves begin there
 
 
@@ -223,18 +224,30 @@ def corner_after(job: Job, number: int) -> Corner | None:
     return Corner(stage.blend, link, np.array(pose["position"]), np.array(pose["rotation"]).reshape(3, 3), pose["free"])
 
 
-def settled(job: Job, corner: Corner, rows: Any) -> Corner:
-    """A corner whose free axis is turned as the link's is when it first leaves the radius: any turn about that axis
-    would do, and the curve is to be kept to with this one."""
+def settled(job: Job, stage: Stage, corner: Corner, rows: Any) -> Corner:
+    """A corner whose free axis is turned as the link's is when it first leaves the radius, less what the stage's curve
+    has turned it up to there: any turn about that axis would do, and the curve is to be kept to with this one."""
     if corner.free == "none" or corner.leg is not None:
         return corner
     for row in range(len(rows.given[0])):
         turn, at = job.frames({x: rows.at(x, row) for x in job.arm})[corner.link]
         if norm((at - corner.at).size) > corner.radius:
             break
+    found, away = turned_as(corner, turn.mid), float(lengths(at.mid - corner.at))
+    for _ in range(TURNS):
+        leg = leg_of(job, stage, found)
+        if leg.arc is None and (lengths(leg.at - leg.at[0]) <= away).all():
+            break  # the curve ends before
+        _, there = leg.poses(np.array([leg.leaves(away)]))
+        found = turned_as(corner, found.turn @ there[0].T @ turn.mid)
+    return found
+
+
+def turned_as(corner: Corner, turn: Any) -> Corner:
+    """A corner turned about its free axis as a rotation says, as nearly as it can be."""
     i = "xyz".index(corner.free)
     j, k = (i + 1) % 3, (i + 2) % 3
-    between = corner.turn.T @ turn.mid
+    between = corner.turn.T @ turn
     angle = np.arctan2(between[k, j] - between[j, k], between[j, j] + between[k, k])
     about = np.eye(3)
     about[[j, k], [j, k]], about[j, k], about[k, j] = np.cos(angle), -np.sin(angle), np.sin(angle)

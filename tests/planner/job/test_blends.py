@@ -224,6 +224,44 @@ def test_moves_blend_within_the_radius() -> None:
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 
 
+@pytest.mark.parametrize(
+    ("by", "turn", "free"),
+    [
+        ([-0.02, -0.08, 0.03], None, "z"),
+        ([0.05, 0.03, 0.1], [0.3, 0.0, 0.0], "z"),
+        ([0.0, 0.0, 0.12], [0.0, 0.0, 0.5], "none"),
+    ],
+)
+def test_a_line_in_the_tools_frame_goes_where_the_tool_has_turned(
+    by: Any, turn: Any, free: str, tmp_path: Path
+) -> None:
+    """The move before it leaves open how the tool is turned about its axis, and the line, blended with it, too: it ends
+    where it leads from the turn that the tool has, by forward kinematics, and the proof is accepted."""
+    corner = np.array([0.35, 0.08, 0.56])
+    goal = hdplan.PoseTarget(TOOL, hdplan.Pose.from_rpy(corner, [3.4, -0.2, -0.1]), free_rotation="z")
+    line = hdplan.Line(by=by, turn=turn, frame="tool", link=TOOL, free_rotation=free, name="last")
+    stages = [
+        hdplan.Line(by=[0.09, 0.03, 0.11], link=TOOL, blend=0.05, name="first"),
+        hdplan.Move(goal, blend=0.04, name="open"),
+        line,
+    ]
+    scene = job_of(*stages)
+    result = hdplan.plan_job(scene)
+    assert result.certified, result.text
+    _, places, turns = driven(result)
+    turned = turns[-1].as_matrix()
+    if turn is not None:
+        turned = turned @ Rotation.from_euler("xyz", turn).as_matrix().T
+    assert np.linalg.norm(places[-1] - corner - turned @ np.array(by)) <= 1e-3
+    for factor in (0.97, 1.03, -1.0):
+        other = tuple(factor * np.array(by))
+        assert not _certified(job_of(*stages[:2], replace(line, by=other)), result)
+    scene.save(tmp_path / "scene.yaml")
+    result.save(tmp_path / "job.json")
+    proof = prove_certified(result.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    assert proof.text.startswith("accepted: a job of 3 stages")
+
+
 def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -> None:
     """Start and goal of a scene do, where they are close; but where stages meet the motion itself says."""
     times, places, _ = driven(planned)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hdplan.distance.compiled.loops import library
-from hdplan.planner.kinematics.closed_form import ClosedForm, Kind, closed_form
+from hdplan.planner.kinematics.closed_form import ClosedForm, Joints, Kind, choice, closed_form, joints_to
 from hdplan.planner.robot.link_frame import link_frame, link_poses
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
@@ -271,3 +272,22 @@ def test_what_has_no_closed_form_is_searched(load: Load) -> None:
         assert any(said in row["note"] for row in describe(name)["notes"])
     place = PoseTarget("tool0", Pose((0.4, 0.1, 0.4)), 1e-3, free_rotation="all")
     assert closed_form(arm, place) is None
+
+
+def test_a_chain_moved_as_a_whole_is_solved_in_the_same_way() -> None:
+    """Also where several ways are equally good: no rounding decides."""
+    rng = np.random.default_rng(11)
+    robot = load_robot(RobotSpec("panda"))
+    chains = [joints_to(robot, robot.model.getFrameId("panda_hand"), free) for free in ("none", "x", "y", "z")]
+    for k in rng.integers(6, 9, 12):
+        at = rng.integers(-1, 2, (k, 3)) * 0.3
+        chains.append(Joints(np.arange(k), np.ones(k, np.int64), np.eye(3)[rng.integers(0, 3, k)], at, np.eye(4)))
+    several = 0
+    for joints in chains:
+        assert joints is not None
+        ways = choice(joints)
+        several += bool(ways)
+        for rotation in Rotation.random(3, rng=rng).as_matrix():
+            points = joints.points @ rotation.T + rng.uniform(-1.0, 1.0, 3)
+            assert choice(joints._replace(directions=joints.directions @ rotation.T, points=points)) == ways
+    assert several > 5
