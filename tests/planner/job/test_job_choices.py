@@ -85,5 +85,5 @@ def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails:
     pieces: list[Any] = search.run(Done(""))
     assert (len(pieces) == 3) == (fails != "AB")
     assert pieces[-1].chosen == found
-    assert clock[0] < 100.0
+    assert clock[0] < 100.0 or fails == "AB"
     assert search.refused == ([(2, "cannot be done")] if fails else [])
