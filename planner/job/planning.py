@@ -89,17 +89,25 @@ def plan_job(
     names = scene.job.names
     rested = at_rest(scene)
     search = _Search(rested, seed, began + time_limit, report, stop)
-    pieces = search.run(replace(first, scene=rested))
-    if len(pieces) < len(names) and search.wrong is not None and not search.over():
+    interrupted = False
+    try:
+        search.run(replace(first, scene=rested))
+    except KeyboardInterrupt:
+        if not search.best:
+            raise
+        interrupted = True
+    pieces = search.best
+    interrupted = len(pieces) < len(names) and (interrupted or stop())
+    if len(pieces) < len(names) and search.wrong is not None and not (interrupted or search.over()):
         raise search.wrong
     refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
-    if not pieces and not search.refused:
-        ended = f"the time limit of {time_limit:g} s passed, or it was stopped, before the first stage was planned"
-        raise TimeLimitError(f"{scene.source}: {ended}")
+    if not pieces and (interrupted or not search.refused):
+        ended = "interrupted" if interrupted else f"the time limit of {time_limit:g} s passed"
+        raise TimeLimitError(f"{scene.source}: {ended} before the first stage was planned")
     if not pieces:
         number, why = search.refused[0]
         raise UnsolvableError(f"{scene.source}: job[{number}] ({names[number]}): {why}", "stage_failed")
-    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces))
+    failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces), interrupted)
     try:
         pieces = blended(first, pieces)
     except NotBlendedError as error:
@@ -117,8 +125,10 @@ def plan_job(
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 
 
-def _failure(search: _Search, names: Sequence[str], done: int) -> str:
+def _failure(search: _Search, names: Sequence[str], done: int, interrupted: bool) -> str:
     """Say which stage stopped the job, why, and what would help."""
+    if interrupted:
+        return f"interrupted before stage '{names[done]}' was planned"
     found = [why for number, why in search.refused if number == done]
     if not found:
         return f"stage '{names[done]}' was not reached within the time limit; more time may help"
@@ -150,6 +160,7 @@ class _Search:
         assert scene.job is not None
         self.scene, self.stages, self.seed, self.deadline = scene, scene.job.stages, seed, deadline
         self.report, self.stop = report, stop
+        self.best: list[Piece] = []  # of the most stages that were done one after the other
         self.refused: list[tuple[int, str]] = []  # the stage, and why a choice for it was given up
         self.wrong: MisplacedError | None = None  # what alone ended what came farthest
         self._until = deadline  # of the share of what is tried now
@@ -158,9 +169,8 @@ class _Search:
         self._aims: dict[int, list[tuple[World, tuple[JointTarget, ...] | str]]] = {}  # of moves, by stage
         self.certain = Certain(self.stages, seed, self._late)
 
-    def run(self, world: World) -> list[Piece]:
-        """Return the pieces of all stages, or of the most that were done one after the other."""
-        best: list[Piece] = []
+    def run(self, world: World) -> None:
+        """Look for the pieces of all stages. The best are there at any time, however this ends."""
         pieces: list[Piece] = []
         open_ = [_Open(self._choices(world, 0), self.deadline)]
         put_off: list[tuple[list[Piece], list[_Open]]] = []
@@ -187,13 +197,12 @@ class _Search:
                 continue
             piece, others = found
             pieces.append(piece)
-            if len(pieces) > len(best):
-                best = [*pieces]
+            if len(pieces) > len(self.best):
+                self.best = [*pieces]
             if len(pieces) == len(self.stages):
-                return pieces
+                return
             until = self._end_of(FOLLOWING) if others else self._until
             open_.append(_Open(self._choices(piece.after, len(pieces)), until))
-        return best
 
     def _refuse(self, number: int, error: str | StageFailedError | MisplacedError) -> None:
         """Note that a choice for a stage was given up, and why."""
@@ -359,7 +368,7 @@ class _Search:
         except (UnsolvableError, TimeLimitError) as error:
             raise StageFailedError(_cause(error, scene)) from None
         if not result.certified:
-            raise StageFailedError(result.certificate.text)
+            raise StageFailedError("interrupted" if self.stop() else result.certificate.text)
         robot = stage_setup(world, number).robot
         rows = curve_of(robot, result.trajectory).rows
         return Piece(result.trajectory, after(world, number, robot, rows[-1]), result.notes)

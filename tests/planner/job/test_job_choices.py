@@ -76,13 +76,38 @@ class Done:
         self.chosen, self.after = chosen, self
 
 
+@pytest.mark.parametrize("pressed", [False, True])
+def test_an_interrupted_job_says_so_and_keeps_what_is_planned(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
+    """By `stop`, or by Ctrl-C, in the second stage."""
+    stopped = False
+    plainly = Certain.done
+
+    def done(self: Certain, world: Any, number: int, plain: bool = False) -> Any:
+        nonlocal stopped
+        if number == 1:
+            stopped = True
+            if pressed:
+                raise KeyboardInterrupt
+            raise StageFailedError("stopped in the middle")
+        return plainly(self, world, number, plain)
+
+    monkeypatch.setattr(Certain, "done", done)
+    job = hdplan.Job([hdplan.Wait(0.1), hdplan.Line(by=[0.0, 0.0, -0.02], name="down")])
+    scene = hdplan.Scene(robot="panda", start="default", limits=hdplan.Limits(acceleration=4.0), job=job)
+    result = hdplan.plan_job(scene, stop=lambda: stopped and not pressed)
+    assert result.failure == "interrupted before stage 'down' was planned"
+    assert len(result.certificate.stages) == 1
+    assert not result.certified
+
+
 @pytest.mark.parametrize(("fails", "found"), [("", "B"), ("B", "A"), ("AB", "A")])
 def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails: str, found: str) -> None:
     """The good one gets its turn; where it fails, what was put off is gone on with."""
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
     search = Slow(clock, fails)
-    pieces: list[Any] = search.run(Done(""))
+    search.run(Done(""))  # type: ignore[arg-type]
+    pieces: list[Any] = search.best
     assert (len(pieces) == 3) == (fails != "AB")
     assert pieces[-1].chosen == found
     assert clock[0] < 100.0 or fails == "AB"
