@@ -95,9 +95,10 @@ def moved(scene: Scene, spot: Spot, by: Array) -> Scene:
         if positions and isinstance(stage, Line):
             stages[number] = replace(stage, to=positions[0])
         elif positions and isinstance(stage, Move) and isinstance(stage.goal, Goals):
+            poses = [target for target in stage.goal.targets if isinstance(target, PoseTarget)]
             goals = tuple(
-                replace(target, pose=replace(target.pose, position=position))  # type: ignore[union-attr]
-                for target, position in zip(stage.goal.targets, positions, strict=True)
+                replace(target, pose=replace(target.pose, position=position))
+                for target, position in zip(poses, positions, strict=True)
             )
             stages[number] = replace(stage, goal=replace(stage.goal, targets=goals))
     obstacles = [

@@ -145,7 +145,7 @@ def test_all_grasps_are_moved_with_what_they_take(tmp_path: Path) -> None:
 
     def places(scene: hdplan.Scene, stage: int) -> np.ndarray:
         assert scene.job is not None
-        return np.array([target.pose.position for target in scene.job.stages[stage].goal.targets])  # type: ignore[union-attr]
+        return np.array([target.pose.position for target in scene.job.stages[stage].goal.targets])
 
     by = np.array(after.obstacles[0].pose.position) - before.obstacles[0].pose.position
     np.testing.assert_allclose(places(after, 0) - places(before, 0), [by, by], atol=1e-12)

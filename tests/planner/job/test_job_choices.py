@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.job import planning
 from hdplan.planner.job.certain import Certain, StageFailedError
+from hdplan.planner.job.choices import Search
 from hdplan.scenes.targets import JointTarget
 
 DOWN, ACROSS = [np.pi, 0.0, 0.0], [np.pi, 0.0, np.pi / 2]
@@ -45,7 +45,7 @@ def test_all_grasps_are_tried_plainly_before_ways_along_curves(monkeypatch: pyte
     assert not looked_for
 
 
-class Slow(planning._Search):
+class Slow(Search):
     """A search over three moves, the first to A or B, on a clock of its own. After A the second takes all the time that
     it gets."""
 
@@ -106,7 +106,7 @@ def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails:
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
     search = Slow(clock, fails)
-    search.run(Done(""))  # type: ignore[arg-type]
+    search.run(Done(""))
     pieces: list[Any] = search.best
     assert (len(pieces) == 3) == (fails != "AB")
     assert pieces[-1].chosen == found
