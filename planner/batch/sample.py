@@ -110,9 +110,13 @@ def _draw(
 
 
 def _draw_job(file: Path, rng: np.random.Generator, jitter: float, number: int) -> dict[str, Any]:
-    fields = {key: float(value) for key, value in moved_places(load_scene(file), rng, jitter)}
+    fields, drawn = moved_places(load_scene(file), rng, jitter)
     name = f"{file.stem}/{number:06d}"
-    load_variant(file, fields, name)  # refuses what the scene's file cannot hold
+    found = load_variant(file, fields, name)  # refuses what the scene's file cannot hold
+    if (found.job, found.obstacles) != (drawn.job, drawn.obstacles):
+        raise InputError(
+            f"{file}: job: the numbers of its stages are not those of its entries: write out each `repeat`"
+        )
     return {"name": name, **fields}
 
 

@@ -96,28 +96,39 @@ class Certain:
             return self._guided(world, number, start, way)
         try:
             return self._guided(world, number, start, None)
-        except StageFailedError:
+        except StageFailedError as failed:
             if plainly or self.late():
                 raise
-            way = next(self.ways_along(stage_setup(world, number), start, start), None)
+            try:
+                way = next(self.ways_along(stage_setup(world, number), start, start), None)
+            except NotFollowedError as error:
+                raise StageFailedError(f"{failed}; {error}") from None
             if way is None:
                 raise
         return self._guided(world, number, start, way)
 
     def ways_along(self, setup: Setup, at: Array, start: Array | None) -> Iterator[Array]:
         """Yield ways along the curve of a stage that begins at joint values `at` (n,), from there or from wherever its
-        first pose is reached: well away from what stands around first. Ends where time is up."""
+        first pose is reached: well away from what stands around first. Ends where time is up. Raises
+        NotFollowedError, which says how far one gets, where there is none."""
         follow, certifier = setup.scene.path.follow, Certifier(setup)
         assert follow is not None
         if setup.robot.n <= (POSED if follow.free_rotation == "none" else POSED - 1):
             return  # nothing is left open along the curve
         quick = setup.limits.get("velocity", np.ones(setup.robot.n))
+        found, nowhere = False, None
         for beside, finer in LOOKED_FOR:
             free = functools.partial(self._are_free, certifier, setup.scene.planner.clearance + beside)
             try:
-                yield from ways_along(setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer)
+                for way in ways_along(setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer):
+                    yield way
+                    found = True
+            except NotFollowedError as error:
+                nowhere = error
             except _LateError:
                 return
+        if nowhere is not None and not found:
+            raise nowhere
 
     def _are_free(self, certifier: Certifier, clearance: float, rows: Array) -> Mask:
         if self.late():

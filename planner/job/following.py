@@ -174,6 +174,15 @@ def drawn_through(rows: Array) -> Array:
     return found
 
 
+def is_along(follow: Follow, other: Follow) -> bool:
+    """True if two curves of one stage, from two configurations, are the same."""
+    mine, others = (np.array([pose.matrix for pose in each.poses]) for each in (follow, other))
+    if follow.free_rotation != "none":
+        kept = ["xyz".index(follow.free_rotation), 3]
+        mine, others = mine[..., kept], others[..., kept]
+    return mine.shape == others.shape and np.allclose(mine, others, rtol=0.0, atol=POSE_ERROR)
+
+
 def length_of(follow: Follow) -> float:
     """Return the length of a curve [m], turns counted as lengths."""
     return float(lengths_of(np.array([pose.matrix for pose in follow.poses]), follow.free_rotation)[0].sum())

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hdplan.planner.job.following import POSE_ERROR, Places, spread
+from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
@@ -65,20 +65,21 @@ def ways_along(
 ) -> Iterator[Array]:
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
     which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
-    layers there are, and values of joints that are held for a closed form."""
+    layers there are, and values of joints that are held for a closed form. Raises NotFollowedError, which says how far
+    one gets, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
     found = _configurations(robot, start, follow, poses[::2], np.random.default_rng(seed), finer)
-    if found is None:
-        return
     pace = quick / quick.max()
     layers = Layers(robot, found, pace)
     places = Places.of(robot, follow, poses, pace, low, high)
+    farthest, yielded = 0.0, False
     for _ in range(LOOKS):
         way = layers.cheapest()
         if way is None:
+            farthest = max(farthest, layers.leads_to)
             if not layers.take_back(free):
-                return
+                break
             continue
         if not layers.look_at(way, places, free):
             continue
@@ -86,7 +87,10 @@ def ways_along(
         yield _refined(places, follow, evened, start is not None, free)
         if start is not None:
             return
+        yielded = True
         layers.begin_elsewhere(way)
+    if not yielded:
+        raise NotFollowedError(f"no free way was found along it beyond {farthest:.0%}")
 
 
 @dataclass(eq=False)
@@ -149,6 +153,12 @@ class Layers:
         for _, best in reversed(self._reached[1:]):
             way.append(int(best[way[-1]]))
         return way[::-1]
+
+    @property
+    def leads_to(self) -> float:
+        """The share of the curve to which there is a way, as far as is known."""
+        reached = [bool(np.isfinite(cost).any()) for cost, _ in self._reached]
+        return max(0, [*reached, False].index(False) - 1) / (len(reached) - 1)
 
     def look_at(self, way: list[int], places: Places, free: Free) -> bool:
         """Return whether a way is free, and between two layers, too; if not, what is not is left out from now on, and,
@@ -218,8 +228,8 @@ class Layers:
 
 def _configurations(
     robot: Robot, start: Array | None, follow: Follow, poses: list[Pose], rng: np.random.Generator, finer: int
-) -> list[Array] | None:
-    """Return configurations of places along a curve; None where one has none."""
+) -> list[Array]:
+    """Return configurations of places along a curve. Raises NotFollowedError where one has none."""
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
     seed = np.clip(0.5 * (low + high) if start is None else start, robot.lower, robot.upper)
     inner = inner_limits(robot)
@@ -236,7 +246,7 @@ def _configurations(
             reached = _reached(robot, target, np.concatenate([found[-1], fresh]) if found else fresh)
         reached = reached[((reached >= inner[0]) & (reached <= inner[1])).all(axis=1)]
         if not len(reached):
-            return None
+            raise NotFollowedError(f"no joint values were found for {len(found) / (len(poses) - 1):.0%} of the way")
         found.append(reached[rng.permutation(len(reached))[: finer * KEPT]] if len(reached) > finer * KEPT else reached)
     return found
 

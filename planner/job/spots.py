@@ -58,22 +58,31 @@ def _spots(scene: Scene) -> Iterator[Spot]:
         yield spot
 
 
-def position_of(scene: Scene, number: int) -> tuple[str, Vector3] | None:
-    """Return the position in the world that a stage names, and the field that holds it; None if it names none. Raises
-    InputError for a stage with several, which cannot be moved."""
+def positions_of(scene: Scene, number: int) -> list[tuple[str, Vector3]]:
+    """Return the positions in the world that a stage names, each with its field: one, those of several poses
+    to choose between, or none. Raises InputError for what cannot be moved."""
     assert scene.job is not None
     stage = scene.job.stages[number]
     where = f"{scene.source}: job[{number}] ({scene.job.names[number]})"
     if isinstance(stage, Line) and stage.to is not None:
-        return "line.to", stage.to
+        return [("line.to", stage.to)]
     if isinstance(stage, Along) or (isinstance(stage, Circle) and stage.to is not None):
         raise InputError(f"{where}: curves in the world cannot be moved; give 'by'")
-    if isinstance(stage, Move) and not isinstance(stage.goal, JointTarget):
-        target = stage.goal.targets[0] if isinstance(stage.goal, Goals) and len(stage.goal.targets) == 1 else None
-        if not isinstance(target, PoseTarget):
-            raise InputError(f"{where}: move: only joints and one pose can be moved")
-        return "move.pose.position", target.pose.position
-    return None
+    if not isinstance(stage, Move) or isinstance(stage.goal, JointTarget):
+        return []
+    targets = stage.goal.targets
+    poses = [target for target in targets if isinstance(target, PoseTarget)]
+    if not poses and all(isinstance(target, JointTarget) for target in targets):
+        return []
+    if len(poses) < len(targets):
+        raise InputError(f"{where}: move: only joints alone, and one or several poses to choose between, can be moved")
+    return [(f"{_field_of(target)}.position", target.pose.position) for target in poses]
+
+
+def _field_of(target: PoseTarget) -> str:
+    """Return the field of a move that holds a pose: "move.poses.1"."""
+    _, found, field = target.field.rpartition("move.")
+    return f"move.{field}".replace("[", ".").replace("]", "") if found else "move.pose"
 
 
 def moved(scene: Scene, spot: Spot, by: Array) -> Scene:
@@ -82,17 +91,16 @@ def moved(scene: Scene, spot: Spot, by: Array) -> Scene:
     assert scene.job is not None
     stages = list(scene.job.stages)
     for number in spot.stages:
-        found = position_of(scene, number)
-        if found is None:
-            continue
-        stage, position = stages[number], _sum(found[1], by)
-        if isinstance(stage, Line):
-            stages[number] = replace(stage, to=position)
-        elif isinstance(stage, Move) and isinstance(stage.goal, Goals):
-            (target,) = stage.goal.targets
-            assert isinstance(target, PoseTarget)
-            goal = replace(target, pose=replace(target.pose, position=position))
-            stages[number] = replace(stage, goal=replace(stage.goal, targets=(goal,)))
+        positions, stage = [_sum(each, by) for _, each in positions_of(scene, number)], stages[number]
+        if positions and isinstance(stage, Line):
+            stages[number] = replace(stage, to=positions[0])
+        elif positions and isinstance(stage, Move) and isinstance(stage.goal, Goals):
+            poses = [target for target in stage.goal.targets if isinstance(target, PoseTarget)]
+            goals = tuple(
+                replace(target, pose=replace(target.pose, position=position))
+                for target, position in zip(poses, positions, strict=True)
+            )
+            stages[number] = replace(stage, goal=replace(stage.goal, targets=goals))
     obstacles = [
         replace(each, pose=replace(each.pose, position=_sum(each.pose.position, by)))
         if spot.stands and each.name == spot.object

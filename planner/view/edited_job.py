@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.planner.job.certify import JobCertificate
-from hdplan.planner.job.spots import Spot, moved, position_of, spots_of
+from hdplan.planner.job.spots import Spot, moved, positions_of, spots_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.job_page import ShownJob, before_it
 from hdplan.planner.robot.setup import Setup
@@ -108,7 +108,7 @@ class EditedJob:
     def _positions(self, spot: Spot) -> list[tuple[float, float, float]]:
         """The positions to which the stages of a spot go; none if one of them cannot be moved."""
         try:
-            found = [position_of(self.scene, number) for number in spot.stages if number < spot.number]
+            found = [positions_of(self.scene, number) for number in spot.stages if number < spot.number]
         except InputError:
             return []
-        return [each[1] for each in found if each is not None]
+        return [each[0][1] for each in found if each]

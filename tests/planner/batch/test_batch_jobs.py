@@ -120,3 +120,51 @@ def test_places_are_moved_with_all_that_leads_to_them() -> None:
     assert len(places) == 8
     with pytest.raises(InputError, match="give --jitter"):
         sample(Path("panda_pick_place"), 1, jitter=0.01, resize=0.1)
+
+
+GRASPS = """
+hdplan: 1
+robot: {name: panda}
+start: {state: default}
+limits: {acceleration: 4}
+obstacles: [{name: can, shape: {type: sphere, radius: 0.03}, pose: {position: [0.5, 0.3, 0.2]}}]
+job:
+  - {name: above, move: {GOAL}}
+  - {name: grip, grip: {object: can}}
+  - {name: carry, move: {any: [{pose: {position: [0.4, -0.3, 0.3], rpy: [3, 0, 0]}}]}}
+  - {name: leave, release: {object: can}}
+"""
+POSES = "poses: [{position: [0.5, 0.3, 0.3], rpy: [3, 0, 0]}, {position: [0.6, 0.3, 0.2], rpy: [3, 1, 0]}]"
+
+
+def test_all_grasps_are_moved_with_what_they_take(tmp_path: Path) -> None:
+    file = tmp_path / "grasps.yaml"
+    file.write_text(GRASPS.replace("GOAL", POSES), encoding="utf-8")
+    (row,) = sample(file, 1, seed=1, jitter=0.05).rows
+    before, after = hdplan.load_scene(file), load_variant(file, {k: v for k, v in row.items() if k != "name"}, "x")
+
+    def places(scene: hdplan.Scene, stage: int) -> np.ndarray:
+        assert scene.job is not None
+        return np.array([target.pose.position for target in scene.job.stages[stage].goal.targets])
+
+    by = np.array(after.obstacles[0].pose.position) - before.obstacles[0].pose.position
+    np.testing.assert_allclose(places(after, 0) - places(before, 0), [by, by], atol=1e-12)
+    assert by[:2].all()
+    assert by[2] == 0.0
+    assert np.abs(places(after, 2) - places(before, 2)).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("any: [{joints: [0, 0, 0, -1, 0, 1, 0]}, {pose: {position: [0.5, 0.3, 0.3], rpy: [3, 0, 0]}}]", "only joints"),
+        (
+            POSES + "}}\n  - {repeat: {over: [{x: 0.1}], stages: [{name: $x, wait: $x}, {name: b $x, wait: $x}]",
+            "repeat",
+        ),
+    ],
+)
+def test_places_that_cannot_be_drawn_are_refused(tmp_path: Path, goal: str, words: str) -> None:
+    (tmp_path / "grasps.yaml").write_text(GRASPS.replace("GOAL", goal), encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        sample(tmp_path / "grasps.yaml", 1, jitter=0.05)

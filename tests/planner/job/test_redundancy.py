@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.redundancy import STEP, inner_limits, ways_along
 
 TOOL = "panda_hand_tcp"
@@ -63,9 +64,11 @@ def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
         for place in ([0.5, 0, 0.4], [0.5, 0, 2.0])
     ]
     quick = np.ones(robot.n)
-    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, poses), 1.6, quick, 0, lambda q: q[:, 0] < 9.0))
+    with pytest.raises(NotFollowedError, match=r"no joint values were found for \d\d% of the way"):
+        next(ways_along(robot, None, hdplan.Follow(TOOL, poses), 1.6, quick, 0, lambda q: q[:, 0] < 9.0))
     near = [
         hdplan.Pose([0.5, 0, 0.4], poses[0].quaternion_xyzw),
         hdplan.Pose([0.5, 0.1, 0.4], poses[0].quaternion_xyzw),
     ]
-    assert not list(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, quick, 0, lambda q: q[:, 0] > 9.0))
+    with pytest.raises(NotFollowedError, match="no free way was found along it beyond 0%"):
+        next(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, quick, 0, lambda q: q[:, 0] > 9.0))
