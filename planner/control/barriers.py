@@ -26,6 +26,7 @@ from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.reach import levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
+from hdplan.planner.control.movers import Movers
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -93,7 +94,7 @@ class Barriers:
         """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
         self.hulls = hulls
-        self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
+        self.movers, self.unguarded = Movers([motion for motion, _ in movers]), tuple(unguarded)
         carried = [
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
         ]
@@ -129,9 +130,9 @@ class Barriers:
             rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self._directions = _distinct([body.directions for body in others])
-        self.obstacle_speed = max(
-            (_fastest(motion, moved) for motion, moved in movers), default=0.0
-        )  # of any obstacle [m/s]
+        owners = np.array([body.joint - kinematics.nj for body in carried], dtype=np.int64)
+        sizes = np.array([np.linalg.norm(body.box[:3, 3]) + np.linalg.norm(body.half_size) for body in carried])
+        self.obstacle_speed = self.movers.fastest(owners, sizes)  # of any obstacle [m/s]
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
@@ -231,15 +232,10 @@ class Barriers:
 
     def _at(self, path: Array, times: Array) -> _Moment:
         kinematics = self.kinematics.evaluate(self.robot.expand(path))
-        if not self.movers:
-            return _Moment(kinematics, self.kinematics.nj, ())
-        places, twists = [], []
-        for motion in self.movers:
-            poses, segments = motion.at(times), motion.segment(times)
-            speed, spin = motion.velocity[segments], motion.spin[segments]
-            places.append(np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]]))
-            twists.append(np.hstack([speed - np.cross(spin, poses[:, :3, 3]), spin]))
-        placements = np.concatenate([kinematics.placements, np.stack(places, axis=1)], axis=1)
+        if not len(self.movers):
+            return _Moment(kinematics, self.kinematics.nj, None)
+        placed, twists = self.movers.at(times)
+        placements = np.concatenate([kinematics.placements, placed], axis=1)
         return _Moment(replace(kinematics, placements=placements), self.kinematics.nj, twists)
 
 
@@ -255,16 +251,17 @@ class _Moment(NamedTuple):
 
     kinematics: KinematicsBatch  # with the frames of the moving obstacles after the joints'
     joints: int  # number of the robot's joints, including the world
-    twists: Sequence[Array]  # (k, 6) of each moving obstacle
+    twists: Array | None  # (k, m, 6) of the moving obstacles, if there are any
 
     def rows(self, group: _Group, sample: Rows, pair: Rows) -> BarrierRows:
         """Evaluate some pairs of a group at some of the configurations."""
         pairs, distance = group
         value, wrench, separation = distance(self.kinematics, sample, pair)
         drift = np.zeros(len(pair))
-        for index, twist in enumerate(self.twists):
-            carried = pairs.joint_b[pair] == self.joints + index
-            drift[carried] = -np.einsum("si,si->s", wrench[carried], twist[sample[carried]])
+        if self.twists is not None:
+            carried = np.flatnonzero(pairs.joint_b[pair] >= self.joints)
+            twists = self.twists[sample[carried], pairs.joint_b[pair[carried]] - self.joints]
+            drift[carried] = -np.einsum("si,si->s", wrench[carried], twists)
         columns = self.kinematics.columns
         turned = wrench @ columns[0].T if len(columns) == 1 else np.einsum("sni,si->sn", columns[sample], wrench)
         return BarrierRows(value, turned * pairs.moves[pair], drift, separation)
@@ -273,13 +270,6 @@ class _Moment(NamedTuple):
 def _distinct(directions: Sequence[Array]) -> list[Array]:
     """Return sets of directions (K, 3) without those that are there twice: most cells of a cloud have the same."""
     return list({(np.round(each, 9) + 0.0).tobytes(): each for each in directions}.values())
-
-
-def _fastest(motion: ObstacleMotion, bodies: Sequence[HalfspaceBody]) -> float:
-    """Return a bound of the speed [m/s] of every point of bodies that move with `motion`, by their boxes."""
-    size = max(float(np.linalg.norm(body.box[:3, 3]) + np.linalg.norm(body.half_size)) for body in bodies)
-    speed, spin = (np.linalg.norm(each, axis=-1) for each in (motion.velocity, motion.spin))
-    return float((speed + size * spin).max(initial=0.0))
 
 
 def _can_meet(

@@ -145,7 +145,7 @@ class Controller:
         """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
         samples, less the farthest travel to the middle of a period; None without proof, 0 or less if it fails."""
         clearance = self._clearance
-        if clearance is None or not self.settings.look_ahead or self.barriers.movers:
+        if clearance is None or not self.settings.look_ahead or len(self.barriers.movers):
             return None
         return clearance - 0.5 * self.settings.period * float(self.rates.velocity @ self.barriers.levers)
 
