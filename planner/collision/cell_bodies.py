@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
+from hdplan.planner.collision.pieces import Pieces, Planes
 from hdplan.planner.geometry.cells import axes_of, cells_of, grouped
 from hdplan.planner.geometry.clouds import balls_in, merged, reach
 from hdplan.planner.geometry.meshes import TriangleMesh
@@ -38,6 +39,26 @@ def from_cloud(
         balls, added = merged(balls, cloud.voxel)
         notes.append(f"{count} points planned around as {len(balls)} balls, up to {1e3 * added:.3g} mm larger")
     return from_balls(name, balls, pose, planes, closely), tuple(f"cloud '{name}': {words}" for words in notes)
+
+
+def pieces_of(name: str, cloud: Cloud, pose: Pose, planes: str) -> Pieces:
+    """Enclose a cloud that was read by small cells, to be used once: nothing is kept, nothing is said."""
+    assert isinstance(cloud.points, FixedArray)
+    points, radii = cloud.points.array, cloud.radius
+    if cloud.voxel is not None:
+        found = merged(balls_in(cloud), cloud.voxel)[0].array
+        points, radii = found[:, :3], FixedArray(found[:, 3])
+    order, first = grouped(points, SMALL_CELL)
+    found = points[order]
+    if isinstance(radii, FixedArray):
+        radius = np.maximum.reduceat(radii.array[order], first)
+    else:
+        radius = np.full(len(first), radii)
+    rotation = axes_of(found, first)
+    normals, supports, boxes, half = _planes(rotation, *_extents(found, first, rotation), radius, pose, planes)
+    count = len(first)
+    every = (Planes(np.arange(count), normals, supports),)
+    return Pieces((name,) * count, np.zeros(count, np.int64), every, boxes, half, (None,) * count, boxes)
 
 
 @made_once(4)
@@ -96,15 +117,22 @@ def _bodies(
     name: str, rotation: Array, center: Array, half: Array, radius: Array, pose: Pose, planes: str
 ) -> tuple[HalfspaceBody, ...]:
     """Return bodies around boxes with rounded edges: axes (c, 3, 3), centres and half edges (c, 3) and radii (c,)."""
+    normals, supports, box, half = (read_only(each) for each in _planes(rotation, center, half, radius, pose, planes))
+    return tuple(
+        HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], None, box[c]) for c in range(len(half))
+    )
+
+
+def _planes(
+    rotation: Array, center: Array, half: Array, radius: Array, pose: Pose, planes: str
+) -> tuple[Array, Array, Array, Array]:
+    """Return normals (c, K, 3), supports (c, K), boxes (c, 4, 4) and their half sizes (c, 3) of the same in the
+    world."""
     placement = pose.matrix
     box = np.tile(np.eye(4), (len(half), 1, 1))
     box[:, :3, :3], box[:, :3, 3] = placement[:3, :3] @ rotation, center @ placement[:3, :3].T + placement[:3, 3]
     directions = few_directions(planes)
-    normals = np.einsum("kj,cij->cki", directions, box[:, :3, :3])
+    normals = directions @ box[:, :3, :3].swapaxes(1, 2)
     # of a box with rounded edges: h(n) = Σ_i |n_i| half_i + r
-    supports = half @ np.abs(directions).T + radius[:, None] + np.einsum("cki,ci->ck", normals, box[:, :3, 3])
-    half = half + radius[:, None]
-    normals, supports, box, half = (read_only(each) for each in (normals, supports, box, half))  # and so their rows
-    return tuple(
-        HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], None, box[c]) for c in range(len(half))
-    )
+    supports = half @ np.abs(directions).T + radius[:, None] + (normals @ box[:, :3, 3, None])[..., 0]
+    return normals, supports, box, half + radius[:, None]

@@ -12,27 +12,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
+from hdplan.planner.collision.cell_bodies import pieces_of
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.collision.reach import levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.control.movers import Movers
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
@@ -93,64 +98,51 @@ class Barriers:
         unguarded: pairs of links that are left out, for the report.
         """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
-        self.hulls = hulls
-        self.movers, self.unguarded = Movers([motion for motion, _ in movers]), tuple(unguarded)
-        carried = [
-            replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
-        ]
-        others = [*obstacles, *carried]
-        extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
-        outer = _can_meet(robot, bodies, others, len(obstacles), settings.growth + extra)
-        chosen_planes = settings.normals if settings.distance == "hdsdf" else "box"
-        links = [from_link_body(body.link, body.joint, body.body, chosen_planes) for body in bodies]
+        self.hulls, self.unguarded = tuple(hulls), tuple(unguarded)
+        self.movers = Movers([motion for motion, _ in movers])
+        owners = np.repeat(np.arange(len(movers)), [len(moved) for _, moved in movers])
+        standing, carried = Pieces.of(obstacles), Pieces.of([body for _, moved in movers for body in moved])
+        others = Pieces.joined([standing, carried.on(kinematics.nj + owners)])
+        size = np.linalg.norm(carried.boxes[:, :3, 3], axis=1) + np.linalg.norm(carried.half_sizes, axis=1)
+        self.obstacle_speed = self.movers.fastest(owners, size)  # of any obstacle [m/s]
+        grown = settings.growth + np.array([(clearances or {}).get(name, 0.0) for name in others.names])
+        outer = _can_meet(robot, bodies, others, len(standing), grown)
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
-        hull_of = {hull.link: index for index, hull in enumerate(hulls)}
-        hull_planes = [from_link_body(hull.link, hull.joint, hull.body) for hull in hulls]
-        self.groups: list[_Group] = []
-        self._true: list[tuple[_Group, Rows]] = []  # pairs of the links' hulls, and the row there of each pair here
-        names: list[tuple[str, str]] = []
-        for chosen, planes, margin in (
-            (outer, others, settings.growth + extra),
-            (self_pairs, links, settings.self_growth),
-        ):
-            if not chosen:
-                continue
-            pairs = body_pairs(bodies, planes, chosen, margin, supports)
-            self.groups.append(_Group(pairs, _distance(pairs, bodies, planes, settings)))
-            names += [(bodies[a].link, planes[b].name) for a, b in chosen]
-            if not hulls:
-                continue
-            if planes is links:
-                same = [(hull_of[bodies[a].link], hull_of[bodies[b].link]) for a, b in chosen]
-            else:
-                same = [(hull_of[bodies[a].link], b) for a, b in chosen]
-            solids, unique = hull_planes if planes is links else others, sorted(set(same))
-            pairs = body_pairs(hulls, solids, unique, 0.0, supports)
-            row_of = {pair: row for row, pair in enumerate(unique)}
-            rows = np.array([row_of[pair] for pair in same], dtype=np.int64)
-            self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
-        self._directions = _distinct([body.directions for body in others])
-        owners = np.array([body.joint - kinematics.nj for body in carried], dtype=np.int64)
-        sizes = np.array([np.linalg.norm(body.box[:3, 3]) + np.linalg.norm(body.half_size) for body in carried])
-        self.obstacle_speed = self.movers.fastest(owners, sizes)  # of any obstacle [m/s]
-        self.names = tuple(names)  # (P,) link and obstacle, or link and link
-        self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
-        self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
+        own = _own_pairs(kinematics, tuple(bodies), tuple(self_pairs), self.hulls, settings)
+        self._levels = [own] if own else []  # pairs of obstacles, and of links
+        if len(outer):
+            self._levels.insert(0, _level(bodies, others, outer, grown, supports, self.hulls, others, settings))
+        self._names = (bodies, others.names, outer, self_pairs)
+        self.count = len(outer) + len(self_pairs)  # P
         self.obstacle_pairs = len(outer)  # which come first among the P
-        standing = (np.arange(len(names)) < len(outer)) & ~self.coming
-        self.standing = standing & (settings.distance in PROVEN)  # (P,) of which `within` is proven
-        self._enlarged: dict[tuple[int, float], BodyPairs] = {}  # by group, and by how much
+        self.coming = np.zeros(self.count, dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
+        self.coming[: len(outer)] = outer[:, 1] >= len(standing)
+        stands = (np.arange(self.count) < len(outer)) & ~self.coming
+        self.standing = stands & (settings.distance in PROVEN)  # (P,) of which `within` is proven
+        self._directions = others.directions
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
         every = levers(robot.unfolded, tuple((body.joint, body.body) for body in bodies))
         self.levers = every if robot.linkage is None else every @ np.abs(robot.linkage.matrix)  # (n,) [m]
 
+    @cached_property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """The pairs (P,): link and obstacle, or link and link."""
+        bodies, others, outer, self_pairs = self._names
+        first = [(bodies[a].link, others[b]) for a, b in outer.tolist()]
+        return (*first, *((bodies[a].link, bodies[b].link) for a, b in self_pairs))
+
     def __repr__(self) -> str:
         """Say how many pairs of each kind there are."""
-        own = len(self.names) - self.obstacle_pairs
+        own = self.count - self.obstacle_pairs
         return (
             f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "
             f"{self.settings.distance}>"
         )
+
+    @property
+    def groups(self) -> list[_Group]:
+        """The pairs with obstacles, if there are any, and those of links."""
+        return [level.outer for level in self._levels]
 
     def clearance(self, margin: float) -> float | None:
         """Return the true clearance [m] to obstacles that Δ ≥ margin [m] proves at that instant, with the planes
@@ -166,28 +158,28 @@ class Barriers:
         """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations (k, n) and
         times (k,) [s]: not those of `standing` obstacles that are proven to have none."""
         if not self.standing.any() or not np.isfinite(horizon):
-            return np.arange(len(self.names))
+            return np.arange(self.count)
         found = ~self.standing
-        found[self._near(0, horizon).close(self._at(path, times).kinematics)[1]] = True
+        found[self._levels[0].near(horizon).close(self._at(path, times).kinematics)[1]] = True
         return np.flatnonzero(found)
 
     def doubtful(self, path: Array, times: Array, needed: Sequence[float]) -> tuple[Rows, Rows]:
         """Return configurations and pairs (S,) that may have a D̃ below `needed` [m] (of pairs with obstacles, of pairs
         of links), at configurations (k, n) and times (k,) [s]; every other one is proven to have none."""
         if self.settings.distance not in PROVEN:
-            every = np.indices((len(path), len(self.names))).reshape(2, -1)
+            every = np.indices((len(path), self.count)).reshape(2, -1)
             return every[0], every[1]
         kinematics, first, found = self._at(path, times).kinematics, 0, [(np.empty(0, np.int64),) * 2]
-        for index, group in enumerate(self.groups):
-            sample, pair = self._near(index, needed[0 if first < self.obstacle_pairs else 1]).close(kinematics)
+        for level in self._levels:
+            sample, pair = level.near(needed[0 if first < self.obstacle_pairs else 1]).close(kinematics)
             found.append((sample, pair + first))
-            first += len(group.pairs)
+            first += len(level.pairs)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return sample, pair
 
     def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, or of all."""
-        chosen = np.arange(len(self.names)) if chosen is None else chosen
+        chosen = np.arange(self.count) if chosen is None else chosen
         return self.along(q[None], np.array([time]), np.zeros(len(chosen), dtype=np.int64), chosen)
 
     def along(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
@@ -198,7 +190,8 @@ class Barriers:
     def nearness(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
         """Return the exact distance of the links' hulls in pairs (S,), without growth, with its derivatives, as
         `along`; nothing if no hulls were given."""
-        return self._evaluated(path, times, self._true, sample, pair) if self._true else self._empty(0)
+        exact = [level.exact for level in self._levels if level.exact]
+        return self._evaluated(path, times, exact, sample, pair) if exact else self._empty(0)
 
     def _evaluated(
         self, path: Array, times: Array, groups: Sequence[tuple[_Group, Rows]], sample: Rows, pair: Rows
@@ -224,12 +217,6 @@ class Barriers:
     def _empty(self, count: int) -> BarrierRows:
         return BarrierRows(np.empty(count), np.empty((count, self.robot.n)), np.empty(count), np.empty(count))
 
-    def _near(self, group: int, by: float) -> BodyPairs:
-        """Return the pairs of a group, enlarged by a distance [m]."""
-        if (group, by) not in self._enlarged:
-            self._enlarged[group, by] = self.groups[group].pairs.enlarged(by)
-        return self._enlarged[group, by]
-
     def _at(self, path: Array, times: Array) -> _Moment:
         kinematics = self.kinematics.evaluate(self.robot.expand(path))
         if not len(self.movers):
@@ -244,6 +231,21 @@ class _Group(NamedTuple):
 
     pairs: BodyPairs
     distance: PairDistance
+
+
+class _Level:
+    """Pairs of outer bodies, and the exact pairs of the links' hulls behind them."""
+
+    def __init__(self, outer: _Group, exact: tuple[_Group, Rows] | None) -> None:
+        """Take the pairs, and with the exact ones the row there of each pair."""
+        self.outer, self.exact, self.pairs = outer, exact, outer.pairs
+        self._enlarged: dict[float, BodyPairs] = {}
+
+    def near(self, by: float) -> BodyPairs:
+        """Return the pairs enlarged by a distance [m]."""
+        if by not in self._enlarged:
+            self._enlarged[by] = self.pairs.enlarged(by)
+        return self._enlarged[by]
 
 
 class _Moment(NamedTuple):
@@ -267,28 +269,66 @@ class _Moment(NamedTuple):
         return BarrierRows(value, turned * pairs.moves[pair], drift, separation)
 
 
-def _distinct(directions: Sequence[Array]) -> list[Array]:
-    """Return sets of directions (K, 3) without those that are there twice: most cells of a cloud have the same."""
-    return list({(np.round(each, 9) + 0.0).tobytes(): each for each in directions}.values())
-
-
-def _can_meet(
-    robot: Robot, bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], standing: int, margins: Array
-) -> list[tuple[int, int]]:
-    """Return the pairs of bodies that can touch within the joint limits, grown by `margins` [m]; the first `standing`
-    of the others stand still.
+def _can_meet(robot: Robot, bodies: Sequence[LinkBody], others: Pieces, standing: int, margins: Array) -> Rows:
+    """Return the pairs (P, 2) of bodies that can touch within the joint limits, grown by `margins` [m]; the first
+    `standing` of the others stand still.
 
     Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it.
     """
-    boxes = np.array([body.box for body in others[:standing]]).reshape(-1, 4, 4)
-    half = np.array([body.half_size for body in others[:standing]]).reshape(-1, 3) + margins[:standing, None]
-    moving = list(range(standing, len(others)))
-    return [
-        (a, b)
-        for a, body in enumerate(bodies)
-        if body.joint > 0
-        for b in (*np.flatnonzero(reach_of(robot.unfolded, body.joint, body.body).meets(boxes, half)).tolist(), *moving)
-    ]
+    boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None]
+    found = [np.empty((0, 2), dtype=np.int64)]
+    for a, body in enumerate(bodies):
+        if body.joint > 0:
+            met = np.flatnonzero(reach_of(robot.unfolded, body.joint, body.body).meets(boxes, half))
+            met = np.concatenate([met, np.arange(standing, len(others))])
+            found.append(np.column_stack([np.full(len(met), a), met]))
+    return np.concatenate(found)
+
+
+@made_once(16)
+def _own_pairs(
+    kinematics: Kinematics,
+    bodies: tuple[LinkBody, ...],
+    pairs: tuple[tuple[int, int], ...],
+    hulls: tuple[LinkBody, ...],
+    settings: BarrierSettings,
+) -> _Level | None:
+    """Return the pairs of links, the same in every world; None if there are none."""
+    if not pairs:
+        return None
+    planes = Pieces.of(
+        [
+            from_link_body(b.link, b.joint, b.body, settings.normals if settings.distance == "hdsdf" else "box")
+            for b in bodies
+        ]
+    )
+    solids = Pieces.of([from_link_body(hull.link, hull.joint, hull.body) for hull in hulls])
+    supports, chosen = kinematics.supports, np.array(pairs, dtype=np.int64)
+    return _level(bodies, planes, chosen, settings.self_growth, supports, hulls, solids, settings)
+
+
+def _level(
+    bodies: Sequence[LinkBody],
+    others: Pieces,
+    chosen: Rows,
+    margin: float | Array,
+    supports: Mask,
+    hulls: Sequence[LinkBody],
+    solids: Pieces,
+    settings: BarrierSettings,
+) -> _Level:
+    """Lay out pairs (P, 2) of bodies with others, enlarged by a margin [m], and those of the hulls with `solids`: the
+    others themselves, or where these are links their hulls."""
+    pairs = body_pairs(bodies, others, chosen, margin, supports)
+    outer = _Group(pairs, _distance(pairs, bodies, others, settings))
+    if not hulls:
+        return _Level(outer, None)
+    row_of = {hull.link: row for row, hull in enumerate(hulls)}
+    hull_of = np.array([row_of[body.link] for body in bodies])
+    first, second = hull_of[chosen[:, 0]], chosen[:, 1] if solids is others else hull_of[chosen[:, 1]]
+    unique, row = np.unique(first * len(solids) + second, return_inverse=True)
+    exact = body_pairs(hulls, solids, np.column_stack(np.divmod(unique, len(solids))), 0.0, supports)
+    return _Level(outer, (_Group(exact, FclPairs(exact, hulls, solids)), row))
 
 
 def _distance(
@@ -329,10 +369,13 @@ def scene_barriers(
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
     standing: list[HalfspaceBody] = []
+    clouds: list[Pieces] = []
     movers: list[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = []
     with naming(scene.source):
         for obstacle in scene.obstacles:
-            if obstacle.motion is None:
+            if obstacle.motion is None and isinstance(obstacle.shape, Cloud):
+                clouds.append(pieces_of(obstacle.name, obstacle.shape, obstacle.pose, planes))
+            elif obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes, closely=True)[0]
             else:
                 own = replace(obstacle, pose=Pose(), motion=None)
@@ -342,7 +385,7 @@ def scene_barriers(
             collision_model.kinematics,
             collision_model.bodies,
             collision_model.self_pairs,
-            standing,
+            Pieces.joined([Pieces.of(standing), *clouds]),
             settings,
             movers,
             scene.clearances,

@@ -44,7 +44,7 @@ class Sight:
         self.horizon = np.inf if settings.as_published else settings.horizon
         self._yielding = min(settings.rate, settings.yielding)
         b, each = settings.barriers, (settings.margin, settings.self_margin)
-        outer = np.arange(len(barriers.names)) < barriers.obstacle_pairs
+        outer = np.arange(barriers.count) < barriers.obstacle_pairs
         self.margins = np.where(outer, *each)  # δ [m]
         bent = [margin - straightened(margin, b.gamma, b.shaping_length)[0] for margin in each]
         self._bent = np.where(outer, *bent)  # δ − u(δ) [m]
