@@ -13,57 +13,35 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
-from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.cell_bodies import pieces_of
 from hdplan.planner.collision.collision_model import collision_model_of
-from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_obstacle
-from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
-from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.pieces import Pieces
-from hdplan.planner.collision.reach import levers, reach_of
+from hdplan.planner.collision.reach import Reach, levers, reach_of
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
+from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.movers import Movers
+from hdplan.planner.control.pair_level import PairGroup, PairLevel
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.errors import FieldError, naming, nearest
+from hdplan.scenes.errors import naming
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
+from hdplan.scenes.values import instance
 
-BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 PROVEN = ("hdsdf", "euclidean")  # those of which the broad phase misses no pair
-
-
-@dataclass(frozen=True)
-class BarrierSettings(Checked):
-    """Which distance, and between which bodies."""
-
-    distance: Annotated[str, Choice(BARRIER_DISTANCES)] = "hdsdf"
-    """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
-    gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
-    shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
-    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # g, by which obstacles are grown [m]
-    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # the same for one link of a self pair [m]
-    normals: Annotated[str, text] = "box"
-    """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
-
-    def _check_whole(self) -> None:
-        known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
-        if self.normals not in known:
-            wanted = nearest(self.normals, known)
-            raise FieldError(f"{shorten(repr(self.normals))} for {self.distance}{wanted}", "normals")
+BEYOND = 0.05  # [m] from everything that stands is a link that is in no pair with it, whatever the robot does
+WIDER = 2.0  # times as far: more than the corners of a box stand out that is enlarged along its axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +83,14 @@ class Barriers:
         others = Pieces.joined([standing, carried.on(kinematics.nj + owners)])
         size = np.linalg.norm(carried.boxes[:, :3, 3], axis=1) + np.linalg.norm(carried.half_sizes, axis=1)
         self.obstacle_speed = self.movers.fastest(owners, size)  # of any obstacle [m/s]
-        grown = settings.growth + np.array([(clearances or {}).get(name, 0.0) for name in others.names])
+        extra = dict.fromkeys(others.names, 0.0) | dict(clearances or {})
+        grown = settings.growth + np.array([*map(extra.__getitem__, others.names)])
         outer = _can_meet(robot, bodies, others, len(standing), grown)
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         own = _own_pairs(kinematics, tuple(bodies), tuple(self_pairs), self.hulls, settings)
         self._levels = [own] if own else []  # pairs of obstacles, and of links
         if len(outer):
-            self._levels.insert(0, _level(bodies, others, outer, grown, supports, self.hulls, others, settings))
+            self._levels.insert(0, PairLevel(bodies, others, outer, grown, supports, self.hulls, others, settings))
         self._names = (bodies, others.names, outer, self_pairs)
         self.count = len(outer) + len(self_pairs)  # P
         self.obstacle_pairs = len(outer)  # which come first among the P
@@ -140,7 +119,7 @@ class Barriers:
         )
 
     @property
-    def groups(self) -> list[_Group]:
+    def groups(self) -> list[PairGroup]:
         """The pairs with obstacles, if there are any, and those of links."""
         return [level.outer for level in self._levels]
 
@@ -148,11 +127,13 @@ class Barriers:
         """Return the true clearance [m] to obstacles that Δ ≥ margin [m] proves at that instant, with the planes
         of these obstacles: a lower bound; None if nothing is proven."""
         b = self.settings
-        any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
-        if b.distance != "hdsdf":
-            return any_planes
-        proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
-        return min(proven, default=any_planes)
+        found = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
+        if found is None:
+            return None
+        if b.distance == "hdsdf":
+            proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
+            found = min(proven, default=found)
+        return min(found, b.growth + BEYOND)  # of links in no pair no more is known
 
     def within(self, path: Array, times: Array, horizon: float) -> Rows:
         """Return the pairs, ascending, that may have a D̃ below the horizon [m] at one of the configurations (k, n) and
@@ -190,11 +171,12 @@ class Barriers:
     def nearness(self, path: Array, times: Array, sample: Rows, pair: Rows) -> BarrierRows:
         """Return the exact distance of the links' hulls in pairs (S,), without growth, with its derivatives, as
         `along`; nothing if no hulls were given."""
-        exact = [level.exact for level in self._levels if level.exact]
-        return self._evaluated(path, times, exact, sample, pair) if exact else self._empty(0)
+        if not len(pair) or not self.hulls:
+            return self._empty(0)
+        return self._evaluated(path, times, [level.exact for level in self._levels], sample, pair)
 
     def _evaluated(
-        self, path: Array, times: Array, groups: Sequence[tuple[_Group, Rows]], sample: Rows, pair: Rows
+        self, path: Array, times: Array, groups: Sequence[tuple[PairGroup, Rows]], sample: Rows, pair: Rows
     ) -> BarrierRows:
         """Evaluate pairs, numbered through all groups; each group comes with its rows for its pairs."""
         result, first = self._empty(len(pair)), 0
@@ -226,28 +208,6 @@ class Barriers:
         return _Moment(replace(kinematics, placements=placements), self.kinematics.nj, twists)
 
 
-class _Group(NamedTuple):
-    """Pairs with one kind of distance."""
-
-    pairs: BodyPairs
-    distance: PairDistance
-
-
-class _Level:
-    """Pairs of outer bodies, and the exact pairs of the links' hulls behind them."""
-
-    def __init__(self, outer: _Group, exact: tuple[_Group, Rows] | None) -> None:
-        """Take the pairs, and with the exact ones the row there of each pair."""
-        self.outer, self.exact, self.pairs = outer, exact, outer.pairs
-        self._enlarged: dict[float, BodyPairs] = {}
-
-    def near(self, by: float) -> BodyPairs:
-        """Return the pairs enlarged by a distance [m]."""
-        if by not in self._enlarged:
-            self._enlarged[by] = self.pairs.enlarged(by)
-        return self._enlarged[by]
-
-
 class _Moment(NamedTuple):
     """Robot and obstacles at k configurations and times."""
 
@@ -255,7 +215,7 @@ class _Moment(NamedTuple):
     joints: int  # number of the robot's joints, including the world
     twists: Array | None  # (k, m, 6) of the moving obstacles, if there are any
 
-    def rows(self, group: _Group, sample: Rows, pair: Rows) -> BarrierRows:
+    def rows(self, group: PairGroup, sample: Rows, pair: Rows) -> BarrierRows:
         """Evaluate some pairs of a group at some of the configurations."""
         pairs, distance = group
         value, wrench, separation = distance(self.kinematics, sample, pair)
@@ -270,19 +230,32 @@ class _Moment(NamedTuple):
 
 
 def _can_meet(robot: Robot, bodies: Sequence[LinkBody], others: Pieces, standing: int, margins: Array) -> Rows:
-    """Return the pairs (P, 2) of bodies that can touch within the joint limits, grown by `margins` [m]; the first
-    `standing` of the others stand still.
+    """Return the pairs (P, 2) of bodies that can come as close as BEYOND within the joint limits, grown by `margins`
+    [m]; the first `standing` of the others stand still.
 
     Fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it.
     """
-    boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None]
-    found = [np.empty((0, 2), dtype=np.int64)]
+    boxes, half = others.boxes[:standing], others.half_sizes[:standing] + margins[:standing, None] + BEYOND
+    moving, found, gaps = np.arange(standing, len(others)), [np.empty((0, 2), dtype=np.int64)], dict[bytes, Array]()
     for a, body in enumerate(bodies):
         if body.joint > 0:
-            met = np.flatnonzero(reach_of(robot.unfolded, body.joint, body.body).meets(boxes, half))
-            met = np.concatenate([met, np.arange(standing, len(others))])
-            found.append(np.column_stack([np.full(len(met), a), met]))
+            reach = reach_of(robot.unfolded, body.joint, body.body)
+            if (at := reach.centre.tobytes()) not in gaps:  # one for all links of an arm
+                gaps[at] = reach.gaps(boxes, half)
+            met = np.concatenate([np.flatnonzero(gaps[at] <= reach.radius), moving])
+            found.append(np.stack([np.full(len(met), a), met], axis=1))
     return np.concatenate(found)
+
+
+def _reached(robot: Robot, bodies: Sequence[LinkBody]) -> Array:
+    """Return balls (k, 4) in which the bodies that move stay [m]."""
+    farthest: dict[bytes, Reach] = {}
+    for body in bodies:
+        if body.joint > 0:
+            reach = reach_of(robot.unfolded, body.joint, body.body)
+            at = reach.centre.tobytes()
+            farthest[at] = max(reach, farthest.get(at, reach), key=lambda each: each.radius)
+    return np.array([[*reach.centre, reach.radius] for reach in farthest.values()]).reshape(-1, 4)
 
 
 @made_once(16)
@@ -292,7 +265,7 @@ def _own_pairs(
     pairs: tuple[tuple[int, int], ...],
     hulls: tuple[LinkBody, ...],
     settings: BarrierSettings,
-) -> _Level | None:
+) -> PairLevel | None:
     """Return the pairs of links, the same in every world; None if there are none."""
     if not pairs:
         return None
@@ -304,77 +277,39 @@ def _own_pairs(
     )
     solids = Pieces.of([from_link_body(hull.link, hull.joint, hull.body) for hull in hulls])
     supports, chosen = kinematics.supports, np.array(pairs, dtype=np.int64)
-    return _level(bodies, planes, chosen, settings.self_growth, supports, hulls, solids, settings)
+    return PairLevel(bodies, planes, chosen, settings.self_growth, supports, hulls, solids, settings)
 
 
-def _level(
-    bodies: Sequence[LinkBody],
-    others: Pieces,
-    chosen: Rows,
-    margin: float | Array,
-    supports: Mask,
-    hulls: Sequence[LinkBody],
-    solids: Pieces,
-    settings: BarrierSettings,
-) -> _Level:
-    """Lay out pairs (P, 2) of bodies with others, enlarged by a margin [m], and those of the hulls with `solids`: the
-    others themselves, or where these are links their hulls."""
-    pairs = body_pairs(bodies, others, chosen, margin, supports)
-    outer = _Group(pairs, _distance(pairs, bodies, others, settings))
-    if not hulls:
-        return _Level(outer, None)
-    row_of = {hull.link: row for row, hull in enumerate(hulls)}
-    hull_of = np.array([row_of[body.link] for body in bodies])
-    first, second = hull_of[chosen[:, 0]], chosen[:, 1] if solids is others else hull_of[chosen[:, 1]]
-    unique, row = np.unique(first * len(solids) + second, return_inverse=True)
-    exact = body_pairs(hulls, solids, np.column_stack(np.divmod(unique, len(solids))), 0.0, supports)
-    return _Level(outer, (_Group(exact, FclPairs(exact, hulls, solids)), row))
-
-
-def _distance(
-    pairs: BodyPairs,
-    bodies: Sequence[LinkBody],
-    others: Sequence[HalfspaceBody],
-    settings: BarrierSettings,
-) -> PairDistance:
-    match settings.distance:
-        case "hdsdf":
-            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
-        case "hdsdf-boxes":
-            return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
-        case "euclidean":
-            return FclPairs(pairs, bodies, others)
-        case "gdf":
-            return GdfPairs(pairs, bodies, others)
-    raise ValueError(f"no distance is known as {settings.distance!r}")
-
-
-def scene_barriers(
-    scene: Scene, robot: Robot, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None
-) -> Barriers:
+def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
     """Return the barriers of a scene: the planner's outer bodies with every obstacle, which is grown also by its own
     clearance, and the robot's self pairs except for those whose outer bodies overlap anyway.
 
     settings: which distance, and between which bodies. Link bodies are those of the scene's `planner.link_bodies`, or
-    boxes for the distances that take no others. hulls: the links', if they are known. Raises InputError for an obstacle
-    that the distance cannot take.
+    boxes for the distances that take no others. Raises InputError for an obstacle that the distance cannot take.
     """
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
     instance(settings, BarrierSettings, "settings")
-    setup = Setup.of(scene, robot)
+    return setup_barriers(Setup.of(scene, robot), settings)
+
+
+def setup_barriers(setup: Setup, settings: BarrierSettings, hulls: Sequence[LinkBody] | None = None) -> Barriers:
+    """Return the same of a scene with its robot. hulls: the links', if they are known."""
     setup.refuse_sizes("barriers take the world as it is said to be")
-    scene = setup.scene
+    scene, robot = setup.scene, setup.robot
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
     standing: list[HalfspaceBody] = []
     clouds: list[Pieces] = []
     movers: list[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = []
+    reached = _reached(robot, collision_model.bodies)
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None and isinstance(obstacle.shape, Cloud):
-                clouds.append(pieces_of(obstacle.name, obstacle.shape, obstacle.pose, planes))
+                far = settings.growth + scene.clearances[obstacle.name] + BEYOND
+                within = reached + [0.0, 0.0, 0.0, WIDER * far]
+                clouds.append(pieces_of(obstacle.name, obstacle.shape, obstacle.pose, planes, within))
             elif obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes, closely=True)[0]
             else:
