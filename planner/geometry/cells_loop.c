@@ -39,7 +39,7 @@ static long long gather(long long count, const double* points, const double* rad
   for (long long i = 0; i < count; ++i) {
     const double* p = points + 3 * i;
     if (!reached(p, radii[i], balls, ball)) {
-      cell[i] = -1;
+      cell[i] = 0; /* in none: the first one is number 1 */
       continue;
     }
     const long long x = along(p[0], per_edge), y = along(p[1], per_edge), z = along(p[2], per_edge);
@@ -56,7 +56,8 @@ static long long gather(long long count, const double* points, const double* rad
       key_of[cells] = key;
       cell_at[slot] = cells++;
     }
-    const long long c = cell[i] = cell_at[slot];
+    const long long c = cell_at[slot];
+    cell[i] = c + 1;
     double* s = sums + SUMS * c;
     /* from the cube's middle, so that the products lose nothing */
     const double a = p[0] - middle(x, edge), b = p[1] - middle(y, edge), d = p[2] - middle(z, edge);
@@ -72,9 +73,10 @@ static void extend(long long count, const double* points, const long long* cell,
                    const double* rotation, double* low, double* high) {
   for (long long k = 0; k < 3 * cells; ++k) low[k] = INFINITY, high[k] = -INFINITY;
   for (long long i = 0; i < count; ++i) {
-    if (cell[i] < 0) continue;
-    const double *p = points + 3 * i, *r = rotation + 9 * cell[i];
-    double *l = low + 3 * cell[i], *h = high + 3 * cell[i];
+    if (!cell[i]) continue;
+    const long long c = cell[i] - 1;
+    const double *p = points + 3 * i, *r = rotation + 9 * c;
+    double *l = low + 3 * c, *h = high + 3 * c;
     for (int k = 0; k < 3; ++k) {
       const double at = p[0] * r[k] + p[1] * r[3 + k] + p[2] * r[6 + k];
       if (at < l[k]) l[k] = at;
@@ -109,7 +111,7 @@ WRAPPER(call_extend) {
   const long long rows = taken.shape[0];
   const double* rotation = numbers(&taken, "rotation", SHAPE(ANY, 3, 3));
   const long long cells = taken.shape[0];
-  const long long* cell = indices(&taken, "cell", -1, cells, SHAPE(rows));
+  const long long* cell = indices(&taken, "cell", 0, cells + 1, SHAPE(rows));
   double* low = written(&taken, "low", SHAPE(cells, 3));
   double* high = written(&taken, "high", SHAPE(cells, 3));
   if (ready(&taken)) WITHOUT_LOCK(extend(rows, points, cell, cells, rotation, low, high));
