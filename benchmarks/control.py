@@ -126,7 +126,7 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
         for number in range(runs):
             scene, _, q = free_start(rng, robot, obstacles)
             controller, goal = Controller.of(scene, settings, robot), task(rng, robot, number)
-            pairs, last = len(controller.barriers.names), None
+            pairs, last = controller.barriers.count, None
             for _ in range(100):
                 began, used = perf_counter(), process_time()
                 step = controller.step(q, goal, 0.0, last)
@@ -170,15 +170,18 @@ def updates(count: int = 20) -> None:
         "20 boxes": lambda: boxes(moving=False),
         "20 boxes that move": lambda: boxes(moving=True),
         "100,000 points of a table and a wall": cloud,
+        "50,000 points that fill a room": lambda: [
+            Obstacle("cloud", Cloud(rng.uniform(-1.0, 1.0, (50_000, 3)), 0.005))
+        ],
     }
     for name, look in looks.items():
-        used, step_used, pairs = [], [], 0
+        used, step_used, pairs = list[float](), list[float](), 0
         for _ in range(count):
             seen = look()
             began = process_time()
             updated = controller.update(seen)
             used.append(process_time() - began)
-            began, pairs = process_time(), len(updated.barriers.names)
+            began, pairs = process_time(), updated.barriers.count
             updated.step(np.array(READY), standing(np.array(READY)))
             step_used.append(process_time() - began)
         rows.append(

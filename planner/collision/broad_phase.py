@@ -19,6 +19,7 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
@@ -217,20 +218,19 @@ def body_pairs(
     margin: one for all halfspace bodies, or one for each (B,).
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
     """
-    margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
+    pieces = Pieces.of(halfspace_bodies)
+    margins = np.full(len(pieces), margin, dtype=np.float64)
     first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     slots = max(len(bodies[a].body.vertices) for a in set(first.tolist()))
-    plane_slots = np.array([len(body.supports) for body in halfspace_bodies], dtype=np.int64)
-    rows = np.zeros(len(halfspace_bodies), dtype=np.int64)
+    plane_slots, rows = np.zeros((2, len(pieces)), dtype=np.int64)
     tables = {}
-    for count in sorted(set(plane_slots.tolist())):
-        chosen = np.flatnonzero(plane_slots == count)
-        rows[chosen] = np.arange(len(chosen))
-        normals = np.array([halfspace_bodies[b].normals for b in chosen.tolist()]).reshape(len(chosen), -1)
-        reach = np.array([halfspace_bodies[b].supports for b in chosen.tolist()])
-        tables[count] = np.hstack([normals, reach + margins[chosen, None]])
+    for own in pieces.planes:
+        count = own.supports.shape[1]
+        plane_slots[own.pieces], rows[own.pieces] = count, np.arange(len(own.pieces))
+        enlarged = own.supports + margins[own.pieces, None]
+        tables[count] = np.hstack([own.normals.reshape(len(enlarged), -1), enlarged])
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
-    joint_b = np.array([body.joint for body in halfspace_bodies], dtype=np.int64)[second]
+    joint_b = pieces.joints[second]
     return BodyPairs(
         body=first,
         halfspace_body=second,
@@ -244,8 +244,8 @@ def body_pairs(
         centres=np.array([body.ball[0] for body in bodies]),
         radii=np.array([body.ball[1] for body in bodies]),
         widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
-        boxes=np.array([body.box for body in halfspace_bodies]),
-        half_sizes=np.array([body.half_size for body in halfspace_bodies]) + margins[:, None],
+        boxes=pieces.boxes,
+        half_sizes=pieces.half_sizes + margins[:, None],
         margins=margins,
     )
 

@@ -7,8 +7,11 @@ import math
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
-from hdplan.planner.geometry.cells import axes_of, cells_of, grouped
+from hdplan.planner.collision.pieces import Pieces, Planes
+from hdplan.planner.geometry.cells import CellBoxes, axes_of, cells_of, grouped
+from hdplan.planner.geometry.cells_loop import cell_boxes
 from hdplan.planner.geometry.clouds import balls_in, merged, reach
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
@@ -40,6 +43,40 @@ def from_cloud(
     return from_balls(name, balls, pose, planes, closely), tuple(f"cloud '{name}': {words}" for words in notes)
 
 
+def pieces_of(name: str, cloud: Cloud, pose: Pose, planes: str, within: Array) -> Pieces:
+    """Enclose a cloud that was read by small cells, to be used once: nothing is kept, nothing is said. Left out is what
+    touches none of the balls (k, 4) in the world [m]."""
+    assert isinstance(cloud.points, FixedArray)
+    points, radius = cloud.points.array, cloud.radius
+    radii = radius.array if isinstance(radius, FixedArray) else np.full(len(points), radius)
+    if cloud.voxel is not None:
+        found = merged(balls_in(cloud), cloud.voxel)[0].array
+        points, radii = found[:, :3], found[:, 3]
+    placement = pose.matrix
+    local = np.column_stack([(within[:, :3] - placement[:3, 3]) @ placement[:3, :3], within[:, 3]])
+    normals, supports, box, half = _planes(_cell_boxes(points, radii, local), pose, planes)
+    count = len(half)
+    every = (Planes(np.arange(count), normals, supports),) if count else ()
+    return Pieces((name,) * count, np.zeros(count, np.int64), every, box, half, (None,) * count, box)
+
+
+def _cell_boxes(points: Array, radii: Array, within: Array) -> CellBoxes:
+    """Return boxes around the points (m, 3), with radii (m,), in each small cell, but for those out of reach."""
+    if loops := library():
+        return cell_boxes(loops, points, radii, SMALL_CELL, within)
+    near = np.zeros(len(points), dtype=np.bool_)
+    for ball in within:
+        near |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3] + radii
+    points, radii = points[near], radii[near]
+    if not len(points):
+        nothing = np.empty((0, 3))
+        return CellBoxes(np.empty((0, 3, 3)), nothing, nothing, np.empty(0))
+    order, first = grouped(points, SMALL_CELL)
+    found = points[order]
+    rotation = axes_of(found, first)
+    return CellBoxes(rotation, *_extents(found, first, rotation), np.maximum.reduceat(radii[order], first))
+
+
 @made_once(4)
 def from_balls(
     name: str, balls: FixedArray, pose: Pose, planes: str, closely: bool = False
@@ -49,8 +86,8 @@ def from_balls(
     cells = cells_of(balls, SMALL_CELL if closely else CELL)
     found = balls.array[cells.order]
     radius = np.maximum.reduceat(found[:, 3], cells.first)
-    around = _extents(found[:, :3], cells.first, cells.rotation)
-    return _bodies(name, cells.rotation, *around, radius, pose, planes)
+    boxes = CellBoxes(cells.rotation, *_extents(found[:, :3], cells.first, cells.rotation), radius)
+    return _bodies(name, boxes, pose, planes)
 
 
 @made_once(4)
@@ -72,7 +109,7 @@ def from_surface(
     order, first = grouped(corners.mean(axis=1), edge)
     found, first = corners[order].reshape(-1, 3), 3 * first
     rotation = axes_of(found, first)
-    return _bodies(name, rotation, *_extents(found, first, rotation), np.zeros(len(first)), pose, planes)
+    return _bodies(name, CellBoxes(rotation, *_extents(found, first, rotation), np.zeros(len(first))), pose, planes)
 
 
 @made_once(4)
@@ -80,31 +117,35 @@ def from_boxes(name: str, boxes: FixedArray, pose: Pose, planes: str) -> tuple[H
     """Return a body for each of the boxes (k, 6), lower and upper corners [m] in a frame that stands at `pose`."""
     low, high = boxes.array[:, :3], boxes.array[:, 3:]
     turns = np.tile(np.eye(3), (len(low), 1, 1))
-    return _bodies(name, turns, 0.5 * (low + high), 0.5 * (high - low), np.zeros(len(low)), pose, planes)
+    return _bodies(name, CellBoxes(turns, low, high, np.zeros(len(low))), pose, planes)
 
 
 def _extents(points: Array, first: Rows, rotation: Array) -> tuple[Array, Array]:
-    """Return centres and half edges (c, 3) of boxes with axes (c, 3, 3) around groups of points (m, 3), which begin at
-    `first` (c,)."""
+    """Return how far groups of points (m, 3), which begin at `first` (c,), reach along axes (c, 3, 3): lower and upper
+    ends (c, 3)."""
     sizes = np.diff(np.append(first, len(points)))
     local = np.einsum("mi,mij->mj", points, np.repeat(rotation, sizes, axis=0))
-    low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
-    return np.einsum("cij,cj->ci", rotation, 0.5 * (low + high)), 0.5 * (high - low)
+    return np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
 
 
-def _bodies(
-    name: str, rotation: Array, center: Array, half: Array, radius: Array, pose: Pose, planes: str
-) -> tuple[HalfspaceBody, ...]:
-    """Return bodies around boxes with rounded edges: axes (c, 3, 3), centres and half edges (c, 3) and radii (c,)."""
-    placement = pose.matrix
-    box = np.tile(np.eye(4), (len(half), 1, 1))
-    box[:, :3, :3], box[:, :3, 3] = placement[:3, :3] @ rotation, center @ placement[:3, :3].T + placement[:3, 3]
-    directions = few_directions(planes)
-    normals = np.einsum("kj,cij->cki", directions, box[:, :3, :3])
-    # of a box with rounded edges: h(n) = Σ_i |n_i| half_i + r
-    supports = half @ np.abs(directions).T + radius[:, None] + np.einsum("cki,ci->ck", normals, box[:, :3, 3])
-    half = half + radius[:, None]
-    normals, supports, box, half = (read_only(each) for each in (normals, supports, box, half))  # and so their rows
+def _bodies(name: str, boxes: CellBoxes, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+    """Return bodies around boxes with rounded edges."""
+    normals, supports, box, half = (read_only(each) for each in _planes(boxes, pose, planes))
     return tuple(
         HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], None, box[c]) for c in range(len(half))
     )
+
+
+def _planes(boxes: CellBoxes, pose: Pose, planes: str) -> tuple[Array, Array, Array, Array]:
+    """Return normals (c, K, 3), supports (c, K), boxes (c, 4, 4) and their half sizes (c, 3) of the same in the
+    world."""
+    placement, radius = pose.matrix, boxes.radius
+    middle, half = 0.5 * (boxes.low + boxes.high), 0.5 * (boxes.high - boxes.low)
+    box = np.tile(np.eye(4), (len(half), 1, 1))
+    box[:, :3, :3] = placement[:3, :3] @ boxes.rotation
+    box[:, :3, 3] = (box[:, :3, :3] @ middle[..., None])[..., 0] + placement[:3, 3]
+    directions = few_directions(planes)
+    normals = directions @ box[:, :3, :3].swapaxes(1, 2)
+    # of a box with rounded edges: h(n) = Σ_i |n_i| half_i + r
+    supports = half @ np.abs(directions).T + radius[:, None] + (normals @ box[:, :3, 3, None])[..., 0]
+    return normals, supports, box, half + radius[:, None]

@@ -29,6 +29,7 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.geometry.shape_table import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
@@ -59,7 +60,7 @@ class FclPairs(PairDistance):
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
         self.second = _Solids(halfspace_bodies)
-        self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
+        self.placements = Pieces.of(halfspace_bodies).placements  # (B, 4, 4) in the joints' frames
 
     @property
     def how(self) -> str:

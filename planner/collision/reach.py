@@ -28,9 +28,12 @@ class Reach:
     def meets(self, boxes: Array, half_sizes: Array) -> Mask:
         """For each box (B, 4, 4) with these half sizes (B, 3) [m], such as that of a standing body enlarged by its
         margin, whether the ball touches it; if not, the pair can be left out."""
+        return np.asarray(self.gaps(boxes, half_sizes) <= self.radius)
+
+    def gaps(self, boxes: Array, half_sizes: Array) -> Array:
+        """How far the same boxes are from the ball's centre (B,) [m]."""
         local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
-        outside = np.maximum(np.abs(local) - half_sizes, 0.0)
-        return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
+        return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - half_sizes, 0.0), axis=1))
 
 
 @functools.lru_cache(maxsize=1024)

@@ -46,7 +46,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hdplan.planner.control.barriers import BarrierRows, Barriers, scene_barriers
+from hdplan.planner.control.barriers import BarrierRows, Barriers, setup_barriers
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.look_ahead import LookAhead, Mode
 from hdplan.planner.control.program_rows import joint_constraints, pair_constraints
@@ -119,13 +119,13 @@ class Controller:
         barriers: Barriers,
         settings: ControlSettings,
         limits: Mapping[str, Array] | None = None,
-        scene: Scene | None = None,
+        setup: Setup | None = None,
     ) -> None:
         """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: the greatest
         velocity, acceleration and jerk (n,), by name; for those that are missing see `braking.Rates.of`; the velocity
-        is the URDF's by default. scene: whose pairs they are, for `update`. Raises InputError for invalid limits."""
+        is the URDF's by default. setup: whose pairs they are, for `update`. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
-        self.scene, self._limits = scene, limits
+        self.setup, self._limits = setup, limits
         self.sight = Sight(barriers, settings)
         self._clearance = barriers.clearance(settings.margin)
         found = {"velocity": urdf_velocities(robot), **(limits or {})}
@@ -145,7 +145,7 @@ class Controller:
         """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
         samples, less the farthest travel to the middle of a period; None without proof, 0 or less if it fails."""
         clearance = self._clearance
-        if clearance is None or not self.settings.look_ahead or self.barriers.movers:
+        if clearance is None or not self.settings.look_ahead or len(self.barriers.movers):
             return None
         return clearance - 0.5 * self.settings.period * float(self.rates.velocity @ self.barriers.levers)
 
@@ -159,7 +159,7 @@ class Controller:
         scene, robot = setup.scene, setup.robot
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
         limits = joint_limits(derived(scene, limits=replace(given, torque=None)), robot)
-        return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits, scene)
+        return cls(robot, setup_barriers(setup, settings.barriers), settings, limits, setup)
 
     def update(
         self, obstacles: Sequence[Obstacle] | None = None, attached: Sequence[Attached] | None = None
@@ -170,14 +170,14 @@ class Controller:
 
         Raises InputError for a controller that was not made of a scene, and as `Controller.of`.
         """
-        if self.scene is None:
+        if self.setup is None:
             raise InputError("update: this controller was not made of a scene; use Controller.of")
+        world = self.setup.asked.obstacles if obstacles is None else tuple(obstacles)
         if attached is not None:  # the robot carries something else: its links' bodies are others
-            world = self.scene.obstacles if obstacles is None else tuple(obstacles)
-            return Controller.of(derived(self.scene, obstacles=world, attached=tuple(attached)), self.settings)
-        scene = derived(self.scene, obstacles=self.scene.obstacles if obstacles is None else tuple(obstacles))
-        barriers = scene_barriers(scene, self.robot, self.settings.barriers, self.barriers.hulls)
-        return Controller(self.robot, barriers, self.settings, self._limits, scene)
+            return Controller.of(derived(self.setup.asked, obstacles=world, attached=tuple(attached)), self.settings)
+        setup = self.setup.seeing(world)
+        barriers = setup_barriers(setup, self.settings.barriers, self.barriers.hulls)
+        return Controller(self.robot, barriers, self.settings, self._limits, setup)
 
     def step(
         self, q: Array, task: Task | Sequence[Task | Ranked], time: float = 0.0, last: Command | None = None

@@ -20,7 +20,7 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
-from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Rates
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.rollout import Run, simulate

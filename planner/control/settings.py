@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, refuse_unsafe
-from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.scenes.values import Checked, Number
 
 

@@ -7,6 +7,7 @@ spot, and the exact distances of the links' hulls are seen, too.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -44,12 +45,11 @@ class Sight:
         self.horizon = np.inf if settings.as_published else settings.horizon
         self._yielding = min(settings.rate, settings.yielding)
         b, each = settings.barriers, (settings.margin, settings.self_margin)
-        outer = np.arange(len(barriers.names)) < barriers.obstacle_pairs
+        outer = np.arange(barriers.count) < barriers.obstacle_pairs
         self.margins = np.where(outer, *each)  # δ [m]
-        bent = [margin - straightened(margin, b.gamma, b.shaping_length)[0] for margin in each]
+        bent, sure = _of_margins(each, b.gamma, b.shaping_length, barriers.corners)
         self._bent = np.where(outer, *bent)  # δ − u(δ) [m]
-        sure = [sufficient_separation(margin, b.gamma, b.shaping_length, barriers.corners) for margin in each]
-        self.needed = sure[0], sure[1]  # D̃ [m] above which Δ ≥ δ is certain, for obstacles and for links
+        self.needed = sure  # D̃ [m] above which Δ ≥ δ is certain, for obstacles and for links
         if barriers.standing.any() and not self.horizon > sure[0]:
             raise InputError(
                 f"control.horizon: {settings.horizon:g} m is too near for a margin of {settings.margin:g} m, more than "
@@ -132,3 +132,13 @@ class Sight:
 def _part(rows: BarrierRows, chosen: Array | Rows) -> BarrierRows:
     """Return some of the rows."""
     return BarrierRows(rows.value[chosen], rows.gradient[chosen], rows.drift[chosen], rows.separation[chosen])
+
+
+@functools.lru_cache(maxsize=64)
+def _of_margins(
+    margins: tuple[float, float], gamma: int, length: float, corners: int
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return of the margins of obstacles and of links δ − u(δ), and the D̃ above which Δ ≥ δ is certain [m]."""
+    outer, own = (float(margin - straightened(margin, gamma, length)[0]) for margin in margins)
+    sure_outer, sure_own = (sufficient_separation(margin, gamma, length, corners) for margin in margins)
+    return (outer, own), (sure_outer, sure_own)

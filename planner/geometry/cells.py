@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,15 @@ class Cells:
         return np.diff(np.append(self.first, len(self.order)))
 
 
+class CellBoxes(NamedTuple):
+    """Boxes around the points of c cells."""
+
+    rotation: Array  # (c, 3, 3) axes as columns
+    low: Array  # (c, 3) of the points along these [m]
+    high: Array  # (c, 3)
+    radius: Array  # (c,) the largest of a point in each [m]
+
+
 @made_once(8)
 def cells_of(points: FixedArray, edge: float) -> Cells:
     """Return the cells of the points (m, 3 or more) by a grid of this edge [m], with axes from their first three
@@ -46,8 +56,19 @@ def axes_of(found: Array, first: Rows) -> Array:
     sizes = np.diff(np.append(first, len(found)))
     away = found - np.repeat(np.add.reduceat(found, first) / sizes[:, None], sizes, axis=0)
     products = np.stack([away[:, i] * away[:, j] for i, j in _UPPER], axis=1)
-    spread = np.add.reduceat(products, first)[:, _WHOLE].reshape(-1, 3, 3)
-    return _axes(*np.linalg.eigh(spread))
+    return axes_from(np.add.reduceat(products, first))
+
+
+def mean_free(counts: Array, sums: Array, products: Array) -> Array:
+    """Return the products (c, 6) of what is left of coordinates without their means, from the numbers (c,), sums (c, 3)
+    and products (c, 6) of groups."""
+    return products - np.stack([sums[:, i] * sums[:, j] / counts for i, j in _UPPER], axis=1)
+
+
+def axes_from(products: Array) -> Array:
+    """Return axes (c, 3, 3) as columns, right-handed, for groups of points with these products (c, 6): the upper half
+    of the matrix of their spread."""
+    return _axes(*np.linalg.eigh(products[:, _WHOLE].reshape(-1, 3, 3)))
 
 
 def _axes(spread: Array, principal: Array) -> Array:

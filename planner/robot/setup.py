@@ -19,6 +19,7 @@ from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene, derived, unknown_in
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -78,6 +79,11 @@ class Setup:
         else:
             instance(robot, Robot, "robot")
             check_robot(scene, robot)
+        return cls._read(scene, robot)
+
+    @classmethod
+    def _read(cls, scene: Scene, robot: Robot) -> Setup:
+        """Read the files of a scene with its robot, and leave out what it asks to ignore."""
         asked = _with_links(scene, robot)
         read = opened(asked)
         seen = self_filtered(asked, read, robot)
@@ -86,6 +92,11 @@ class Setup:
             asked = derived(asked, obstacles=tuple(left.get(each.name, each) for each in asked.obstacles))
         units = tuple(unlikely_units(seen.scene, robot))
         return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, asked=asked)
+
+    def seeing(self, obstacles: tuple[Obstacle, ...]) -> Setup:
+        """Return the same robot, which was checked, among other obstacles. Raises InputError for obstacles that no
+        scene can have, and for files that cannot be used."""
+        return Setup._read(derived(self.asked, obstacles=obstacles), self.robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""

@@ -22,7 +22,8 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.control.barrier_safety import refuse_unsafe
-from hdplan.planner.control.barriers import Barriers, BarrierSettings
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.barriers import Barriers
 from hdplan.planner.control.controller import Controller, Step
 from hdplan.planner.control.rollout import Run, fast_energy, simulate, total_variation
 from hdplan.planner.control.settings import ControlSettings

@@ -1,9 +1,9 @@
 """Public names of hdplan.control and their homes."""
 
 from hdplan.planner.control.arm import Arm as Arm
+from hdplan.planner.control.barrier_settings import BarrierSettings as BarrierSettings
 from hdplan.planner.control.barriers import (
     Barriers as Barriers,
-    BarrierSettings as BarrierSettings,
     scene_barriers as scene_barriers,
 )
 from hdplan.planner.control.braking import Command as Command

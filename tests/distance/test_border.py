@@ -23,6 +23,7 @@ import pytest
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
 from hdplan.planner.collision import separation_loop
+from hdplan.planner.geometry.cells_loop import cell_boxes
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
@@ -72,6 +73,7 @@ FREE = {
     "close_rows": {("placements", 0), ("placements", 1), ("centres", 1)},
     "penalties": {("placements", 1)},
     "grow_trees": {("targets", 0)},
+    "gather_cells": {("balls", 0)},
 }
 
 
@@ -107,6 +109,7 @@ def run_scenes() -> None:
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
+    cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.ones((2, 4)))
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.barriers import scene_barriers
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.proof.proof import prove

@@ -14,7 +14,7 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.collision import convex_pieces, link_bodies
-from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.controller import Controller, Step
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.simulation import replay

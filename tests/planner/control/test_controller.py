@@ -31,7 +31,8 @@ from hdplan.planner.control.barrier_safety import (
     touching_value,
     unshaped,
 )
-from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.barriers import Barriers, scene_barriers
 from hdplan.planner.control.braking import USED_SHARE, Command
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.look_ahead import Mode

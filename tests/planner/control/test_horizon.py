@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.barriers import BarrierSettings, scene_barriers
+from hdplan.planner.collision.collision_model import collision_model_of
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.control.barriers import scene_barriers
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.control.rollout import simulate
@@ -105,6 +107,27 @@ def test_the_rate_grows_toward_the_horizon(robot: Robot) -> None:
         assert (binding[outer].min(initial=np.inf) < 1e-6) != free
         linear = Controller.of(wall, replace(settings, as_published=True), robot).step(np.array(READY), standing(goal))
         assert len(linear.pairs) == len(controller.barriers.names)
+
+
+def test_what_is_in_no_pair_stays_farther_away_than_is_proven(robot: Robot) -> None:
+    """Of balls and points about as far as the arm reaches, whatever the margin."""
+    rng, model, left = np.random.default_rng(5), collision_model_of(robot, "fitted", "box"), 0
+    ways = rng.normal(size=(60, 3))
+    places = [0.0, 0.0, 0.333] + ways / np.linalg.norm(ways, axis=1)[:, None] * rng.uniform(0.3, 1.9, (60, 1))
+    balls = [Obstacle(f"ball{k}", Sphere(0.02), Pose(tuple(place))) for k, place in enumerate(places[:30])]
+    clouds = [Obstacle(f"view{k}", Cloud(place[None], 0.02)) for k, place in enumerate(places[30:])]
+    for distance in ("hdsdf", "euclidean"):
+        seen = balls + clouds if distance == "hdsdf" else balls
+        barriers = scene_barriers(scene_of(*seen), robot, BarrierSettings(distance))
+        named = set(barriers.names)
+        proven = [barriers.clearance(margin) for margin in (0.014, 0.1, 0.5)]
+        for body, reach in zip(model.bodies, model.reach, strict=True):
+            gaps = np.linalg.norm(places - reach.centre, axis=1) - reach.radius - 0.02
+            for obstacle, gap in zip(seen, gaps.tolist(), strict=False):
+                if body.joint > 0 and (body.link, obstacle.name) not in named:
+                    assert all(each is not None and gap >= each for each in proven)
+                    left += 1
+    assert left > 100
 
 
 def test_an_arm_goes_about_its_way_clear_of_a_cloud(robot: Robot) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.controller import Controller
 from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
 from hdplan.planner.control.settings import ControlSettings

@@ -1,0 +1,88 @@
+"""Pairs of outer bodies that a controller keeps apart, with the exact pairs of the links' hulls behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
+from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.pieces import Pieces
+from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.scenes.array_types import Array, Mask, Rows
+
+
+class PairGroup(NamedTuple):
+    """Pairs with one kind of distance."""
+
+    pairs: BodyPairs
+    distance: PairDistance
+
+
+class PairLevel:
+    """Pairs with obstacles, or pairs of links."""
+
+    def __init__(
+        self,
+        bodies: Sequence[LinkBody],
+        others: Pieces,
+        chosen: Rows,
+        margin: float | Array,
+        supports: Mask,
+        hulls: Sequence[LinkBody],
+        solids: Pieces,
+        settings: BarrierSettings,
+    ) -> None:
+        """Lay out pairs (P, 2) of bodies with others, enlarged by a margin [m]. Behind them are the hulls with
+        `solids`: the others themselves, or where these are links their hulls."""
+        self.pairs = body_pairs(bodies, others, chosen, margin, supports)
+        self.outer = PairGroup(self.pairs, _distance(self.pairs, bodies, others, settings))
+        self._enlarged: dict[float, BodyPairs] = {}
+        self._hulls, self._solids, self._supports = hulls, solids, supports
+        self._links = [body.link for body in bodies]
+        self._chosen, self._own = chosen, solids is not others
+
+    def near(self, by: float) -> BodyPairs:
+        """Return the pairs enlarged by a distance [m]."""
+        if by not in self._enlarged:
+            self._enlarged[by] = self.pairs.enlarged(by)
+        return self._enlarged[by]
+
+    @cached_property
+    def exact(self) -> tuple[PairGroup, Rows]:
+        """The exact pairs of the hulls, laid out when a pair is first inside its margin, and the row there of each pair
+        (P,)."""
+        row_of = {hull.link: row for row, hull in enumerate(self._hulls)}
+        hull_of = np.array([row_of[link] for link in self._links])
+        first, second = hull_of[self._chosen[:, 0]], self._chosen[:, 1]
+        second = hull_of[second] if self._own else second
+        unique, row = np.unique(first * len(self._solids) + second, return_inverse=True)
+        chosen = np.column_stack(np.divmod(unique, len(self._solids)))
+        pairs = body_pairs(self._hulls, self._solids, chosen, 0.0, self._supports)
+        return PairGroup(pairs, FclPairs(pairs, self._hulls, self._solids)), row
+
+
+def _distance(
+    pairs: BodyPairs,
+    bodies: Sequence[LinkBody],
+    others: Sequence[HalfspaceBody],
+    settings: BarrierSettings,
+) -> PairDistance:
+    match settings.distance:
+        case "hdsdf":
+            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+        case "hdsdf-boxes":
+            return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
+        case "euclidean":
+            return FclPairs(pairs, bodies, others)
+        case "gdf":
+            return GdfPairs(pairs, bodies, others)
+    raise ValueError(f"no distance is known as {settings.distance!r}")

@@ -1,0 +1,27 @@
+"""Points grouped by the cubes of a grid, each group with a box along axes of its own, in loops of C: without sorting,
+and without the points that nothing reaches.
+
+The same as `cells.grouped`, `axes_of` and the extents along them, but for rounding, where the cubes begin and the order
+of the cells.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from hdplan.planner.geometry.cells import CellBoxes, axes_from, mean_free
+from hdplan.scenes.array_types import Array
+
+
+def cell_boxes(loops: ModuleType, points: Array, radii: Array, edge: float, balls: Array) -> CellBoxes:
+    """Enclose those balls about points (m, 3) with radii (m,) [m] that touch any of the other balls (k, 4)."""
+    points, radii, count = np.ascontiguousarray(points), np.ascontiguousarray(radii), len(points)
+    cell, sums = np.empty(count, np.int64), np.empty((count, 11))
+    cells = loops.gather_cells(points, radii, edge, np.ascontiguousarray(balls), cell, sums)
+    sums = sums[:cells].copy()
+    rotation = np.ascontiguousarray(axes_from(mean_free(sums[:, 0], sums[:, 2:5], sums[:, 5:])))
+    low, high = np.empty((2, cells, 3))
+    loops.extend_cells(points, rotation, cell, low, high)
+    return CellBoxes(rotation, low, high, sums[:, 1])
