@@ -103,7 +103,10 @@ class Containment:
 def _identity(body: Body) -> object:
     """Return what all pieces cut from one mesh have in common."""
     surface = body.piece.surface
-    return id(body) if surface is None else (body.name, id(surface.solid), body.joint, body.placement.tobytes())
+    if surface is None:
+        return id(body)
+    # all copies of a mesh have one solid, and an obstacle may have the name of a link: neither alone tells them apart
+    return body.name, id(surface.solid), body.joint, body.placement.tobytes(), body.obstacle_motion
 
 
 def _points(body: Body) -> Array:

@@ -268,6 +268,23 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
     assert found.get((True, False), 0) > 0
 
 
+def test_an_obstacle_is_told_from_its_twin_in_the_robot(tmp_path: Path) -> None:
+    """It has the name, the mesh and, at first, the place of a link; later it is around another link."""
+    body = to_file(star(np.random.default_rng(0), 1.0, spikes=0.3).mesh(), tmp_path / "body.stl")
+    (tmp_path / "arm.urdf").write_text(
+        f'''<robot name="arm"><link name="base"><collision><geometry><mesh filename="{body}"/></geometry></collision>
+        </link><link name="hand"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+        <joint name="slide" type="prismatic"><parent link="base"/><child link="hand"/><origin xyz="3 0 0"/>
+        <axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="10"/></joint></robot>'''
+    )
+    ends, robot = (JointTarget("start", (0.0,)), JointTarget("goal", (0.1,))), RobotSpec(urdf=tmp_path / "arm.urdf")
+    for name in ("base", "other"):
+        mover = Obstacle(name, Mesh(body), motion=SteadyMotion((1.0, 0.0, 0.0)))
+        certifier = Certifier(Setup.of(Scene("twins", tmp_path / "s.yaml", robot, (mover,), *ends)))
+        assert not certifier.is_clear([0.0], 0.0, time=3.0)
+        assert certifier.is_clear([0.0], 0.0, time=6.0)
+
+
 def test_slivers_are_no_contact() -> None:
     """A mesh that is cut along its own vertices gets triangles without width, which coal would find anywhere."""
     ring = trimesh.creation.torus(0.3, 0.1, major_sections=24, minor_sections=12)
