@@ -479,10 +479,12 @@ def test_an_objective_or_a_distance_that_nobody_measures_is_no_other_one(field: 
 
 
 def test_the_controller_knows_its_distances() -> None:
-    from hdplan.planner.control.barriers import _distance
+    from hdplan.planner.control.pair_level import _distance
 
+    nothing: Any = None
+    settings: Any = SimpleNamespace(distance="norm")
     with pytest.raises(ValueError, match="norm"):
-        _distance(None, [], [], SimpleNamespace(distance="norm"))
+        _distance(nothing, [], [], settings)
 
 
 # --- what tells motions apart -----------------------------------------------------------------------------------------
