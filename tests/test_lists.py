@@ -136,6 +136,11 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/collision/halfspace_bodies.py", "from_shape", "shape"): (
         lambda: halfspace_bodies.from_shape("o", Torus(), np.eye(4)),
     ),
+    (
+        "planner/control/barriers.py",
+        "setup_barriers",
+        "seen",
+    ): "asks for clouds; `from_obstacle` knows all others, or fails",
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/shape_table.py", "", "shape"): (
