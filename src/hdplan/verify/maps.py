@@ -28,6 +28,7 @@ OCCUPIED, INNER = 2, 3  # of a child's two bits in a binary tree; 1 is free, 0 u
 MOST_CELLS = 64_000_000
 WHOLE = 1e-6  # of a cell's edge, by which boxes may be off whole cells
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
+CORNERS.setflags(write=False)
 
 
 def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, told: Any) -> dict[str, Any]:

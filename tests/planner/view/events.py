@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,4 +15,5 @@ def heard(handle: Any, value: object, client: object = None) -> None:
     for told in handle._impl.update_cb:
         answer = told(SimpleNamespace(client=client or object(), client_id=1, target=handle))
         if inspect.iscoroutine(answer):
-            asyncio.run(answer)
+            with ThreadPoolExecutor(1) as elsewhere:  # a browser's test may leave a loop running in this thread
+                elsewhere.submit(asyncio.run, answer).result()
