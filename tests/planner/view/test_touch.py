@@ -49,9 +49,17 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
         page.set_viewport_size({**NARROW, "width": width})
         sheet, canvas = page.locator("div:has(> div > .hdplan-page)"), page.locator("canvas").first
         until(lambda width=width, canvas=canvas: canvas.bounding_box()["width"] == width, "the scene is not as wide")
-        box = sheet.evaluate("e => e.closest('[style*=absolute], [style*=fixed]').getBoundingClientRect()")
-        assert box["width"] == width
-        assert box["bottom"] == NARROW["height"]
+
+        boxes: list[Any] = []
+
+        def stands(sheet: Any = sheet, width: int = width, boxes: list[Any] = boxes) -> bool:
+            """True once the sheet, which the page may just be making anew, is below the whole scene."""
+            of = "e => e.closest('[style*=absolute], [style*=fixed]').getBoundingClientRect().toJSON()"
+            boxes.append(sheet.evaluate(of))
+            return (boxes[-1]["width"], boxes[-1]["bottom"]) == (width, NARROW["height"])
+
+        until(stands, "the sheet does not stand below the scene")
+        box = boxes[-1]
         assert box["height"] <= 0.01 * LOW * NARROW["height"] + 1
         assert canvas.bounding_box()["height"] <= box["top"] + 1
     page.set_viewport_size(NARROW)
