@@ -11,12 +11,13 @@ with exit code 1. It needs chromium, playwright and Pillow.
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from chromium import browser
 
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.plan import plan
@@ -27,7 +28,6 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_jobs, shipped_s
 
 Size = tuple[int, int]  # [px]
 
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
 SIZES = ((1400, 820), (1000, 700), (600, 900))
@@ -35,22 +35,6 @@ DRAWN, TURNED, RESIZED = 8_000, 1_500, 3_000  # [ms] until all meshes are, and u
 SHEET, IN_A_ROW = 480, 4  # [px] of a picture's width on a sheet, and pictures
 PATIENCE = 120_000  # [ms]
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
-
-
-@contextmanager
-def browser() -> Iterator[Any]:
-    """Start the browser that is there."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        sys.exit("a picture needs playwright: pip install playwright")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        sys.exit("a picture needs chromium")
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
-        yield found
-        found.close()
 
 
 @contextmanager

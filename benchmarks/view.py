@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from chromium import browser
 from scaling import scene_of
 from scipy.spatial.transform import Rotation
 
@@ -53,27 +53,17 @@ GRIPS = 60  # tries to grip its handle, which is drawn after it is sent
 SMALL = {"width": 760, "height": 360}  # [px] while it is dragged
 UNFILLED = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
     WebGL2RenderingContext.prototype[name] = () => {}"""
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 @contextlib.contextmanager
 def opened(viewer: Viewer, size: dict[str, int], script: str = "") -> Iterator[Any]:
     """A viewer's page in chromium."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        sys.exit("pictures and dragging need playwright: pip install playwright")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        sys.exit("pictures and dragging need chromium")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
-        page = browser.new_page(viewport=size)
+    with browser() as found:
+        page = found.new_page(viewport=size)
         page.add_init_script(script)
         page.goto(viewer.address())
         page.get_by_text("certified: at least").first.wait_for()
         yield page
-        browser.close()
 
 
 def photograph(name: str, file: Path) -> None:

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import shutil
 import signal
 import statistics
 import subprocess
@@ -26,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from chromium import browser
 
 from hdplan.planner.plan import plan
 from hdplan.planner.studies.report import markdown_text
@@ -47,7 +47,6 @@ SEEN = """for (const name of ["drawElements", "drawElementsInstanced"]) {
 }
 for (const name of ["drawArrays", "drawArraysInstanced"]) WebGL2RenderingContext.prototype[name] = () => {};
 """.replace("LEAST", str(ROBOT))
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 def first(name: str, browser: Any) -> tuple[float, float, float]:
@@ -74,22 +73,13 @@ def first(name: str, browser: Any) -> tuple[float, float, float]:
 
 def firsts(names: list[str], runs: int) -> list[dict[str, str]]:
     """Measure the first pictures; return rows of the table."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        sys.exit("first pictures need playwright: pip install playwright")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        sys.exit("first pictures need chromium")
     rows = []
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
+    with browser() as opened:
         for name in names:
-            found = [first(name, browser) for _ in range(runs)]
+            found = [first(name, opened) for _ in range(runs)]
             served, said, drawn = (statistics.median(column) for column in zip(*found, strict=True))
             words = ("address written [s]", "panel says something [s]", "robot drawn [s]")
             rows.append({"scene": name} | {w: f"{v:.2f}" for w, v in zip(words, (served, said, drawn), strict=True)})
-        browser.close()
     return rows
 
 
