@@ -108,7 +108,8 @@ def plan(
     Ctrl-C stops with the best motion found so far. With --view browsers see the optimizer at work, at the address that
     is written to standard error; files are written when the motion is found, and Ctrl-C ends the server.
     """
-    from hdplan.planner.commands.plan import run_plan, serving
+    from hdplan.planner.commands.plan import run_plan
+    from hdplan.planner.commands.watched import serving
 
     with serving(view) as served:
         code = run_plan(

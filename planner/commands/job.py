@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from hdplan.planner.commands.watched import alone, also_seen, opened
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.job.result import JobResult
@@ -23,9 +24,9 @@ from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from hdplan.planner.search.search import Event
+    from hdplan.planner.commands.watched import Report, Stop
 
-    Run = Callable[[Callable[[Event], None], Callable[[], bool]], JobResult]
+    Run = Callable[[Report, Stop], JobResult]
 
 
 def refuse_options(given: Mapping[str, object]) -> None:
@@ -81,17 +82,15 @@ def run_plan_job(
     """Plan a job. Browsers see it that are `served`. Returns the exit code: 0 if all its stages are certified, and
     proven where there is to be a proof, else 1."""
     files.check()
-    follow = (lambda run: run(lambda event: None, lambda: False)) if served is None else _in_browsers(scene, served)
+    follow = alone if served is None else _in_browsers(scene, served)
     with progress(scene.planner, shown=not quiet and not printed_as_json) as (report, stop):
-
-        def run(seen: Callable[[Event], None], stopped: Callable[[], bool]) -> JobResult:
-            def both(event: Event) -> None:
-                report(event)
-                seen(event)
-
-            return plan_job(scene, seed=seed, time_limit=time_limit, report=both, stop=lambda: stop() or stopped())
-
-        result = follow(run)
+        result = follow(
+            also_seen(
+                lambda report, stop: plan_job(scene, seed=seed, time_limit=time_limit, report=report, stop=stop),
+                report,
+                stop,
+            )
+        )
     try:
         written = files.write(result)
     except NotProvenError as error:
@@ -115,10 +114,7 @@ def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], 
     """Serve a scene with a job, say where, and return what makes a plan that browsers see."""
     from hdplan.planner.view.server import open_job_viewer
 
-    with waiting("loading the robot's meshes"):
-        viewer = served.enter_context(contextlib.closing(open_job_viewer(scene, complain=complain)))
-    say(f"{scene.name} at {viewer.address()}, until Ctrl-C", "bold")
-    return viewer.follow
+    return opened(scene.name, lambda: open_job_viewer(scene, complain=complain), served).follow
 
 
 def run_check_job(scene: Scene, trajectory: Path, *, printed_as_json: bool) -> int:

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.causes import CAUSES
+from hdplan.planner.commands.watched import alone, also_seen, opened
 from hdplan.planner.motion.curve import row_count
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
-from hdplan.planner.terminal.console import printing, progress, say, waiting
-from hdplan.planner.terminal.interrupts import until_ctrl_c
+from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
@@ -31,12 +29,12 @@ from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
 if TYPE_CHECKING:
+    from hdplan.planner.commands.watched import Report, Stop
     from hdplan.planner.diagnosis import Diagnosis
     from hdplan.planner.result import PlanResult
-    from hdplan.planner.search.search import Event
     from hdplan.scenes.scene import Scene
 
-    Run = Callable[[Callable[[Event], None], Callable[[], bool]], PlanResult]
+    Run = Callable[[Report, Stop], PlanResult]
 
 
 def run_plan(
@@ -111,24 +109,17 @@ def run_plan(
             timing = problem.timing
             if output is not None and timing is not None and timing.duration is not None:
                 check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
-            follow = _alone if served is None else _in_browsers(problem, served)
+            follow = alone if served is None else _in_browsers(problem, served)
             with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
-
-                def run(seen: Callable[[Event], None], stopped: Callable[[], bool]) -> PlanResult:
-                    def both(event: Event) -> None:
-                        report(event)
-                        seen(event)
-
-                    return plan(
-                        problem,
-                        solver=solver,
-                        seed=seed,
-                        time_limit=longest,
-                        report=both,
-                        stop=lambda: stop() or stopped(),
+                result = follow(
+                    also_seen(
+                        lambda report, stop: plan(
+                            problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop
+                        ),
+                        report,
+                        stop,
                     )
-
-                result = follow(run)
+                )
     except HdplanError as error:
         if not diagnosed or problem is None:
             raise
@@ -163,31 +154,11 @@ def run_plan(
     return 0 if proven else 1
 
 
-@contextlib.contextmanager
-def serving(wanted: bool) -> Iterator[contextlib.ExitStack | None]:
-    """Yield what browsers are served in, until Ctrl-C once the block has ended; None if it is not wanted."""
-    if not wanted:
-        yield None
-        return
-    with contextlib.ExitStack() as served:
-        yield served
-        sys.stdout.flush()
-        with until_ctrl_c():
-            threading.Event().wait()
-
-
-def _alone(run: Run) -> PlanResult:
-    """Make a plan that nobody sees."""
-    return run(lambda event: None, lambda: False)
-
-
 def _in_browsers(scene: Scene, served: contextlib.ExitStack) -> Callable[[Run], PlanResult]:
     """Serve a scene, say where, and return what makes a plan that browsers see."""
     from hdplan.planner.view.server import open_viewer
 
-    with waiting("loading the robot's meshes"):
-        viewer = served.enter_context(contextlib.closing(open_viewer(scene, complain=complain)))
-    say(f"{scene.name} at {viewer.address()}, until Ctrl-C", "bold")
+    viewer = opened(scene.name, lambda: open_viewer(scene, complain=complain), served)
     return lambda run: viewer.panel.planning.follow(scene, run)
 
 
