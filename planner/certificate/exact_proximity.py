@@ -24,7 +24,7 @@ import numpy as np
 
 from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.certificate.parts import Parts
-from hdplan.planner.geometry.coal_shapes import convex_hull
+from hdplan.planner.geometry.coal_shapes import convex_hull, corners_of
 from hdplan.planner.geometry.meshes import ReadMesh, TriangleMesh, below
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.array_types import Array
@@ -146,8 +146,7 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
         case coal.ConvexBase():
             return (hull_piece(np.array(geometry.points())),)
         case coal.BVHModelBase():
-            corners = np.array([[t[0], t[1], t[2]] for t in map(geometry.tri_indices, range(geometry.num_tris))])
-            return _link_mesh(np.array(geometry.vertices()).tobytes(), corners.astype(np.int64).tobytes())
+            return _link_mesh(np.array(geometry.vertices()).tobytes(), corners_of(geometry).tobytes())
     raise HdplanError(f"link geometry '{name}': shape {type(geometry).__name__} is not supported by the certificate")
 
 

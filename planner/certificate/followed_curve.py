@@ -38,9 +38,8 @@ NODES = 4  # of an interval between two rows, at which the nearest place is look
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 SOONER = (
-    0.25  # tolerances that a place may be farther away than the nearest: where the curve turns back it has not passed
+    0.25  # tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
 )
-# the end yet
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 

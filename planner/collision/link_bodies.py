@@ -28,6 +28,7 @@ from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
 from hdplan.planner.collision.shipped_bodies import shipped_bodies
 from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
 from hdplan.planner.collision.standing_out import outside
+from hdplan.planner.geometry.coal_shapes import corners_of
 from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -236,9 +237,7 @@ def _outline(item: pin.GeometryObject) -> Array:
     """Return the triangles (T, 3, 3) of a mesh, or the corners (m, 3) of a polyhedron around any other geometry."""
     shape: Any = item.geometry
     if isinstance(shape, coal.BVHModelBase):
-        faces = (shape.tri_indices(index) for index in range(shape.num_tris))
-        corners = np.array([[face[0], face[1], face[2]] for face in faces])
-        return np.asarray(np.asarray(shape.vertices())[corners])
+        return np.asarray(np.asarray(shape.vertices())[corners_of(shape)])
     if isinstance(shape, coal.ConvexBase):
         return np.array(shape.points())
     known = shape_of(shape)

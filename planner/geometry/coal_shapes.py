@@ -8,7 +8,7 @@ import coal
 import numpy as np
 
 from hdplan.planner.geometry.meshes import TriangleMesh
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 
 def convex_hull(points: Array) -> Any | None:
@@ -41,8 +41,12 @@ def triangle_tree(mesh: TriangleMesh) -> Any:
 
 def mesh_of(tree: Any) -> TriangleMesh:
     """Return the triangles of a hierarchy as coal or Pinocchio made it, with those vertices that they use."""
-    corners = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))])
-    return TriangleMesh.merged(tree.vertices(), corners).trimmed()
+    return TriangleMesh.merged(tree.vertices(), corners_of(tree)).trimmed()
+
+
+def corners_of(tree: Any) -> Rows:
+    """Return the corners (F, 3) of a hierarchy's triangles, as rows of its vertices."""
+    return np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))], dtype=np.int64)
 
 
 def _points(rows: Array) -> Any:

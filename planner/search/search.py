@@ -51,8 +51,8 @@ EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, w
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
 LITTLE_CHANGE = 0.05
-# activations that a later guess may be inside something where weights free it little: of 660 runs 190 ended so, and
-# two were freed by higher weights
+# activations that a later guess may be inside something where weights free it little: of 660 runs of all guesses some
+# 176 were deeper, and one of these was freed by higher weights
 STUCK = 3.0
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}

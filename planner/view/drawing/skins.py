@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.geometry.coal_shapes import corners_of
 from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
@@ -219,8 +220,7 @@ def _solid(shape: Any) -> trimesh.Trimesh:
         return operations(known).triangles(known)
     match shape:
         case coal.BVHModelBase():
-            corners = np.array([[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))])
-            return trimesh.Trimesh(np.asarray(shape.vertices()), corners)
+            return trimesh.Trimesh(np.asarray(shape.vertices()), corners_of(shape))
         case coal.ConvexBase():
             return trimesh.PointCloud(np.asarray(shape.points())).convex_hull
     raise InputError(f"robot: a geometry is a {type(shape).__name__}, which the viewer does not know")
