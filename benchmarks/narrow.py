@@ -1,7 +1,7 @@
 """Plan the problems in narrow places: a gripper that holds a cube in a cage, goals among cans, two arms under a table.
 
     python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--proofs]
-        [--ompl RRTConnect BITstar ...] [--csv F]
+        [--ompl RRTConnect BITstar ...] [--roboplan STEP] [--csv F]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
 mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it: three are planned with
@@ -9,7 +9,8 @@ ten seeds each, and of each kind of random ones there are 100, of which --every 
 how many have ends that are free, how many of these are certified and in which time, and, with --proofs, of how many a
 proof was written and accepted whole; to the error stream, a line per problem.
 With --ompl, planners of OMPL, which has to be installed, get the same time for any way by hdplan's own checker
-(`peer_exact.py`), and what they alone solve is counted.
+(`peer_exact.py`), and what they alone solve is counted; so is what roboplan, installed as well, finds with --roboplan
+by its own collision test of hulls, with edges checked every STEP [rad].
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import csv
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ from typing import Any
 import numpy as np
 import yaml
 from narrow_places import RANDOM, places, random_place
+from peer_task import Task
 
 import hdplan
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies.report import markdown_text
 from hdplan.verify import RejectedError
 from hdplan.verify.checking import check
@@ -41,6 +44,7 @@ PLACES = places()
 SEEDS = 10  # of each place of our own
 SCENES = 100  # of each random kind
 SCENE = "scene.yaml"
+Planner = Callable[[hdplan.Scene, float], tuple[str, float]]  # scene, time limit -> status, seconds
 
 
 @dataclass(frozen=True)
@@ -136,13 +140,31 @@ def run(kind: str, number: str, said: dict[str, Any], folder: Path, time_limit: 
     return Outcome(kind, number, "certified", seconds, result.attempts, word)
 
 
-def beside(file: Path, kind: str, number: str, planners: Sequence[str], time_limit: float) -> Iterator[Outcome]:
-    """Yield what planners of OMPL do with a problem."""
+def by_ompl(planner: str) -> Planner:
+    """Return a planner of OMPL. Raises ImportError without it."""
     from peer_exact import solve
 
-    for planner in planners:
-        status, seconds = solve(hdplan.load_scene(file), planner, 1, time_limit)
-        yield Outcome(kind, number, status, seconds, planner=planner)
+    return lambda scene, time_limit: solve(scene, planner, 1, time_limit)
+
+
+def by_roboplan(step: float) -> Planner:
+    """Return roboplan, which checks edges every `step` [rad]. Raises ImportError without it."""
+    from peer_process import Peer
+
+    peer = Peer("peer_roboplan.py")
+
+    def solve(scene: hdplan.Scene, time_limit: float) -> tuple[str, float]:
+        task = Task.of(scene)
+        try:
+            answer = peer.plan(task, time_limit, step=step)
+        except RuntimeError as error:
+            return f"refused: {error}", np.nan
+        if answer.path is None:
+            return "no way", answer.seconds
+        certificate = task.certifier.certify(Trajectory(task.robot.joint_names, answer.path, task.robot.locked))
+        return "certified" if certificate.certified else f"not certified: {certificate.text}", answer.seconds
+
+    return solve
 
 
 def compared(outcomes: list[Outcome]) -> str:
@@ -198,20 +220,27 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--from", type=int, default=0, dest="first", help="the first problem of a set")
     parser.add_argument("--ompl", nargs="+", default=[], metavar="PLANNER", help="planners of OMPL beside hdplan")
+    parser.add_argument(
+        "--roboplan", type=float, metavar="STEP", help="roboplan beside hdplan, edges checked every STEP"
+    )
     parser.add_argument("--time-limit", type=float, default=10.0)
     parser.add_argument("--proofs", action="store_true")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
+    others = {planner: by_ompl(planner) for planner in options.ompl}
+    if options.roboplan:
+        others[f"roboplan, every {options.roboplan:g} rad"] = by_roboplan(options.roboplan)
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in options.set:
             for number, said in scenes(options.folder.absolute(), kind, options.every, options.first):
                 done = [run(kind, number, said, Path(folder), options.time_limit, options.proofs)]
-                if options.ompl and not done[0].status.startswith("ends"):
-                    done += beside(Path(folder) / SCENE, kind, number, options.ompl, options.time_limit)
+                for planner, solve in others.items() if not done[0].status.startswith("ends") else ():
+                    status, seconds = solve(hdplan.load_scene(Path(folder) / SCENE), options.time_limit)
+                    done.append(Outcome(kind, number, status, seconds, planner=planner))
                 print(*done, sep="\n", file=sys.stderr, flush=True)
                 outcomes += done
-    print(compared(outcomes) if options.ompl else table(outcomes, options.proofs))
+    print(compared(outcomes) if others else table(outcomes, options.proofs))
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(asdict(outcomes[0])))

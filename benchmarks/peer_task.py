@@ -131,13 +131,16 @@ class Task:
 
     @property
     def lower(self) -> Array:
-        """Lower joint limits (n,), widened to the ends, which may lie beyond by rounding."""
-        return np.minimum(self.robot.lower, np.minimum(self.start, self.goal))
+        """Lower joint limits (n,), widened to the ends, which may lie beyond by rounding; of a joint that turns for
+        ever, half a turn beyond the ends."""
+        ends = np.minimum(self.start, self.goal)
+        return np.where(np.isinf(self.robot.lower), ends - np.pi, np.minimum(self.robot.lower, ends))
 
     @property
     def upper(self) -> Array:
         """Upper joint limits (n,), likewise."""
-        return np.maximum(self.robot.upper, np.maximum(self.start, self.goal))
+        ends = np.maximum(self.start, self.goal)
+        return np.where(np.isinf(self.robot.upper), ends + np.pi, np.maximum(self.robot.upper, ends))
 
     def geometry(self) -> pin.GeometryModel:
         """Return bodies and pairs as Pinocchio's geometry, the robot's links and the world in one."""

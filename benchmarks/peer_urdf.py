@@ -65,8 +65,12 @@ def describe(task: Task, folder: Path) -> Description:
 def _srdf(task: Task, tip: str) -> str:
     """Name the arm, and the pairs that may touch."""
     robot = Element("robot", name="task")
-    group = SubElement(robot, "group", name=GROUP)
-    SubElement(group, "chain", base_link=BASE, tip_link=tip)
+    group, model = SubElement(robot, "group", name=GROUP), task.robot.model
+    if all(before == index for index, before in enumerate(model.parents[1:].tolist())):
+        SubElement(group, "chain", base_link=BASE, tip_link=tip)
+    else:  # several arms
+        for name in model.names[1:]:
+            SubElement(group, "joint", name=name)
     kept = {frozenset(pair) for pair in task.pairs}
     for b in range(len(task.bodies)):
         for a in range(b):

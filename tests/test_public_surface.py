@@ -9,10 +9,10 @@ import inspect
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import GenericAlias, ModuleType
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ import pytest
 import hdplan
 from hdplan import control, distance, symbolic
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.values import Checked
 
 DOORS = (hdplan, distance, control, symbolic)
 PUBLIC = [(door, name) for door in DOORS for name in door.__all__]
@@ -54,6 +55,29 @@ def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
         assert "Raises" in said or "errors as" in said, name
         missing = [argument for argument in inspect.signature(found).parameters if argument not in said]
         assert not missing or "rguments and errors as" in said, (name, missing)
+
+
+def test_what_a_scene_is_made_of_is_public() -> None:
+    """But what hdplan makes itself of plain values: joint values, lists of goals, arrays."""
+    public = {thing for name in hdplan.__all__ if isinstance(thing := getattr(hdplan, name), type)}
+    made: set[str] = set()
+    for owner in (thing for thing in public if dataclasses.is_dataclass(thing) and issubclass(thing, Checked)):
+        names = {name: value for base in reversed(owner.__mro__) for name, value in _names(base).items()}
+        for each in dataclasses.fields(owner):
+            kinds = _classes(eval(each.type, names) if isinstance(each.type, str) else each.type)
+            made |= {kind.__name__ for kind in kinds if kind.__module__.startswith("hdplan") and kind not in public}
+    assert made == {"JointTarget", "Goals", "FixedArray"}
+
+
+def _names(owner: type) -> dict[str, Any]:
+    return vars(sys.modules[owner.__module__])
+
+
+def _classes(annotation: Any) -> Iterator[type]:
+    if isinstance(annotation, type) and not isinstance(annotation, GenericAlias):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _classes(argument)
 
 
 def test_five_lines_without_a_file() -> None:

@@ -57,7 +57,7 @@ from hdplan.scenes.path_constraints import (
 )
 from hdplan.scenes.planner_settings import PlannerSettings as PlannerSettings
 from hdplan.scenes.poses import Pose as Pose
-from hdplan.scenes.robot_spec import RobotSpec as RobotSpec
+from hdplan.scenes.robot_spec import PlanarBase as PlanarBase, RobotSpec as RobotSpec
 from hdplan.scenes.scene import Scene as Scene
 from hdplan.scenes.shapes import (
     Box as Box,
