@@ -59,7 +59,7 @@ def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
 
 def test_what_a_scene_is_made_of_is_public() -> None:
     """But what hdplan makes itself of plain values: joint values, lists of goals, arrays."""
-    public = {thing for name in hdplan.__all__ if isinstance(thing := getattr(hdplan, name), type)}
+    public = {thing for door, name in PUBLIC if door is hdplan and isinstance(thing := getattr(door, name), type)}
     made: set[str] = set()
     for owner in (thing for thing in public if dataclasses.is_dataclass(thing) and issubclass(thing, Checked)):
         names = {name: value for base in reversed(owner.__mro__) for name, value in _names(base).items()}
