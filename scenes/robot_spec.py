@@ -1,4 +1,4 @@
-"""Which robot a scene uses, where it stands, and which of its joints are locked."""
+"""The robot of a scene, where it stands, and which of its joints are locked."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class PlanarBase(Checked):
 
 @dataclass(frozen=True, repr=False)
 class RobotSpec(Checked):
-    """Which robot, where it stands, which joints are planned and which are locked."""
+    """A robot, where it stands, which joints are planned and which are locked."""
 
     name: Name | None = None  # in example-robot-data; or else a URDF:
     urdf: Annotated[Path, absolute_path] | None = None

@@ -256,7 +256,7 @@ class Scene(Checked):
 
     @property
     def polish(self) -> int:
-        """How many rounds try to better the first motion: `planner.polish`, or else as many as make most of the
+        """Number of rounds that try to better the first motion: `planner.polish`, or else as many as make most of the
         difference: two where time is the objective, one for smoothness, and none for energy."""
         rounds = self.planner.polish
         return {"time": 2, "smoothness": 1, "energy": 0}[self.objective] if rounds is None else rounds

@@ -1,4 +1,4 @@
-"""How large is what a scene does not know: where obstacles really are, how far a controller lags, how well the robot's
+"""Sizes of what a scene does not know: where obstacles really are, how far a controller lags, how well the robot's
 place is known. A world is *within the sizes* if all of it is; what is certified is certified in every such world."""
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class AnyStage(Checked):
 
     @property
     def kind(self) -> str:
-        """Its key in a file: "move"."""
+        """Key in a file: "move"."""
         return type(self).__name__.lower()
 
 

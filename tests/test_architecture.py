@@ -208,8 +208,8 @@ def test_modules_open_with_a_docstring() -> None:
 
 
 def test_docstrings_begin_with_what_they_describe() -> None:
-    """Docstrings begin with a noun, or with "Return ..." and its object: not with "What", "Whether", "Where", "It"."""
-    opening = re.compile(r"(What|Whether|Where|Return it|It|That)\b")
+    """Docstrings begin with a noun, or with "Return ..." and its object: not with "What", "How", "It"."""
+    opening = re.compile(r"(What|Whether|Where|Which|Who|How|Such|Those|Its|Of|Return it|It|That)\b")
     for path in [*FILES, *(ROOT / "src").rglob("*.py"), ROOT / "cli.py"]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):

@@ -60,7 +60,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured."""
+    """Numbers of samples and repetitions."""
 
     bodies: tuple[str, ...]  # of study_bodies
     kernels: tuple[tuple[str, int, Precision], ...]  # normals, gamma, precision: what is compiled for each pair

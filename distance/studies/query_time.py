@@ -1,4 +1,4 @@
-"""How long a distance takes: exact ones, GDF and ours in every way of running it, over the 15 pairs of Platonic solids.
+"""Time of a distance query: exact ones, GDF and ours in every way of running it, over the 15 pairs of Platonic solids.
 
 Out: seconds per query against the paper's complexity measure (paper: eq. (7), Figure
 2). FCL, coal and GDF are called from Python one pose at a time, as their users call them.

@@ -1,4 +1,4 @@
-"""How long a query takes: warm, repeated, the fastest round. Seconds of this machine: read them as ratios."""
+"""Time of a query: warm, repeated, the fastest round. Seconds of this machine: read them as ratios."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ def _products(one: ca.MX, other: ca.MX) -> ca.MX:
 
 @functools.cache
 def _wrench() -> ca.Function:
-    """From Σ_i F_i [1, a_iᵀ] (3, 4) to the sum of forces, and that of their torques (6)."""
+    """Function from Σ_i F_i [1, a_iᵀ] (3, 4) to the sum of forces, and that of their torques (6)."""
     forces = ca.SX.sym("forces", 3, 4)
     m = forces[:, 1:]
     torque = ca.vertcat(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
@@ -200,7 +200,7 @@ def _curved() -> ca.Function:
 
 @functools.cache
 def _bent() -> ca.Function:
-    """Of one point, its weight and the six different entries of Σ_k s_k n_k n_kᵀ: JᵀSJ, (36)."""
+    """Function from one point, its weight and the six different entries of Σ_k s_k n_k n_kᵀ to JᵀSJ (36)."""
     point, weight, entries = ca.SX.sym("point", 3), ca.SX.sym("weight"), ca.SX.sym("entries", 6)
     xx, xy, xz, yy, yz, zz = ca.vertsplit(weight * entries)
     bent, turn = ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), ca.skew(point)

@@ -1,4 +1,4 @@
-"""How the separations along one candidate normal change as B moves relative to A: wrenches and their derivatives.
+"""Changes of the separations along one candidate normal as B moves relative to A: wrenches and their derivatives.
 
 Everything in A's frame; the motion is exp(η), η = (v, ω) the twist of B in A's frame [m, rad]. Each kind of axis gives
 x(η), linear in the moments ψ of a pair of vertices (see ``one_axis``) and exact to second order at η = 0; CasADi

@@ -97,7 +97,7 @@ class Piece:
 
     @property
     def sweep(self) -> float:
-        """How far a point of the piece is from the hull of its vertices at most [m]."""
+        """Greatest distance of a point of the piece from the hull of its vertices [m]."""
         return self.ball + self.disc + (0.0 if self.radii is None else float(self.radii.max()))
 
     def support(self, directions: Array) -> Array:

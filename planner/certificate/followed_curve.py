@@ -85,7 +85,7 @@ class PoseCurve:
 
     @cached_property
     def ahead(self) -> Array:
-        """How far it is along the curve to each of its poses (N,), in tolerances."""
+        """Arc length along the curve to each of its poses (N,), in tolerances."""
         far, angle = self.tolerances
         way = np.hypot(_lengths(self.steps) / far, _lengths(self.turns) / angle)
         return np.asarray(np.concatenate([[0.0], np.cumsum(way)]))
@@ -234,7 +234,7 @@ class Followed:
 
     @cached_property
     def ways(self) -> Array:
-        """How far along the curve the places are (k,), in tolerances: between the nodes this is linear."""
+        """Arc length along the curve to the places (k,), in tolerances: between the nodes this is linear."""
         return self.curve.way_to(self.places)
 
     def on(self, interval: Index, start: Array, width: Array) -> tuple[Index, Array, Array]:
@@ -287,11 +287,11 @@ class OnCurve(_Along):
         return _AtPlaces(self, there, half[:, None] * curve.steps[segment])
 
     def broken(self, found: float) -> str:
-        """Such as "tool0 is 7 mm away from its curve, 5 mm are allowed"."""
+        """Words such as "tool0 is 7 mm away from its curve, 5 mm are allowed"."""
         return f"{self.link} is {found * 1e3:.3g} mm away from its curve, {self.allowed * 1e3:g} mm are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "tool0 within 0.08 of 0.1 mm of its curve"."""
+        """Words such as "tool0 within 0.08 of 0.1 mm of its curve"."""
         return f"{self.link} within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of its curve"
 
 
@@ -320,12 +320,12 @@ class NearEnd(_Along):
         return _AtPlaces(self, there, np.zeros_like(there))
 
     def broken(self, found: float) -> str:
-        """Such as "tool0 is 70 mm away from the end of its curve and not on it, 50 mm are allowed"."""
+        """Words such as "tool0 is 70 mm away from the end of its curve and not on it, 50 mm are allowed"."""
         away = f"{self.link} is {found * 1e3:.3g} mm away from the {self.end} of its curve and not on it"
         return f"{away}, {self.allowed * 1e3:g} mm are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "tool0 blended within 42 of 50 mm of the end of its curve"."""
+        """Words such as "tool0 blended within 42 of 50 mm of the end of its curve"."""
         return (
             f"{self.link} blended within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of the {self.end} of its curve"
         )
@@ -348,11 +348,11 @@ class TurnedAlong(_Along):
         return (_AtTurns if curve.axis is None else _AtAxes)(self, turned, turn)
 
     def broken(self, found: float) -> str:
-        """Such as "tool0 is turned by 0.2 rad against its curve, 0.05 are allowed"."""
+        """Words such as "tool0 is turned by 0.2 rad against its curve, 0.05 are allowed"."""
         return f"{self.link} is turned by {found:.3g} rad against its curve, {self.allowed:g} are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "tool0 turned within 0.02 of 0.05 rad against its curve"."""
+        """Words such as "tool0 turned within 0.02 of 0.05 rad against its curve"."""
         return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against its curve"
 
 

@@ -27,7 +27,7 @@ ROUNDING = 1e-9  # relative
 
 @dataclass(frozen=True)
 class Use:
-    """How much of a limit a motion uses, at the joint and interval where it uses most."""
+    """Share of a limit that a motion uses, at the joint and interval where it uses most."""
 
     quantity: str  # "velocity", "acceleration", "jerk", "torque"
     share: float  # proven bound of the value over the limit; inf where a jump makes it infinite

@@ -1,4 +1,4 @@
-"""How far two pieces are apart by their parts, triangles or balls: branch and bound over pairs of nodes of `parts`.
+"""Distance of two pieces by their parts, triangles or balls: branch and bound over pairs of nodes of `parts`.
 
 For every pair of nodes that together contain all pairs of parts, and every unit n, gap(n) of `exact_proximity` and the
 bound of `interval_bounds` hold, with the motion of the bodies that the nodes belong to. Each direction that coal

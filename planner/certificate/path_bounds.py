@@ -85,7 +85,7 @@ class Stated(Protocol):
 
     @property
     def field(self) -> str:
-        """Of the scene."""
+        """Name of the scene's field."""
         ...
 
     @property
@@ -95,7 +95,7 @@ class Stated(Protocol):
 
     @property
     def allowed(self) -> float:
-        """How much is allowed [rad], [m], [m/s] or [m/s²]."""
+        """Greatest value allowed [rad], [m], [m/s] or [m/s²]."""
         ...
 
     @property
@@ -183,11 +183,11 @@ class HeldUpright(WithTolerance):
         return no_greater_angle(ends + 0.5 * turn**2 + off, found + turn + off)
 
     def broken(self, found: float) -> str:
-        """Such as "panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
+        """Words such as "panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
         return f"{self.link} is tilted by {found:.3g} rad, {self.allowed:g} are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "panda_hand upright within 0.083 of 0.1 rad"."""
+        """Words such as "panda_hand upright within 0.083 of 0.1 rad"."""
         return f"{self.link} upright within {worst:.3g} of {self.allowed:g} rad"
 
 
@@ -209,7 +209,7 @@ class HeldWithin:
         return float(self.half.min())
 
     def found(self, rotations: Array, origins: Array) -> Array:
-        """How far beyond the box (k,), exact along its axes."""
+        """Distance beyond the box (k,), exact along its axes."""
         place = rotations[:, self.joint] @ self.point + origins[:, self.joint]
         return np.asarray((np.abs(self._in_box(place - self.box[:3, 3])) - self.half).max(axis=1))
 
@@ -225,12 +225,12 @@ class HeldWithin:
         return np.asarray(vectors @ self.box[:3, :3])
 
     def broken(self, found: float) -> str:
-        """Such as "the point of tool0 is 5 mm outside its box"."""
+        """Words such as "the point of tool0 is 5 mm outside its box"."""
         side = "outside" if found > 0.0 else "inside"
         return f"the point of {self.link} is {abs(found) * 1e3:.3g} mm {side} its box"
 
     def kept(self, worst: float) -> str:
-        """Such as "the point of tool0 at least 2 mm inside its box"."""
+        """Words such as "the point of tool0 at least 2 mm inside its box"."""
         return f"the point of {self.link} at least {max(0.0, -worst) * 1e3:.3g} mm inside its box"
 
 
@@ -264,12 +264,12 @@ class HeldAt(WithTolerance):
         return np.asarray(np.minimum(ends + first.second + second.second, found + first.first + second.first))
 
     def broken(self, found: float) -> str:
-        """Such as "right_hand is 7 mm away from its place at left_hand, 5 mm are allowed"."""
+        """Words such as "right_hand is 7 mm away from its place at left_hand, 5 mm are allowed"."""
         away = f"{self.link} is {found * 1e3:.3g} mm away from its place at {self.to}"
         return f"{away}, {self.allowed * 1e3:g} mm are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "right_hand within 3.2 of 5 mm of its place at left_hand"."""
+        """Words such as "right_hand within 3.2 of 5 mm of its place at left_hand"."""
         return f"{self.link} within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of its place at {self.to}"
 
 
@@ -306,11 +306,11 @@ class HeldTurn(WithTolerance):
         return no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
 
     def broken(self, found: float) -> str:
-        """Such as "right_hand is turned by 0.2 rad against left_hand, 0.05 are allowed"."""
+        """Words such as "right_hand is turned by 0.2 rad against left_hand, 0.05 are allowed"."""
         return f"{self.link} is turned by {found:.3g} rad against {self.to}, {self.allowed:g} are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "right_hand turned within 0.02 of 0.05 rad against left_hand"."""
+        """Words such as "right_hand turned within 0.02 of 0.05 rad against left_hand"."""
         return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against {self.to}"
 
 
@@ -370,7 +370,7 @@ def _relative(setup: Setup, asked: Relative) -> tuple[Held, ...]:
 
 
 def _apart(chain: Chain, joints: tuple[int, int]) -> tuple[Mask, Mask]:
-    """Which coordinates (n,) move the first of two joints' frames and not the other, and the other way round."""
+    """Coordinates (n,) that move the first of two joints' frames and not the other, and the other way round."""
     first, second = (chain.carried_by[joint] for joint in joints)
     return first & ~second, second & ~first
 

@@ -54,7 +54,7 @@ class Departure:
 
 @dataclass(frozen=True)
 class Kept:
-    """How well one constraint is kept."""
+    """The margin that a motion leaves to one constraint."""
 
     field: str
     link: str

@@ -1,4 +1,4 @@
-"""How far a configuration misses a pose goal, by Pinocchio's own kinematics, for the certificate.
+"""The miss of a configuration at a pose goal, by Pinocchio's own kinematics, for the certificate.
 
 A pose is reached if the link's origin is within `position_tolerance` [m] of the target's, and the angle [rad] between
 the two frames is within `orientation_tolerance`: the angle of the rotation between them, or, if the link may rotate
@@ -21,7 +21,7 @@ ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
 
 
 class Miss(NamedTuple):
-    """How far a link is from its target."""
+    """Distance and angle of a link from its target."""
 
     position: float  # [m]
     angle: float  # [rad], 0 if any orientation is allowed

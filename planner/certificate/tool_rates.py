@@ -1,4 +1,4 @@
-"""How fast a link's origin moves, and how its velocity changes: bounds on the whole of a timed motion.
+"""Velocity and acceleration of a link's origin: bounds on the whole of a timed motion.
 
 With J_j = ∂p/∂q_j and, for i before j in the chain, ∂²p/∂q_i∂q_j = z_i × J_j (0 if i is prismatic), of length ≤ ρ_j
 (`motion_bounds`), derivatives of any order are no longer than ρ of the last joint in them. So at all instants of a part
@@ -77,11 +77,11 @@ class ToolRate(WithTolerance):
         return _OnParts(self, interval, start, width)
 
     def broken(self, found: float) -> str:
-        """Such as "tool0 moves at 0.12 m/s, 0.1 are allowed"."""
+        """Words such as "tool0 moves at 0.12 m/s, 0.1 are allowed"."""
         return f"{self.link} {WORDS[self.order]} {found:.3g} {UNITS[self.order]}, {self.allowed:g} are allowed"
 
     def kept(self, worst: float) -> str:
-        """Such as "tool0 moves at most at 0.099 of 0.1 m/s"."""
+        """Words such as "tool0 moves at most at 0.099 of 0.1 m/s"."""
         return f"{self.link} {WORDS[self.order]} at most {worst:.3g} of {self.allowed:g} {UNITS[self.order]}"
 
 

@@ -1,4 +1,4 @@
-"""How fast joint torques can change along a curve: rigorous bounds on τ̈ over an interval of time.
+"""Rates of joint torques along a curve: rigorous bounds on τ̈ over an interval of time.
 
 Between two samples of a motion, h apart, a torque lies within h²/8 max|τ̈| of the straight line between its values
 there (the error of linear interpolation). The bound on |τ̈| comes from the recursive Newton-Euler algorithm (R.

@@ -62,7 +62,7 @@ class BoxPairs(_Boxes, PairDistance):
 
     @property
     def functions(self) -> Mapping[str, Any]:
-        """Its one function."""
+        """The one function of the pairs."""
         return {"boxes": self.kernel.function}
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:

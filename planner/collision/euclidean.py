@@ -64,7 +64,7 @@ class FclPairs(PairDistance):
 
     @property
     def how(self) -> str:
-        """Which library, which version."""
+        """Library and version."""
         return f"exact Euclidean distance by FCL (coal {coal.__version__}), one pair after another"
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:

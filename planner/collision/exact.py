@@ -93,7 +93,7 @@ class ExactPairs(PairDistance):
 
 
 class _Held(NamedTuple):
-    """How the loops hold vertices."""
+    """Vertices as the loops hold them."""
 
     rows: Array  # all x, all y and all z, then balls around the clusters
     width: int  # how many vertices, some of them repeated

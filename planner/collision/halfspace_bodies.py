@@ -59,7 +59,7 @@ class HalfspaceBody:
 
     @property
     def directions(self) -> Array:
-        """Its normals (k, 3) in the frame of its box, without filled slots."""
+        """Normals (k, 3) in the frame of its box, without filled slots."""
         reach = self.supports - self.normals @ self.box[:3, 3]
         used: Array = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR_OFFSET / 2]
         return used

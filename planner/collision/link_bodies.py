@@ -66,7 +66,7 @@ class LinkBody:
 
 @dataclass(frozen=True)
 class FitRow:
-    """How well a link's bodies fit."""
+    """The fit of a link's bodies."""
 
     link: str
     bodies: int

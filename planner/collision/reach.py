@@ -1,4 +1,4 @@
-"""How far a body can get: a ball around the first joint of its chain that contains it at every configuration within the
+"""The reach of a body: a ball around the first joint of its chain that contains it at every configuration within the
 limits; and how fast at most."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Reach:
         return np.asarray(self.gaps(boxes, half_sizes) <= self.radius)
 
     def gaps(self, boxes: Array, half_sizes: Array) -> Array:
-        """How far the same boxes are from the ball's centre (B,) [m]."""
+        """Distances of the same boxes from the ball's centre (B,) [m]."""
         local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
         return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - half_sizes, 0.0), axis=1))
 

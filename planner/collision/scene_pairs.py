@@ -1,4 +1,4 @@
-"""Which link bodies are compared with which convex pieces of obstacles, and with which other link bodies.
+"""The pairs of link bodies and convex pieces of obstacles that are compared, and those of two link bodies.
 
 An obstacle stands in the world, or is carried by a frame of its own, one more joint after the robot's; what is proven
 of where it stands holds in the former case alone. Pairs (P, 2) are rows of link body and piece.

@@ -1,4 +1,5 @@
-"""How far bodies stand out of a convex hull: mean and 95th percentile over their surface, by seeded samples."""
+"""Distances by which bodies stand out of a convex hull: mean and 95th percentile over their surface, by seeded
+samples."""
 
 from __future__ import annotations
 

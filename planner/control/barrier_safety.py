@@ -1,4 +1,4 @@
-"""Which settings of a control barrier are safe: what Δ ≥ δ guarantees for the true clearance, and what it does not.
+"""Safety of the settings of a control barrier: what Δ ≥ δ guarantees for the true clearance, and what it does not.
 
 The obstacles are grown by g, and the controller keeps h = Δ − δ ≥ 0. This is what follows for the signed distance d of
 the outer bodies; the true distance is no less, as they contain the real ones:

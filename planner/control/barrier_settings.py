@@ -1,4 +1,4 @@
-"""Which distance a controller's barriers have, and between which bodies."""
+"""Distance of a controller's barriers, and the bodies that it compares."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 
 @dataclass(frozen=True)
 class BarrierSettings(Checked):
-    """Which distance, and between which bodies."""
+    """Distance of barriers, and the bodies that it compares."""
 
     distance: Annotated[str, Choice(BARRIER_DISTANCES)] = "hdsdf"
     """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""

@@ -38,7 +38,7 @@ class Execution:
 
     @property
     def step(self) -> float:
-        """How long each step takes [s]."""
+        """Duration of a step [s]."""
         return float(self.times[1] - self.times[0])
 
 

@@ -63,7 +63,7 @@ class Window:
 
     @cached_property
     def gains(self) -> Array:
-        """How far each joint is moved by its velocity (K, n) after 1, …, K periods, the last until rest, in periods:
+        """Ways of each joint by its velocity (K, n) after 1, …, K periods, the last until rest, in periods:
         a mean between the ends of the box, at least 1."""
         (low, high), ways = self._ends
         width = self.rates.period * (high - low)

@@ -95,7 +95,7 @@ class Solid:
 
     @cached_property
     def shells(self) -> Shells:
-        """Its shells, after cracks are closed."""
+        """Shells of the mesh, after cracks are closed."""
         return Shells.of(self._whole.triangles)
 
     @cached_property

@@ -44,7 +44,7 @@ class Leg:
 
     @cached_property
     def places(self) -> Array:
-        """How far along the curve its poses are, as shares of the whole (N,)."""
+        """Arc length along the curve to its poses, as shares of the whole (N,)."""
         along = np.concatenate([[0.0], np.cumsum(lengths_of(self.poses, self.free)[0])])
         return np.asarray(along / along[-1])
 
@@ -80,7 +80,7 @@ class Leg:
 
     @cached_property
     def law(self) -> Trapezoid | None:
-        """How the tool moves along it; None if that is not given."""
+        """Time law of the tool along it; None if none is given."""
         length = float(np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1).sum())
         if self.speed is None or self.acceleration is None or length == 0.0:
             return None
@@ -89,19 +89,19 @@ class Leg:
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """From rest to rest along a curve, in shares of it, with a greatest speed and one acceleration."""
+    """A motion from rest to rest along a curve, in shares of it, with a greatest speed and one acceleration."""
 
     speed: float  # [1/s]
     acceleration: float  # [1/s²]
 
     @property
     def ramp(self) -> float:
-        """How long it accelerates [s]."""
+        """Duration of the acceleration [s]."""
         return min(self.speed / self.acceleration, float(np.sqrt(1.0 / self.acceleration)))
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration of the whole [s]."""
         return self.ramp + 1.0 / (self.acceleration * self.ramp)
 
     def at(self, time: Array) -> Array:

@@ -256,7 +256,7 @@ def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
     link = radius_link(world, number)
 
     def off(target: JointTarget | PoseTarget | AllOf) -> float:
-        """How far the links of a goal are from it at most [m]; of joint values the link that the radius is about."""
+        """Greatest distance of a goal's links from it [m]; of joint values the link that the radius is about."""
         if isinstance(target, JointTarget):
             places = [(link, link_pose(robot, robot.configuration(target), link)[:3, 3])]
         else:

@@ -1,4 +1,4 @@
-"""How near the pairs of bodies are that may touch in a stage of a job."""
+"""Distances of the pairs of bodies that may touch in a stage of a job."""
 
 from __future__ import annotations
 

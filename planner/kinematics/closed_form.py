@@ -78,7 +78,7 @@ class Joints(NamedTuple):
 
 
 class Way(NamedTuple):
-    """How a chain is solved."""
+    """Method by which a chain is solved."""
 
     kind: Kind
     held: tuple[int, ...]  # joints of the chain
@@ -95,7 +95,7 @@ class Way(NamedTuple):
 
 
 class ClosedForm(NamedTuple):
-    """How the configurations of a chain are found."""
+    """Closed form for the configurations of a chain."""
 
     ways: tuple[Way, ...]
     planned: NDArray[np.int64]  # of each of the chain's joints, as in `Joints`

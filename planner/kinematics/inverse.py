@@ -112,7 +112,7 @@ class Aim(NamedTuple):
 
     @property
     def arm(self) -> Kinematics:
-        """Its kinematics."""
+        """Kinematics of the arm."""
         return self.links[0].arm
 
     @property
@@ -129,7 +129,7 @@ class Aim(NamedTuple):
         return np.concatenate(errors, axis=1), np.concatenate(jacobians, axis=1)
 
     def sizes(self, error: Array) -> Array:
-        """How far each link is away [m], and turned away [rad] (B, k, 2)."""
+        """Distance [m] and angle [rad] of each link from its target (B, k, 2)."""
         return np.asarray(np.linalg.norm(self._parts(error), axis=3))
 
     def within(self, error: Array, share: float) -> Mask:

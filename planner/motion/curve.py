@@ -87,7 +87,7 @@ class Curve:
 
     @cached_property
     def widths(self) -> Array:
-        """How long each interval takes (N − 1,) [s]; 1 for a path without times."""
+        """Durations of the intervals (N − 1,) [s]; 1 for a path without times."""
         return np.ones(len(self.control)) if self.times is None else np.diff(self.times)
 
     def columns(self, chosen: Index | list[int]) -> Curve:

@@ -1,4 +1,4 @@
-"""How far the points of a link can move while the joints run along a curve: first and second order, rigorous.
+"""Ways of a link's points while the joints run along a curve: bounds of first and second order, rigorous.
 
 For an interval of the motion, q(s) = q_m + s δ + e(s) with s ∈ [−1, 1], |e_j| ≤ ε_j (0 on a straight line), and a point
 v of a link, in the frame of a body that carries the moving joints J (revolute or prismatic), all evaluated at the
@@ -52,7 +52,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How bodies move on intervals of the motion, one row each: Ω, U and the two bounds of the module's docstring."""
+    """Motion of bodies on intervals, one row each: Ω, U and the two bounds of the module's docstring."""
 
     omega: Array  # (i, 3)
     velocity: Array  # (i, 3) U

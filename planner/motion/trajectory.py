@@ -138,12 +138,12 @@ class Trajectory:
 
     @property
     def duration(self) -> float | None:
-        """How long the motion takes [s]; None for a path without times."""
+        """Duration of the motion [s]; None for a path without times."""
         return None if self.times is None else float(self.times[-1] - self.times[0])
 
     @property
     def extent(self) -> str:
-        """How long it is, as text."""
+        """Duration or number of waypoints, as text."""
         return f"{len(self)} waypoints" if self.duration is None else f"{self.duration:.3f} s in {len(self)} rows"
 
     def __len__(self) -> int:

@@ -66,7 +66,7 @@ class Skin:
 
 @dataclass(frozen=True)
 class Paint:
-    """How a solid is drawn."""
+    """Colour and opacity of a solid."""
 
     color: str
     alpha: float

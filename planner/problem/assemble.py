@@ -51,7 +51,7 @@ require_fields(
 
 
 def self_margin(setup: Setup) -> float:
-    """How close two links come before their penalty sets in [m]."""
+    """Distance of two links at which their penalty sets in [m]."""
     scene = setup.scene
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION + of_robot(setup)[1]
 

@@ -59,7 +59,7 @@ class PairTerm(Term):
 
     @property
     def functions(self) -> Mapping[str, Any]:
-        """Those of its distance."""
+        """Functions of the distance."""
         return self.distance.functions
 
     def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
@@ -97,7 +97,7 @@ class PairTerm(Term):
         return clearance_form(places, self.pairs, growths(self.pieces), *shaped)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
+        """Depth that the worst pair may have inside its margin (B,) [m], the same all along the motion."""
         if compiled := self._compiled(kinematics, None):
             return compiled[-1]
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))

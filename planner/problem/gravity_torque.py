@@ -191,12 +191,12 @@ class GravityMeasure:
         return (ARM / self.limits * torque)[..., None]
 
     def slope(self, kinematics: KinematicsBatch) -> Array:
-        """Those of the torques."""
+        """Derivatives of the torques."""
         slope = self.torques.slope(kinematics)[:, self.joints]
         return ((ARM / self.limits)[:, None] * slope)[..., None, :]
 
     def second_order(self, kinematics: KinematicsBatch) -> Array:
-        """Those of the torques."""
+        """Derivatives of the torques."""
         torque = self.torques.torque(kinematics)
         scale = ARM / self.limits * np.sign(torque[:, self.joints])
         bent: Array = scale[..., None, None] * self.torques.second_order(kinematics)[:, self.joints]

@@ -63,7 +63,7 @@ class Hinge(Term):
         return scattered(count, at, residual), scattered((*count, kinematics.columns.shape[1]), at, slope)
 
     def _beyond(self, value: Array) -> Array:
-        """How far each measure is beyond the begin of its band (B, m) [m]."""
+        """Excess of each measure over the begin of its band (B, m) [m]."""
         bound = self.measure.bound
         beyond: Array = np.maximum(np.linalg.norm(value, axis=2) - (bound - band_below(bound)), 0.0)
         return beyond
@@ -83,7 +83,7 @@ class Hinge(Term):
         return at, (beyond[..., None] * unit).reshape(count), (along + across).reshape(*count, slope.shape[-1])
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How much of the band is used up, as a depth (B,) [m], the same all along the motion."""
+        """Depth to which the band is used up (B,) [m], the same all along the motion."""
         return self._depth(self._beyond(self.measure.value(kinematics)))
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:

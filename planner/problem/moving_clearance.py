@@ -67,7 +67,7 @@ class MovingClearance(Clearance):
         return super().written_at_sample(place)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 where none are given."""
+        """Depth that the worst pair may have inside its margin (B,) [m] at path parameters; 0 where none are given."""
         if parameter is None:
             return np.zeros(len(kinematics.placements))
         return super().depth(self.met(kinematics, self.law.time_at(parameter)))

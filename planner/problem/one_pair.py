@@ -52,7 +52,7 @@ def ball(ends: int) -> ca.Function:
 
 @functools.cache
 def box_seen() -> ca.Function:
-    """Of a box on a frame the three functions (4) of a point [y, 1] in the world whose values are its places along the
+    """For a box on a frame the three functions (4) of a point [y, 1] in the world whose values are its places along the
     box's axes."""
     frame, box = ca.SX.sym("frame", 12), ca.SX.sym("box", 12)
     turn, origin = _rotation(frame) @ _rotation(box), _rotation(frame) @ box[9:] + frame[9:]
@@ -117,8 +117,8 @@ def _where_near(
 
 @functools.cache
 def _chained(ends: int, n: int, exact: bool, movable: bool, grows: bool) -> ca.Function:
-    """From min(D, 0) and D's derivatives by A's motions, and by B's sizes, to those of ½ min(D, 0)² by joints, by B's
-    motion, and by B's sizes."""
+    """Function from min(D, 0) and D's derivatives by A's motions, and by B's sizes, to those of ½ min(D, 0)² by joints,
+    by B's motion, and by B's sizes."""
     every = 6 * ends + SIZES * grows
     sizes = {"value": (1, 1), "wrench": (6 * ends, 1)} | ({"by_sizes": (SIZES, 1)} if grows else {})
     sizes |= {"hessian": (every, every), "screws": (6 * ends, n), "moves": (n, 1)}

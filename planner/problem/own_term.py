@@ -168,7 +168,8 @@ class WrittenTerm(Term):
         self._run = RowFunction(ca.Function("own_rows", [q, step], [ca.densify(part) for part in results]))
 
     def rows(self, positions: Array) -> list[Array]:
-        """Of the M waypoints between the ends: value (M, 1), slope, curvature, Hessian, residual, what was written."""
+        """Rows of the M waypoints between the ends: value (M, 1), slope, curvature, Hessian, residual, what was
+        written."""
         inner, step = positions[1:-1], np.diff(positions, axis=0)[1:]
         every = np.arange(len(inner))
         return self._run([inner, step], [every, every])
@@ -186,7 +187,7 @@ class WrittenTerm(Term):
         return place_of_jump(sampled, np.append(line[0], -step), np.append(line[-1], 0.9 * step))
 
     def excess(self, positions: Array) -> float:
-        """How far a motion leaves the bounds of a constraint at its waypoints, in the constraint's unit; 0 if not."""
+        """Excess of a motion over the bounds of a constraint at its waypoints, in the constraint's unit; 0 if not."""
         value = self.rows(positions)[-1]
         return float(np.maximum(self.bounds[0] - value, value - self.bounds[1]).max(initial=0.0))
 
@@ -234,7 +235,7 @@ class WrittenTerm(Term):
         return self._spread(diagonal, positions.shape[1]), self._spread(coupling, positions.shape[1])
 
     def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
-        """Its sum over the waypoints."""
+        """Sum of the term over the waypoints."""
         rows = self.own.tolist()
         return self.written(motion.first[rows, :], motion.step[rows, :])
 
@@ -250,8 +251,8 @@ class WrittenTerm(Term):
 
 
 def _to_waypoints(blocks: Array, count: int) -> tuple[Array, Array]:
-    """From second derivatives by q_k and d_k = q_{k+1} − q_k (N − 2, 2 n, 2 n) to blocks (N, n, n) and (N − 1, n, n) of
-    the waypoints."""
+    """Map from second derivatives by q_k and d_k = q_{k+1} − q_k (N − 2, 2 n, 2 n) to blocks (N, n, n) and
+    (N − 1, n, n) of the waypoints."""
     n = blocks.shape[1] // 2
     own, mixed, ahead = blocks[:, :n, :n], blocks[:, n:, :n], blocks[:, n:, n:]
     diagonal, coupling = np.zeros((count, n, n)), np.zeros((count - 1, n, n))

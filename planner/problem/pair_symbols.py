@@ -94,7 +94,7 @@ class _Pieces:
 
     @classmethod
     def of(cls, pairs: BodyPairs, growths: Growths, slots: int) -> _Pieces:
-        """Those of the pairs with so many planes."""
+        """Pieces of the pairs with so many planes."""
         rows = np.flatnonzero(pairs.plane_slots == slots)
         body, first, a = np.unique(pairs.body[rows], return_index=True, return_inverse=True)
         piece, once, b = np.unique(pairs.halfspace_body[rows], return_index=True, return_inverse=True)
@@ -132,8 +132,8 @@ class _Pieces:
         return function.map(self.sizes[1])
 
     def reached(self, placed: Sequence[ca.MX], own: ca.MX, change: ca.MX) -> ca.MX:
-        """Which link bodies are near which piece (1, A B): whose ball reaches its box; 0 where D is sure to be
-        positive. All at once, so that compilers make vectors of it."""
+        """Nearness of link bodies and pieces (1, A B): 1 where the ball of the one reaches the box of the other; 0
+        where D is sure to be positive. All at once, so that compilers make vectors of it."""
         count, pieces = self.sizes
         centres, radii = ball(len(placed)).map(count)(*placed, *self.balls)
         points = ca.vertcat(centres, ca.DM.ones(1, count)).T
@@ -150,13 +150,13 @@ class _Pieces:
 
 
 def _side_by_side(rows: Array, count: int) -> ca.DM:
-    """Of B matrices (K, 3), one below another, the matrix (K, 3 B)."""
+    """Matrix (K, 3 B) of B matrices (K, 3) that stand one below another."""
     return ca.DM(np.hstack(np.split(rows, len(rows) // count)))
 
 
 @functools.cache
 def _widened() -> ca.Function:
-    """From the derivatives (9) of half sizes by sizes and a change of these to that of the half sizes (3)."""
+    """Function from the derivatives (9) of half sizes by sizes and a change of these to that of the half sizes (3)."""
     widths, change = ca.SX.sym("widths", 9), ca.SX.sym("change", SIZES)
     return ca.Function("widened", [widths, change], [ca.reshape(widths, 3, SIZES) @ change])
 
@@ -166,7 +166,7 @@ def _repeated(each: ca.MX, met: _Pieces) -> ca.MX:
 
 
 def _given(kind: PairKind, met: _Pieces, n: int) -> tuple[list[ca.MX], list[ca.MX], list[ca.MX], ca.MX]:
-    """Of one piece: which link bodies (1, A) are near, the inputs of a pair for all of them, screws and moves."""
+    """For one piece: the link bodies (1, A) that are near, the inputs of a pair for all of them, screws and moves."""
     count, planes = met.sizes[0], kind.planes
     reached = ca.MX.sym("reached", 1, count)
     placed = [ca.MX.sym(f"placed{k}", 12, count) for k in range(kind.ends)]
@@ -183,8 +183,8 @@ def _given(kind: PairKind, met: _Pieces, n: int) -> tuple[list[ca.MX], list[ca.M
 
 
 def _pushes(kind: PairKind, met: _Pieces, n: int) -> ca.Function:
-    """Of one piece: its penalty, the derivatives by the joints (n e), by the motion of the piece (6), and by its sizes
-    (3) where it grows."""
+    """Function of one piece: its penalty, the derivatives by the joints (n e), by the motion of the piece (6), and by
+    its sizes (3) where it grows."""
     given, pairs, screws, moves = _given(kind, met, n)
     depths, wrenches, *by_sizes = pair(kind).map(met.sizes[0]).call(pairs)
     parts = ca.vertsplit(wrenches, 6)

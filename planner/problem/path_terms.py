@@ -172,7 +172,7 @@ class WithinMeasure:
 
 @dataclass(frozen=True, eq=False)
 class RelativeMeasure:
-    """How far a link is from its pose in another link's frame: the way to its place, and the rotation vector of the
+    """Offset of a link from its pose in another link's frame: the way to its place, and the rotation vector of the
     turn to it, times LEVER. Joints that carry both links change neither."""
 
     joints: tuple[int, int]  # of the model, that carry the link and the other one

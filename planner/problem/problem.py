@@ -255,7 +255,7 @@ class Problem:
         return program(self, hessian, form)
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
-        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
+        """Depth of the worst term inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
         point of the motion, or at path parameters (B,)."""
         kinematics = self.placed(configurations)
         depths = [term.depth(kinematics, parameter) for term in self.terms]

@@ -53,7 +53,7 @@ class SweptClearance(PairTerm):
 
     @property
     def functions(self) -> Mapping[str, Any]:
-        """Those of its distance at single configurations, and of the swept distance."""
+        """Functions of its distance at single configurations, and of the swept distance."""
         return {**super().functions, **{f"{count} planes, swept": run.function for count, run in self.kernels.items()}}
 
     def between(self, kinematics: KinematicsBatch) -> Inside:

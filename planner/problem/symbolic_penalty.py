@@ -55,25 +55,25 @@ class ObstaclePlaces:
 
     @property
     def size(self) -> int:
-        """How many numbers they are: 12 each, the rotation row by row, then the origin [m]."""
+        """Count of their numbers: 12 each, the rotation row by row, then the origin [m]."""
         return 12 * len(self.poses)
 
     @cached_property
     def sizes(self) -> Array:
-        """Of its shape in the scene (k,) [m], none where it cannot grow."""
+        """Sizes of its shape in the scene (k,) [m], none where it cannot grow."""
         return sizes_of(self.shape)
 
 
 @functools.cache
 def _rigid() -> ca.Function:
-    """From a pose (12) to 0, or NaN where it is not rigid."""
+    """Function from a pose (12) to 0, or NaN where it is not rigid."""
     pose = ca.MX.sym("pose", 12)
     return ca.Function("rigid", [pose], [rigid_or_nan(ca.reshape(pose[:9], 3, 3).T)])
 
 
 @functools.cache
 def _moved() -> ca.Function:
-    """From a pose and the home of bodies to pose · home⁻¹, as rows of 12."""
+    """Function from a pose and the home of bodies to pose · home⁻¹, as rows of 12."""
     pose, home = ca.SX.sym("pose", 12), ca.SX.sym("home", 12)
     turn = ca.reshape(pose[:9], 3, 3).T @ ca.reshape(home[:9], 3, 3)
     moved = ca.vertcat(ca.vec(turn.T), pose[9:] - turn @ home[9:])

@@ -26,7 +26,7 @@ class JointPlaces(Protocol):
         ...
 
     def origin(self, joint: int) -> ca.MX:
-        """Of a joint (3,) [m]."""
+        """Origin of a joint (3,) [m]."""
         ...
 
 
@@ -48,7 +48,7 @@ class SymbolicPlace:
 
     @property
     def placements(self) -> ca.MX:
-        """Of the joints and the frames (12, nj + F)."""
+        """Placements of the joints and the frames (12, nj + F)."""
         return ca.horzcat(self._state[0], self.frames[:12, :])
 
     @property
@@ -61,7 +61,7 @@ class SymbolicPlace:
         return ca.reshape(self._state[0][:9, joint], 3, 3).T
 
     def origin(self, joint: int) -> ca.MX:
-        """Of a joint (3,) [m]."""
+        """Origin of a joint (3,) [m]."""
         return self._state[0][9:, joint]
 
     def half_square(self, residual: Callable[[JointPlaces], ca.MX], carriers: tuple[int, ...]) -> ClosedForm:
@@ -104,7 +104,7 @@ class _Moved:
 
 
 def _by_motions(residual: Callable[[JointPlaces], ca.MX], joints: list[int], exact: bool) -> ca.Function:
-    """From motions (0) and placements of joints to ½ |r|², and its derivatives by the motions."""
+    """Function from motions (0) and placements of joints to ½ |r|², and its derivatives by the motions."""
     placements = {joint: ca.MX.sym(f"placement{joint}", 12) for joint in joints}
     motion = ca.MX.sym("motion", 6 * len(joints))
     found = residual(_Moved(placements, dict(zip(joints, ca.vertsplit(motion, 6), strict=True))))

@@ -67,7 +67,8 @@ class Term:
 
     @property
     def loop(self) -> Record | None:
-        """Its penalty at samples as part of one loop of C, `loops.AtSamples`; None where `at_samples` is called."""
+        """The term's penalty at samples as part of one loop of C, `loops.AtSamples`; None where `at_samples` is
+        called."""
         return None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
@@ -99,8 +100,8 @@ class Term:
         return None
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not: at no particular point of
-        the motion, or at path parameters (B,)."""
+        """Depth that each of B configurations may have inside the margin (B,) [m], 0 if it is not: at no particular
+        point of the motion, or at path parameters (B,)."""
         return np.zeros(len(kinematics.placements))
 
     @property

@@ -41,7 +41,7 @@ class Failsafe:
 
 
 class FailsafeMotions:
-    """Those of one robot."""
+    """The failsafe motions of one robot."""
 
     def __init__(self, limits: Mapping[str, Array], h: float, lead: int) -> None:
         """Take the greatest rates (n,) by name, the width of the grid [s], and after how many rows braking begins."""

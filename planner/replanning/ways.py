@@ -21,7 +21,7 @@ AGAIN = 0.5  # [s] after a way was not found, or did not help, until one is aske
 
 
 class Ways:
-    """Those of one replanner; its steps alone use it."""
+    """The ways of one replanner; its steps alone use them."""
 
     def __init__(self, robot: Robot, executor: Executor | None) -> None:
         """Take where ways are looked for; None: in a thread that is made when it is needed."""

@@ -1,4 +1,4 @@
-"""How the robot moves through its start or goal: the rates that a scene gives, of the planned joints in their
+"""Motion through start or goal: the rates that a scene gives, of the planned joints in their
 order."""
 
 from __future__ import annotations

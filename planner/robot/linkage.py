@@ -26,7 +26,7 @@ MOST_FACTOR = 1e3  # multiplier, and offset [rad or m], of a joint that follows
 
 
 class Rule(NamedTuple):
-    """How a joint follows: at factor · (value of its leader) + offset."""
+    """Rule of a joint that follows: factor · (value of its leader) + offset."""
 
     leader: str  # the joint at the head of the chain, which follows none
     factor: float
@@ -87,12 +87,12 @@ class Linkage:
 
     @cached_property
     def follows(self) -> Mask:
-        """Which of the m joints follow another one."""
+        """Mask of the m joints: those that follow another one."""
         return read_only(np.isin(np.arange(len(self.names)), self.own, invert=True))
 
     @cached_property
     def followed(self) -> Mask:
-        """Which planned joints others follow (n,)."""
+        """Mask of the planned joints that others follow (n,)."""
         return read_only(np.isin(np.arange(len(self.own)), self.leader[self.follows]))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How a robot is loaded: what is planned, follows and is held, what is compared, and the notes on all of this."""
+"""Loading of a robot: what is planned, follows and is held, what is compared, and the notes on all of this."""
 
 from __future__ import annotations
 

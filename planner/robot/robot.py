@@ -88,7 +88,7 @@ class Robot:
 
     @cached_property
     def coordinates(self) -> NDArray[np.int64]:
-        """Which coordinates of the model's velocities the planned joints are (n,)."""
+        """Coordinates of the planned joints among the model's velocities (n,)."""
         return self.linkage.own if self.linkage else read_only(np.arange(self.n))
 
     @cached_property
@@ -127,23 +127,23 @@ class Robot:
 
     @cached_property
     def turning(self) -> NDArray[np.bool_]:
-        """Which joints turn, rather than slide (n,)."""
+        """Mask of the joints that turn, rather than slide (n,)."""
         joints = itertools.islice(self.model.joints, 1, None)
         return read_only(np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])[self.coordinates])
 
     @cached_property
     def followed(self) -> NDArray[np.bool_]:
-        """Which joints others follow (n,): a whole turn of one may take these anywhere."""
+        """Mask of the joints that others follow (n,): a whole turn of one may take these anywhere."""
         return self.linkage.followed if self.linkage else read_only(np.zeros(self.n, dtype=np.bool_))
 
     @cached_property
     def endless(self) -> NDArray[np.bool_]:
-        """Which joints turn without limits, so that whole turns lead to the same place (n,)."""
+        """Mask of the joints that turn without limits, so that whole turns lead to the same place (n,)."""
         return read_only(np.isinf(self.lower) & np.isinf(self.upper) & self.turning & ~self.followed)
 
     @cached_property
     def _circling(self) -> tuple[bool, ...]:
-        """Which joints Pinocchio describes by cosine and sine."""
+        """Mask of the joints that Pinocchio describes by cosine and sine."""
         return tuple(joint.nq == 2 for joint in itertools.islice(self.model.joints, 1, None))
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:

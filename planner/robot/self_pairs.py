@@ -1,4 +1,4 @@
-"""Which pairs of a robot's links are checked against each other, and why the others are not.
+"""Pairs of a robot's links that are checked against each other, and why the others are not.
 
 Excluded is what a file says, what cannot be helped (neighbours, links that move as one), and what is proven: pairs that
 always touch (`always_touching`), and, where no SRDF says it, pairs that never touch. Pairs that touch at every one of

@@ -124,7 +124,7 @@ class Setup:
 
     @cached_property
     def rates(self) -> tuple[EndRates | None, EndRates | None]:
-        """How the robot moves through the scene's start and goal; None for an end that asks for nothing, at rest.
+        """Rates of the robot at the scene's start and goal; None for an end that asks for nothing, at rest.
         Raises InputError, naming the scene's file, for rates that do not fit the robot."""
         scene = self.scene
         with naming(scene.source):
@@ -133,7 +133,7 @@ class Setup:
 
     @property
     def moving_ends(self) -> tuple[EndRates, ...]:
-        """Those of the start and goal at which the robot is not at rest."""
+        """Rates of the start and goal at which the robot is not at rest."""
         return tuple(rates for rates in self.rates if rates is not None and rates.moving)
 
     def rates_around(self, order: int) -> tuple[Array, Array]:

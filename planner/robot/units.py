@@ -45,7 +45,7 @@ ASKED = ": is it in millimetres? hdplan takes metres (a scale of 0.001 makes the
 
 
 def _chain(robot: Robot) -> float:
-    """How far the joints' origins are from the base at most, whatever the revolute joints do [m]."""
+    """Greatest distance of the joints' origins from the base, whatever the revolute joints do [m]."""
     model, far = robot.model, [0.0]
     for joint in range(1, model.njoints):
         far.append(far[model.parents[joint]] + float(np.linalg.norm(model.jointPlacements[joint].translation)))
@@ -53,7 +53,7 @@ def _chain(robot: Robot) -> float:
 
 
 def _size_of(robot: Robot, link: str) -> float:
-    """How large a link's collision geometry is along an axis [m]."""
+    """Extent of a link's collision geometry along an axis [m]."""
     found = 0.0
     for i in robot.link_geometry[link]:
         geometry = robot.collision.geometryObjects[i].geometry

@@ -174,8 +174,8 @@ def _free(
 
 
 def _length(setup: Setup, way: Array) -> float:
-    """How long a way (n,) is at least: the least time [s] of its slowest joint where time is the objective, else its
-    length in joint space."""
+    """Lower bound on the length of a way (n,): the least time [s] of its slowest joint where time is the objective,
+    else its length in joint space."""
     if setup.scene.objective == "time":
         from hdplan.planner.timing.least_time import least_time
 

@@ -109,9 +109,9 @@ class Roadmap:
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
 
     def _clear(self, configurations: Array) -> Mask:
-        """Which configurations (B, n) become nodes: those outside all margins, or, if there are none, as beside what
-        stands under the robot's base, those that are as clear as a motion has to be. Where distances are exact, those
-        that are free."""
+        """Mask of the configurations (B, n) that become nodes: those outside all margins, or, if there are none, as
+        beside what stands under the robot's base, those that are as clear as a motion has to be. Where distances are
+        exact, those that are free."""
         depth = self.problem.depth(configurations)
         if self.problem.exact:
             return np.asarray(depth <= FREE * self.problem.scene.planner.activation)

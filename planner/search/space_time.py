@@ -86,8 +86,8 @@ class TimedRoadmap(Roadmap):
         self.edges = np.vstack([self.edges, np.sort(np.concatenate(leaps), axis=1)])
 
     def _clear(self, configurations: Array) -> Mask:
-        """Which configurations (B, n) are as clear as a motion has to be: beside what stands under the robot's base,
-        none may be clearer."""
+        """Mask of the configurations (B, n) that are as clear as a motion has to be: beside what stands under the
+        robot's base, none may be clearer."""
         return self.problem.depth(configurations) <= CLEAR_SHARE * self.problem.scene.planner.activation
 
     def timed_way(self) -> Array:
@@ -207,7 +207,7 @@ def _fractions(count: int) -> Array:
 
 @functools.cache
 def _between(count: int) -> tuple[Rows, Rows, Array]:
-    """Of moves along an edge there and back, from each step, in each number of steps: which of an edge's `count`
+    """For moves along an edge there and back, from each step, in each number of steps: which of an edge's `count`
     configurations are passed, after which step, and how far on to the next one (2, S, T, m)."""
     along = np.stack([_fractions(count), 1 - _fractions(count)])[:, None, None]
     at = np.minimum(np.arange(STEPS)[:, None, None] + TAKES[:, None] * along, STEPS)

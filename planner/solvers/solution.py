@@ -178,8 +178,8 @@ class Progress:
 
 
 def _allowed_depth(problem: Problem) -> Array:
-    """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is itself deep,
-    since no motion can do better there."""
+    """Depth inside its margin that each sample (B,) may have in a clear motion [m]: more near an end that is itself
+    deep, since no motion can do better there."""
     parameter = problem.samples.parameter
     start, goal = _end_depths(problem)
     excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))

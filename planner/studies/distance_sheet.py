@@ -136,7 +136,7 @@ def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, st
 
 
 def _by_gap(axis: Any, entries: Sequence[Entry]) -> None:
-    """How false positives fall with the gap, for every set of normals."""
+    """Panel of the false positives over the gap, for every set of normals."""
     at_default = [e for e in entries if _is(e, gamma=2, shaping_length=DEFAULTS.shaping_length)]
     for entry in at_default:
         color, marker = RUNG_STYLES.get(entry.setting.normals, OTHER_RUNG)
@@ -152,7 +152,7 @@ def _by_gap(axis: Any, entries: Sequence[Entry]) -> None:
 
 
 def _by_gamma(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
-    """How the error falls with gamma, apart, near and deep, for the normals to take."""
+    """Panel of the error over gamma, apart, near and deep, for the normals to take."""
     rung = [e for e in entries if _is(e, normals=choice.setting.normals, shaping_length=DEFAULTS.shaping_length)]
     for band in BANDS:
         color, marker = BAND_STYLES[band]
@@ -169,7 +169,7 @@ def _by_gamma(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
 
 
 def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
-    """How the error near contact grows with the shaping length, for every gamma."""
+    """Panel of the error near contact over the shaping length, for every gamma."""
     rung = [e for e in entries if _is(e, normals=choice.setting.normals)]
     for gamma in sorted({e.setting.gamma for e in rung}):
         some = [e for e in rung if e.setting.gamma == gamma]

@@ -133,7 +133,7 @@ class Runs:
 
     @property
     def variants(self) -> tuple[Variant, ...]:
-        """Those measured, the defaults first."""
+        """The variants measured, the defaults first."""
         return tuple(dict.fromkeys(run.variant for run in self.runs))
 
 

@@ -172,7 +172,7 @@ def _attached(problem: Problem) -> Rows:
 
 
 def _pairs(problem: Problem) -> Rows:
-    """How many pairs are kept of how many, and why the others are excluded."""
+    """Counts of the pairs, of those that are kept, and the reasons why others are excluded."""
     robot = problem.robot
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)

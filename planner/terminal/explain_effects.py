@@ -172,7 +172,7 @@ def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _moving_ends(problem: Problem) -> Effect:
-    """How fast the robot is at its start and goal."""
+    """Rates of the robot at its start and goal."""
     fastest = (
         f"{each.field} at up to {np.abs(each.velocity).max():.3g} rad/s or m/s" for each in problem.setup.moving_ends
     )

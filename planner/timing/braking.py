@@ -37,7 +37,7 @@ class Braking:
         freeze(self)
 
     def __len__(self) -> int:
-        """How many intervals between rows it takes."""
+        """Number of intervals between rows."""
         return len(self.away) - 1
 
     @property

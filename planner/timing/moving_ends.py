@@ -39,7 +39,7 @@ SLACK = 1e-9  # [rad] or [m] beyond a joint's range, from rounding
 
 
 class MovingEnds:
-    """How the robot of a scene brakes from its start, and comes to its goal's rates."""
+    """Braking from a scene's start, and the way to its goal's rates."""
 
     def __init__(
         self, setup: Setup, limits: tuple[TimingLimit, ...], meets: Callable[[Trajectory], str] = lambda _: ""

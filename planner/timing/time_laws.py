@@ -38,7 +38,7 @@ class TimeLaw(Protocol):
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """From rest to rest in a given time, with the least integral of squared jerk."""
+    """A motion from rest to rest in a given time, with the least integral of squared jerk."""
 
     duration: float  # [s]
 
@@ -74,7 +74,7 @@ class Stepwise:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return float(self.knots[-1])
 
     def path_speeds_at(self, times: Array) -> Array:

@@ -25,7 +25,7 @@ LOCKED = "obstacle {name}: is locked; unlock it in the list first"
 
 
 class Audience(Protocol):
-    """Who shows a document, and is told what has become another."""
+    """The one that shows a document, and hears what has become another."""
 
     def scene_changed(self, before: Scene) -> None:
         """Show the scene as it is now in place of an earlier one; what was said of motions holds no more."""
@@ -171,7 +171,7 @@ class Document:
         self._audience.motions_changed()
 
     def _show(self, edited: Edited, check: bool = False) -> None:
-        """Have another scene shown; if that fails, nothing is known of its motions."""
+        """Show another scene; if that fails, nothing is known of its motions."""
         before, self.edited = self.edited, edited
         if before is not edited:
             before.left()

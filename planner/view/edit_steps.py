@@ -52,15 +52,15 @@ class Editing:
         return str(self._said.content)
 
     def ask(self, way: str) -> None:
-        """Have "undo", "redo" or "reset" done; each press counts. By any thread."""
+        """Ask for "undo", "redo" or "reset"; each press counts. By any thread."""
         self.do(lambda: self._back(way))
 
     def do(self, job: Callable[[], object]) -> None:
-        """Have something done that counts each time; what is refused is said. By any thread."""
+        """Ask for something that counts each time; what is refused is said. By any thread."""
         self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
     def edit(self, field: str, edit: Edit) -> None:
-        """Have a field edited; of several values that wait, only the newest counts. By any thread."""
+        """Ask for an edit of a field; of several values that wait, only the newest counts. By any thread."""
         asked = time.monotonic()
 
         def job() -> None:
@@ -98,7 +98,7 @@ class Editing:
         self._later("measure", REST, viewer.document.measure)
 
     def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
-        """Have something done after a pause, which begins anew."""
+        """Ask for something after a pause, which begins anew."""
         if what in self._timers:
             self._timers[what].cancel()
         timer = self._timers[what] = threading.Timer(seconds, lambda: self._viewer.worker.ask(what, job))

@@ -76,7 +76,7 @@ class Edited:
 
     @cached_property
     def missed(self) -> str | None:
-        """How the configuration shown misses the goal; None if it meets it."""
+        """The miss of the configuration shown at the goal, in words; None if it meets it."""
         return self.certifier.ends.off_goal(self.goal)
 
     @property

@@ -205,7 +205,7 @@ class JobViewer(Served):
             self.worker.ask("plan", self.plan)
 
     def go_back(self, way: str) -> None:
-        """Have "undo", "redo" or "reset" done."""
+        """Ask for "undo", "redo" or "reset"."""
         self.worker.ask(way, lambda: self._back(way))
 
     def _go_to_stage(self, _: object, told: Told) -> None:
@@ -216,13 +216,13 @@ class JobViewer(Served):
     # --- changes: by the worker's thread --------------------------------------------------------------------------
 
     def plan(self) -> None:
-        """Have the job planned in the scene as it is."""
+        """Ask for a plan of the job in the scene as it is."""
         self.planning.ask(self.edited)
         self._say()
         self._say_next("planning the job …")
 
     def replan(self) -> None:
-        """Have the job planned after a change, if that is wanted."""
+        """Ask for a plan of the job after a change, if that is wanted."""
         if self.live.value:
             self.plan()
 

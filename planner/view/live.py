@@ -84,7 +84,7 @@ class Live:
             self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
 
     def follow(self) -> None:
-        """Have a motion planned for the scene as it is now."""
+        """Ask for a motion in the scene as it is now."""
         viewer = self._viewer
         active = viewer.motions.active
         if not self.on or viewer.edited.missed:

@@ -81,7 +81,7 @@ class Looking:
         return best_view(whole, self._interest(), path, self._boxes(), aspect)
 
     def frame(self, client: Any) -> None:
-        """Have a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
+        """Let a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
         any thread."""
         if client is not None:
             aspect = client.camera.aspect
@@ -129,7 +129,7 @@ class Looking:
             self._turned(client, lambda: self._look(client, name, aspect))
 
     def _turned(self, client: viser.ClientHandle, turn: Callable[[], None]) -> None:
-        """Have the worker turn a browser's camera, if it is still there then."""
+        """Let the worker turn a browser's camera, if it is still there then."""
         number, clients = client.client_id, self._server.get_clients
         self._worker.ask(f"look of {number}", lambda: turn() if number in clients() else None)
 

@@ -35,7 +35,7 @@ SAME_PLACE = 1e-3
 
 
 class Look(NamedTuple):
-    """How a path is drawn."""
+    """Look of a path."""
 
     colors: NDArray[np.uint8] | Color  # along it (K, 3), or of all of it
     means: str  # what one colour of all of it means; "" for clearances

@@ -43,7 +43,7 @@ class Newest(Generic[Wish]):
         return self.ended or turn != self._turn
 
     def ask(self, wish: Wish) -> None:
-        """Have a wish worked on, in place of one that waits."""
+        """Ask for work on a wish, in place of one that waits."""
         with self._changed:
             self._wishes = [wish]
             self._changed.notify_all()

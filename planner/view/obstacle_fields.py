@@ -49,7 +49,7 @@ class ObstacleFields:
         self._kind: object = None  # of obstacle whose fields there are
 
     def ask(self, what: str) -> None:
-        """Have the selected obstacles duplicated, snapped, deleted, grouped or ungrouped. By any thread."""
+        """Duplicate, snap, delete, group or ungroup the selected obstacles. By any thread."""
         ways: dict[str, Callable[[], None]] = {
             "duplicate": self.duplicate,
             "snap": self.snap,

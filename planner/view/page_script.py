@@ -249,7 +249,7 @@ class Page:
             self._copied.content = content
 
     def on(self, what: str, handler: Handler) -> None:
-        """Have `handler` called with the browser and what it told, when it tells `what`."""
+        """Name the `handler` of what browsers tell as `what`: it gets the browser and what it told."""
         self._handlers[what] = handler
 
     async def _heard(self, event: Any) -> None:

@@ -47,7 +47,7 @@ PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider mo
 
 
 class Panel:
-    """Its parts, and what they say of the scene and its motions."""
+    """The parts of the panel, and what they say of the scene and its motions."""
 
     def __init__(self, viewer: Viewer, note: str) -> None:
         """Build it; `note` is said among the layers. What comes first stays in sight (`page`)."""

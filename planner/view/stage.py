@@ -94,7 +94,7 @@ class Stage:
             label.visible = report is not None
 
     def on_click(self, chosen: Callable[[Thing, bool], object]) -> None:
-        """Have it called with what somebody clicks on, and whether that is to be selected beside what is."""
+        """Name the listener to clicks: it gets what was clicked, and whether that is to be selected beside what is."""
         for thing, ghost in ((THE_START, self.start), (THE_GOAL, self.goal)):
             for _, mesh in ghost.meshes:
                 mesh.on_click(lambda _, thing=thing: chosen(thing, False))

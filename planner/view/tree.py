@@ -138,7 +138,7 @@ class Tree:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _asked(self, do: Callable[[Thing, Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
-        """Have something done with the thing that is told, if it is there."""
+        """Ask for something with the thing that is told, if it is there."""
 
         def job(told: Told) -> None:
             thing = Thing(str(told.get("kind")), str(told.get("name", "")))
@@ -149,7 +149,7 @@ class Tree:
         return lambda _, told: self._editing.do(lambda: job(told))
 
     def _group_asked(self, do: Callable[[Sequence[str], Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
-        """Have something done with the obstacles of the group that is told, if there are any."""
+        """Ask for something with the obstacles of the group that is told, if there are any."""
 
         def job(told: Told) -> None:
             names = groups.members(self._viewer.edited, str(told.get("name", "")))

@@ -98,7 +98,7 @@ class Viewer(Served):
 
     @property
     def robot(self) -> Robot:
-        """Its robot."""
+        """The robot shown."""
         return self.edited.robot
 
     @property

@@ -1,4 +1,4 @@
-"""How fast a MoveIt request lets the robot move.
+"""Limits of speed in a MoveIt request.
 
 The factors multiply the limits of velocity and acceleration, and count from above 0 to 1; 0 is a factor that is not
 set, and means 1 (moveit_msgs/MotionPlanRequest). A factor of 1 asks for nothing: the motion is a path without times,

@@ -30,7 +30,7 @@ class RobotFiles:
 
     @property
     def srdf(self) -> Path | None:
-        """Its SRDF."""
+        """SRDF of the robot."""
         return None if self.name is None else _srdf_of(self.urdf, self.name)
 
 

@@ -91,7 +91,7 @@ class _Body:
 
     @property
     def where(self) -> str:
-        """How errors call it."""
+        """Name in errors."""
         return f"body '{self.name}'"
 
 

@@ -67,7 +67,7 @@ class CloudNode(ObstacleNode):
 
     @property
     def opacity(self) -> float:
-        """Of the boxes."""
+        """Opacity of the boxes."""
         return OVER if self._in_contact or self._selected else 0.0
 
     def _by_height(self) -> NDArray[np.uint8]:

@@ -29,7 +29,7 @@ TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """How much of the limits on one quantity the joint takes that takes most."""
+    """Share of the limits on one quantity of the joint that takes most."""
 
     quantity: str  # "velocity", "acceleration", "jerk", "torque"
     times: Array  # (k,) [s]

@@ -170,7 +170,7 @@ class ObstacleNode:
 
     @property
     def opacity(self) -> float | None:
-        """Of its mesh; None if it is solid."""
+        """Opacity of its mesh; None if it is solid."""
         return FADED if self._faded else None
 
     def _paint(self) -> None:

@@ -29,7 +29,7 @@ SPAN = tuple[float, float]  # of the timeline
 
 
 class Line(NamedTuple):
-    """How a curve is called and drawn."""
+    """Name and look of a curve."""
 
     name: str  # "" for one of which the legend says nothing
     color: Color
@@ -63,7 +63,7 @@ class Plot:
         )
 
     def name(self, title: str, lines: Sequence[Line]) -> None:
-        """Have other curves, without values before they are set."""
+        """Replace the curves, without values before they are set."""
         self._title = title
         if self._lines != tuple(lines):
             self._take(lines)

@@ -28,7 +28,7 @@ def first_hit(origin: Array, direction: Array, surfaces: Iterable[Surface]) -> A
 
 
 def _nearest(origin: Array, direction: Array, corners: Array) -> float:
-    """How far along a ray it first meets triangles (t, 3, 3), by Möller and Trumbore; inf if it does not."""
+    """Distance along a ray at which it first meets triangles (t, 3, 3), by Möller and Trumbore; inf if it does not."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(direction, two)
     volume = np.einsum("ij,ij->i", one, across)

@@ -1,4 +1,4 @@
-"""How robots and obstacles are drawn: coloured triangles in the frames of the joints that carry them.
+"""Skins of robots and obstacles: coloured triangles in the frames of the joints that carry them.
 
 Robot -> `Skin`s of three kinds: the visual meshes of its URDF, the collision geometry that the certificate works with,
 and the outer bodies that the planner works with. Files are read once in a process. Lengths in [m].

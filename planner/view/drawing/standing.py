@@ -32,7 +32,7 @@ class Standing:
         self.nodes = after
 
     def on_click(self, chosen: Callable[[str, bool], object]) -> None:
-        """Have it called with the name of what somebody clicks on, and whether shift or ctrl was held."""
+        """Name the listener to clicks: it gets the name of what was clicked, and whether shift or ctrl was held."""
         self._chosen = chosen
         for node in self.nodes:
             self._listen(node)

@@ -21,7 +21,7 @@ PATH_DURATION = 4.0  # [s] that paths without times take at speed 1
 
 @dataclass(frozen=True)
 class Timeline:
-    """From when to when."""
+    """A span of time."""
 
     begin: float = 0.0  # [s], or path parameter
     end: float = 1.0
@@ -39,7 +39,7 @@ class Timeline:
 
     @property
     def duration(self) -> float:
-        """How long it takes to play at speed 1 [s]: as long as the motions take."""
+        """Duration at speed 1 [s], that of the motions."""
         return self.end - self.begin if self.timed else PATH_DURATION
 
     @property

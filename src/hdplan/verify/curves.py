@@ -52,14 +52,14 @@ class Leg:
 
     @cached_property
     def shares(self) -> Any:
-        """How far along the curve its poses are (N,), of the whole."""
+        """Arc length along the curve to its poses (N,), of the whole."""
         along = np.append(0.0, np.cumsum(self.widths))
         need(along[-1] > SHORTEST, "the curve has no length")
         return along / along[-1]
 
     @cached_property
     def length(self) -> float:
-        """How long the way of the origin is [m]."""
+        """Length of the origin's way [m]."""
         if self.arc is not None:
             return float(self.arc[3] * lengths(self.arc[1]))
         return float(lengths(np.diff(self.at, axis=0)).sum())
@@ -139,7 +139,7 @@ class Blend:
 
     @cached_property
     def laws(self) -> tuple[Trapezoid, Trapezoid] | None:
-        """How the tool moves along both, where both say so."""
+        """Time laws of the tool along both, where both say so."""
         made = [
             Trapezoid(speed / x.length, acceleration / x.length)
             for x in (self.first, self.second)
@@ -210,19 +210,19 @@ class Blend:
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """How a share grows from 0 to 1, from rest to rest, by a greatest rate and one acceleration."""
+    """Growth of a share from 0 to 1, from rest to rest, by a greatest rate and one acceleration."""
 
     speed: float
     acceleration: float
 
     @property
     def ramp(self) -> float:
-        """How long it accelerates."""
+        """Duration of the acceleration."""
         return float(min(self.speed / self.acceleration, 1.0 / np.sqrt(self.acceleration)))
 
     @property
     def duration(self) -> float:
-        """How long it takes."""
+        """Duration of the whole."""
         return self.ramp + 1.0 / (self.acceleration * self.ramp)
 
     def at(self, time: Any) -> Any:

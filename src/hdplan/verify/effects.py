@@ -239,7 +239,7 @@ def torques(world: World, loads: list[list[Ball]], q: Line, v: Line, a: Line) ->
 def forward(
     world: World, q: Line, v: Line, a: Line, rises: float = 0.0
 ) -> tuple[list[Line], list[Line], list[tuple[Line, Line, Line]]]:
-    """Of each joint the rotation and the origin in the frame of the joint before, and in its own frame how it turns,
+    """For each joint the rotation and the origin in the frame of the joint before, and in its own frame how it turns,
     how that changes, and how its origin accelerates, if the base `rises` so fast."""
     zero = Line(*np.zeros((3, len(q.mid), 3)))
     base = zero, zero, zero + still(Ball([0, 0, rises]))

@@ -157,7 +157,7 @@ class Followed:
         return 0, 0.0
 
     def along(self, points: Any, begin: float, end: float) -> Any:
-        """How far along the curve the nearest places are to some points, one after the other."""
+        """Arc length along the curve to the nearest places of some points, one after the other."""
         vertices, ways = self.curve.vertices, self.curve.ways
         steps = lengths(np.diff(points, axis=0))
         found = np.full(len(points), begin)

@@ -42,7 +42,7 @@ class Corner:
 
 
 def tolerances(stage: Stage) -> tuple[float, float]:
-    """How far the link may be from its curve [m], and be turned against it [rad]."""
+    """Greatest distance [m] and angle [rad] of the link from its curve."""
     keys = ("position_tolerance", 1e-3, 0.1), ("orientation_tolerance", 1e-2, 1.0)
     found = [(scenes.one(stage.said.get(key, usual), f"{stage.kind}.{key}"), most) for key, usual, most in keys]
     need(all(0 < x <= most for x, most in found), f"{stage.kind}: a tolerance")

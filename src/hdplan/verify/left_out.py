@@ -45,7 +45,8 @@ class Around(NamedTuple):
 
 
 def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose: Pose) -> Any:
-    """Which of an obstacle's balls stay (m,): all but those that the proof has left out, which the scene must allow."""
+    """Mask of an obstacle's balls that stay (m,): all but those that the proof has left out, which the scene must
+    allow."""
     told = reader.told.seen(name)
     stay = without(len(centres.mid), told) if "left_out" in told else kept(centres.mid, reader.told.points(name))
     if stay.all():
@@ -62,7 +63,7 @@ def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose
 
 
 def without(count: int, told: dict[str, Any]) -> Any:
-    """Which of so many balls stay without the rows that a proof `told`."""
+    """Mask of so many balls without the rows that a proof `told`."""
     stay, rows = np.ones(count, dtype=bool), told["left_out"]
     good = type(rows) is list and {*map(type, rows)} <= {int} and all(0 <= x < count for x in rows)
     need(good, "the proof leaves out a ball that is not seen there")
@@ -71,7 +72,7 @@ def without(count: int, told: dict[str, Any]) -> Any:
 
 
 def kept(centres: Any, told: Any) -> Any:
-    """Which of the balls' centres (m, 3) are those that a proof `told` (k, 3), in the same order."""
+    """Mask of the balls' centres (m, 3): those that a proof `told` (k, 3), in the same order."""
     found, waiting = np.zeros(len(centres), dtype=bool), iter(told.tolist())
     x, y, z = next(waiting, (np.inf,) * 3)
     for i, (a, b, c) in enumerate(centres.tolist()):
@@ -131,7 +132,7 @@ def _standing(reader: Reader, name: Any, what: str) -> Placed:
 
 
 def _near(points: Any, shape: dict[str, Any], margin: float, links: bool) -> Any:
-    """Which points (m, 3) in the frame of a shape are within a margin of it, or in it."""
+    """Mask of the points (m, 3) in the frame of a shape that are within a margin of it, or in it."""
     corners, sweep = np.asarray(shape["points"], dtype=np.float64), np.asarray(shape["sweep"], dtype=np.float64)
     reach = margin + sweep.max()
     low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach

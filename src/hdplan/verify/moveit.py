@@ -48,7 +48,7 @@ def sections_around(
     joints: set[str],
     solid: set[str],
 ) -> dict[str, Any]:
-    """Those of them that need no more of the robot than where its links are, which have collision geometry, and the
+    """Sections that need no more of the robot than where its links are, which have collision geometry, and the
     names of its joints; `matrix` has the robot's name, and the pairs of links that the allowed collision matrix tells
     to compare, and those of which it says nothing, which MoveIt compares, too."""
     around, asked = fields(scene, "PlanningScene", "scene"), fields(request, "MotionPlanRequest", "request")

@@ -61,7 +61,7 @@ def _placed(motion: Motion, piece: Piece) -> Placed:
 
 
 def _nearest(points: list[Any]) -> tuple[list[Any], Any]:
-    """Of a few points, those between which the nearest to the origin lies, and that one: their mean with weights that
+    """The points, of a few, between which the nearest to the origin lies, and that one: their mean with weights that
     are not negative."""
     found, best, least = points[:1], points[0], np.inf
     for count in range(1, min(len(points), 4) + 1):

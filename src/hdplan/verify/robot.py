@@ -163,7 +163,7 @@ class Tree:
             self.joints[f"base_{name}"] = UrdfJoint(kind, BASE[i], below, HERE, axis, low, high, 0.0, 0.0, None)
 
     def rules(self, joints: list[str]) -> dict[str, tuple[str, float, float]]:
-        """How each of some joints follows another one of them, chains composed: leader, factor, offset."""
+        """Rules of some joints that follow another one of them, chains composed: leader, factor, offset."""
         found = dict[str, tuple[str, float, float]]()
         for joint in joints:
             leader, factor, offset = joint, 1.0, 0.0

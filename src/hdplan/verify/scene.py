@@ -230,7 +230,7 @@ def obstacles(
 
 
 def motion(value: Any, pose: Pose, name: str) -> dict[str, Any]:
-    """How an obstacle moves."""
+    """Motion of an obstacle."""
     said = mapping(value, f"{name}: motion", "velocity spin times poses")
     if "times" in said or "poses" in said:
         need({*said} == {"times", "poses"}, f"{name}: motion: times and poses, or velocity and spin")

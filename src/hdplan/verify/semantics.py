@@ -1,5 +1,5 @@
-"""Which joints of a robot move and where the others stand, by SRDF and scene: groups, named states, pairs that are left
-out.
+"""The joints of a robot that move, and where the others stand, by SRDF and scene: groups, named states, pairs that are
+left out.
 
 The rules are those of docs/scene.md, written a second time: a joint that the wrong one of two rules moves would make a
 proof one of another robot.
