@@ -27,9 +27,9 @@ def core(config: pytest.Config) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have XLA and the C compiler optimize little: what the default suite compiles runs once or twice, to the same bits.
-    The slow laws and the benchmarks run it as users do. Bytecode is kept, whatever the environment says: a hundred child processes import
-    hdplan, and pytest rewrites the assertions of a file once."""
+    """Have XLA and the C compiler optimize little: what the default suite compiles runs once or twice, and C to the
+    same bits. The slow laws and the benchmarks run it as users do. Bytecode is kept, whatever the environment says: a
+    hundred child processes import hdplan, and pytest rewrites the assertions of a file once."""
     if core(config):
         config.option.markexpr = "core and not slow"
     if config.option.markexpr.endswith("not slow"):

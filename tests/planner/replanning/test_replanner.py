@@ -38,6 +38,7 @@ def test_it_arrives_and_each_command_is_proven_to_its_end() -> None:
     assert not last.at(last.time + 100.0).velocities.any()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two balls run at the arm as fast as they may, in pictures that are late and not exact, and the arm lags."""
