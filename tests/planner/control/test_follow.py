@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan import cli
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
@@ -31,6 +29,7 @@ from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
+from tests.commands import in_process
 
 COARSE = replace(follow_settings(), period=0.01)  # half as many steps; `test_command` has the settings of all
 
@@ -210,14 +209,7 @@ def test_command(
     scene = replace(between(room, motion), obstacles=(ball,), timing=Timing(duration=2.0))
     (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
     motion.save(tmp_path / "plan.json")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
+    run = in_process(monkeypatch, capsys)
     code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.json")
     assert (code, err) == (0, "")
     assert out.startswith("arrived after")
