@@ -65,7 +65,7 @@ def test_nothing_is_touched_while_the_robot_moves(seed: int, monkeypatch: pytest
         past.append((t + PERIOD / LOOKS, places))
 
     goals = itertools.cycle([[-1.0, 0.3], [1.0, 0.4]])
-    while drive.now < 3.0:
+    while drive.now < 2.0:
         at, seen = next((each for each in reversed(past) if each[0] <= drive.now - AGE), past[0])
         off = rng.uniform(-1.0, 1.0, (2, 3)) * OFF / np.sqrt(3)
         sizes = hdplan.Uncertainty(OFF, 0.0, SPEED)
