@@ -38,10 +38,10 @@ def seconds_left() -> float:
     return max(0.0, _until.get() - time.perf_counter())
 
 
-def most_seconds(otherwise: float | None = None) -> float | None:
-    """Return the timeout [s] for another process, as `subprocess` takes it: the time left, or at most `otherwise`."""
+def most_seconds() -> float | None:
+    """Return the timeout [s] for another process, as `subprocess` takes it: the time left."""
     left = seconds_left()
-    return otherwise if math.isinf(left) else left if otherwise is None else min(left, otherwise)
+    return None if math.isinf(left) else left
 
 
 def whole_limit() -> float:

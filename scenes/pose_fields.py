@@ -40,9 +40,9 @@ def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
     return Pose(position, from_rpy(*angles))
 
 
-def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vector3:
-    """Read three finite numbers, each greater than `above`."""
-    x, y, z = entry.numbers(3, above=above, unit=unit)
+def read_vector(entry: Field, unit: str = "") -> Vector3:
+    """Read three finite numbers."""
+    x, y, z = entry.numbers(3, unit=unit)
     return x, y, z
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from hdplan.distance.compiled import c_library
 from hdplan.planner.terminal import console
 
 
@@ -26,13 +27,14 @@ def core(config: pytest.Config) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have XLA compile without optimizing: what the default suite compiles runs once or twice. The slow laws and the
-    benchmarks run it as users do. Bytecode is kept, whatever the environment says: a hundred child processes import
-    hdplan, and pytest rewrites the assertions of a file once."""
+    """Have XLA and the C compiler optimize little: what the default suite compiles runs once or twice, and C to the
+    same bits. The slow laws and the benchmarks run it as users do. Bytecode is kept, whatever the environment says: a
+    hundred child processes import hdplan, and pytest rewrites the assertions of a file once."""
     if core(config):
         config.option.markexpr = "core and not slow"
     if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+        c_library.FLAGS += ("-O1",)
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
 

@@ -14,7 +14,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
@@ -23,9 +22,9 @@ import pytest
 import trimesh
 import yaml
 
-from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
+from tests.commands import Command, Done, in_process
 from tests.waiting import until
 
 ARM = Path(shipped_scenes()["planar_arm"]).parent
@@ -37,29 +36,11 @@ KEYS = {
 BLOCKED = {"name": "post", "shape": {"type": "sphere", "radius": 0.05}, "pose": {"position": [0.3, 0.03, 0.1]}}
 
 
-@dataclass(frozen=True)
-class Done:
-    """What a run left behind."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Done]:
+def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
     """Run `hdplan` in this process, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return Done(int(end.value.code or 0), out, err)
-
-    return run
+    return in_process(monkeypatch, capsys)
 
 
 def arm_scene(folder: Path, name: str = "scene.yaml", **changes: object) -> Path:
@@ -82,7 +63,7 @@ def obstacle(shape: str, position: str = "[0, 0, 3]", name: str = "thing") -> li
 
 
 @pytest.mark.parametrize("ending", ["json", "csv", "npz", "joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"])
-def test_what_plan_writes_check_certifies(hdplan: Callable[..., Done], ending: str) -> None:
+def test_what_plan_writes_check_certifies(hdplan: Command, ending: str) -> None:
     planned = hdplan("plan", "planar_arm", "-o", f"motion.{ending}")
     assert (planned.code, planned.err) == (0, "")
     assert planned.out.startswith("certified: at least ")
@@ -92,7 +73,7 @@ def test_what_plan_writes_check_certifies(hdplan: Callable[..., Done], ending: s
     assert checked.out.splitlines()[0] == planned.out.splitlines()[0]
 
 
-def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(hdplan: Callable[..., Done]) -> None:
+def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(hdplan: Command) -> None:
     done = hdplan("plan", "planar_arm", "--json", "--seed", "3", "-o", "motion.json")
     result = json.loads(done.out)
     assert set(result) >= KEYS
@@ -108,7 +89,7 @@ def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(h
     assert np.shape(written["positions"]) == (result["waypoints"], len(result["joint_names"]))
 
 
-def test_a_timed_motion_says_what_it_takes_of_the_limits(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_timed_motion_says_what_it_takes_of_the_limits(hdplan: Command, tmp_path: Path) -> None:
     scene = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 5.0})
     done = hdplan("plan", scene, "--json", "-o", "motion.json")
     result = json.loads(done.out)
@@ -133,7 +114,7 @@ def test_a_timed_motion_says_what_it_takes_of_the_limits(hdplan: Callable[..., D
     )
 
 
-def test_a_path_without_times_is_refused_where_times_matter(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_path_without_times_is_refused_where_times_matter(hdplan: Command, tmp_path: Path) -> None:
     path = Trajectory.load(planned(hdplan))
     path.save("path.csv")
     limited = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 5.0})
@@ -146,12 +127,12 @@ def test_a_path_without_times_is_refused_where_times_matter(hdplan: Callable[...
         )
 
 
-def planned(hdplan: Callable[..., Done]) -> Path:
+def planned(hdplan: Command) -> Path:
     assert hdplan("plan", "planar_arm", "--quiet", "-o", "planned.csv").code == 0
     return Path("planned.csv")
 
 
-def test_nothing_certified_is_exit_1_with_the_best_attempt_written(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_nothing_certified_is_exit_1_with_the_best_attempt_written(hdplan: Command, tmp_path: Path) -> None:
     scene = arm_scene(tmp_path, obstacles=[BLOCKED])
     done = hdplan("plan", scene, "--json", "--time-limit", "0.3", "-o", "best.json")
     result = json.loads(done.out)
@@ -162,18 +143,18 @@ def test_nothing_certified_is_exit_1_with_the_best_attempt_written(hdplan: Calla
     assert json.loads(Path("best.json").read_text(encoding="utf-8"))["verdict"] == result
 
 
-def test_quiet_prints_nothing(hdplan: Callable[..., Done]) -> None:
+def test_quiet_prints_nothing(hdplan: Command) -> None:
     assert hdplan("plan", "planar_arm", "--quiet", "-o", "motion.csv") == Done(0, "", "")
     assert Path("motion.csv").is_file()
 
 
-def test_plot_is_written(hdplan: Callable[..., Done]) -> None:
+def test_plot_is_written(hdplan: Command) -> None:
     pytest.importorskip("matplotlib")
     assert hdplan("plan", "planar_arm", "--plot", "motion.png").code == 0
     assert Path("motion.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_plot_draws_any_trajectory(hdplan: Callable[..., Done]) -> None:
+def test_plot_draws_any_trajectory(hdplan: Command) -> None:
     pytest.importorskip("matplotlib")
     Path("line.csv").write_text("elbow,shoulder\n0.4,-0.8\n0.4,1.0\n", encoding="utf-8")
     done = hdplan("plot", "planar_arm", "line.csv", "-o", "line.pdf")
@@ -184,22 +165,22 @@ def test_plot_draws_any_trajectory(hdplan: Callable[..., Done]) -> None:
 
 
 @pytest.mark.parametrize("solver", ["chomp", "fatrop", "ipopt"])
-def test_other_solvers(hdplan: Callable[..., Done], tmp_path: Path, solver: str) -> None:
+def test_other_solvers(hdplan: Command, tmp_path: Path, solver: str) -> None:
     scene = arm_scene(tmp_path, obstacles=[], planner={"waypoints": 6})
     assert hdplan("plan", scene, "--solver", solver).code == 0
 
 
 @pytest.mark.parametrize("waypoints", [3, 1000])
-def test_few_and_many_waypoints(hdplan: Callable[..., Done], tmp_path: Path, waypoints: int) -> None:
+def test_few_and_many_waypoints(hdplan: Command, tmp_path: Path, waypoints: int) -> None:
     scene = arm_scene(tmp_path, goal={"joints": [-0.7, 0.3]}, planner={"waypoints": waypoints})
     assert json.loads(hdplan("plan", scene, "--json").out)["waypoints"] == waypoints
 
 
-def test_a_motion_of_no_length(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_motion_of_no_length(hdplan: Command, tmp_path: Path) -> None:
     assert hdplan("plan", arm_scene(tmp_path, goal={"state": "right"})).code == 0
 
 
-def test_a_robot_without_collision_geometry_says_so(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_robot_without_collision_geometry_says_so(hdplan: Command, tmp_path: Path) -> None:
     scene = arm_scene(tmp_path, robot={"name": "TwoDofs"}, start={"joints": [0, 0]}, goal={"joints": [1, 1]})
     done = hdplan("plan", scene)
     assert done.code == 0
@@ -208,7 +189,7 @@ def test_a_robot_without_collision_geometry_says_so(hdplan: Callable[..., Done],
 
 
 @pytest.mark.parametrize("name", ["[red]", "[/]", ":smile:", "größe 箱", "a\\", "{x}"])
-def test_names_are_printed_as_they_are(hdplan: Callable[..., Done], tmp_path: Path, name: str) -> None:
+def test_names_are_printed_as_they_are(hdplan: Command, tmp_path: Path, name: str) -> None:
     near = obstacle("type: sphere, radius: 0.05", "[0.9, 0.6, 0.1]", name)
     scene = arm_scene(tmp_path, name="s c.yaml", obstacles=near, goal={"joints": [-0.7, 0.3]})
     planned = hdplan("plan", scene)
@@ -244,7 +225,7 @@ def _raised(rows: np.ndarray) -> np.ndarray:
     ids=["permuted", "collides", "short", "outside"],
 )
 def test_check_another_planners_motion(
-    hdplan: Callable[..., Done],
+    hdplan: Command,
     tmp_path: Path,
     change: Callable[[np.ndarray], np.ndarray],
     names: tuple[str, ...],
@@ -262,7 +243,7 @@ def test_check_another_planners_motion(
 # --- replaying -----------------------------------------------------------------------------------------------
 
 
-def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_simulate_replays_what_plan_wrote(hdplan: Command, tmp_path: Path) -> None:
     timed = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 4.0})
     assert hdplan("plan", timed, "--quiet", "-o", "motion.json").code == 0
     kinematic = hdplan("simulate", timed, "motion.json")
@@ -286,7 +267,7 @@ def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path:
     assert done.out.startswith("failed: joint 'shoulder' needs a torque of ")
 
 
-def test_ros_files_are_checked_simulated_and_drawn_as_ours_are(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_ros_files_are_checked_simulated_and_drawn_as_ours_are(hdplan: Command, tmp_path: Path) -> None:
     scene = arm_scene(tmp_path, timing={"duration": 4.0, "rate": 7})  # rows between nanoseconds
     assert hdplan("plan", scene, "--quiet", "-o", "own.json").code == 0
     for ending in ("joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"):
@@ -299,7 +280,7 @@ def test_ros_files_are_checked_simulated_and_drawn_as_ours_are(hdplan: Callable[
     assert hdplan("plot", scene, "ros.mcap", "-o", "ros.png").code == 0
 
 
-def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Command, tmp_path: Path) -> None:
     assert hdplan("plan", "planar_arm", "--quiet", "-o", "path.csv").code == 0
     assert hdplan("simulate", "planar_arm", "path.csv").code == 0
     done = hdplan("simulate", arm_scene(tmp_path, timing={"duration": 2.0}), "path.csv")
@@ -344,7 +325,7 @@ def own_robot(folder: Path, urdf: str = URDF, srdf: str = SRDF, **changes: objec
     return file
 
 
-def test_a_robot_of_ones_own(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_robot_of_ones_own(hdplan: Command, tmp_path: Path) -> None:
     done = hdplan("plan", own_robot(tmp_path), "-o", "motion.json")
     assert (done.code, done.err) == (0, "")
     assert hdplan("check", "own.yaml", "motion.json").code == 0
@@ -353,7 +334,7 @@ def test_a_robot_of_ones_own(hdplan: Callable[..., Done], tmp_path: Path) -> Non
     assert "2 joints kept within limits; 1 joint without" in explained
 
 
-def test_a_base_upside_down(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_base_upside_down(hdplan: Command, tmp_path: Path) -> None:
     scene = own_robot(tmp_path)
     robot = {**yaml.safe_load(scene.read_text())["robot"], "base": {"position": [0, 0, 2], "rpy": [3.14159265, 0, 0]}}
     below = obstacle("type: box, size: [3, 3, 0.1]", "[0, 0, 0.2]")
@@ -394,7 +375,7 @@ BAD_URDF = {
 
 
 @pytest.mark.parametrize("case", BAD_URDF)
-def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> None:
+def test_bad_urdf(hdplan: Command, tmp_path: Path, case: str) -> None:
     urdf, words = BAD_URDF[case]
     refused(hdplan("plan", own_robot(tmp_path, urdf=urdf), "-o", "motion.json"), "own.yaml: robot", *words)
     assert not Path("motion.json").exists()
@@ -413,7 +394,7 @@ def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> Non
     ],
     ids=["empty", "text", "flat", "nan", "huge", "index", "binary"],
 )
-def test_bad_meshes(hdplan: Callable[..., Done], tmp_path: Path, content: str | bytes, words: str) -> None:
+def test_bad_meshes(hdplan: Command, tmp_path: Path, content: str | bytes, words: str) -> None:
     mesh = tmp_path / "mesh.obj"
     mesh.write_bytes(content if isinstance(content, bytes) else str(content).encode())
     scene = arm_scene(tmp_path, obstacles=obstacle("type: mesh, file: mesh.obj"))
@@ -480,7 +461,7 @@ BAD_ARGUMENTS = {
 
 
 @pytest.mark.parametrize("case", BAD_ARGUMENTS)
-def test_bad_arguments(hdplan: Callable[..., Done], case: str) -> None:
+def test_bad_arguments(hdplan: Command, case: str) -> None:
     Path("folder.json").mkdir()
     arguments, words = BAD_ARGUMENTS[case]
     refused(hdplan(*arguments), *words)
@@ -488,7 +469,7 @@ def test_bad_arguments(hdplan: Callable[..., Done], case: str) -> None:
 
 
 def test_a_motion_that_its_file_cannot_hold_is_refused_before_it_is_planned(
-    hdplan: Callable[..., Done], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hdplan: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = arm_scene(tmp_path, timing={"duration": 90, "rate": 1000})
     monkeypatch.setattr("hdplan.planner.commands.plan.plan", lambda *_, **__: pytest.fail("planned"))
@@ -537,7 +518,7 @@ BAD_SCENES = {
 
 
 @pytest.mark.parametrize("case", BAD_SCENES)
-def test_bad_scenes(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> None:
+def test_bad_scenes(hdplan: Command, tmp_path: Path, case: str) -> None:
     content, words = BAD_SCENES[case]
     if isinstance(content, dict):
         arm_scene(tmp_path, **content)
@@ -584,7 +565,7 @@ BAD_TRAJECTORIES = {
     [(name, content, words) for name, cases in BAD_TRAJECTORIES.items() for content, words in cases.items()],
     ids=[f"{name}-{i}" for name, cases in BAD_TRAJECTORIES.items() for i in range(len(cases))],
 )
-def test_bad_trajectories(hdplan: Callable[..., Done], name: str, content: str, words: str) -> None:
+def test_bad_trajectories(hdplan: Command, name: str, content: str, words: str) -> None:
     Path(name).write_text(content, encoding="utf-8")
     refused(hdplan("check", "planar_arm", name), f"{name}: ", words)
     refused(hdplan("plot", "planar_arm", name, "-o", "x.png"), f"{name}: ", words)
@@ -610,7 +591,7 @@ def write_moveit(goal: dict[str, float] | None) -> list[str]:
     return ["plan", "scene.yaml", "--request", "request.yaml", "--robot", "robot.yaml"]
 
 
-def test_moveit_files(hdplan: Callable[..., Done]) -> None:
+def test_moveit_files(hdplan: Command) -> None:
     done = hdplan(*write_moveit({"elbow": 0.4, "shoulder": 1.0}))
     assert (done.code, done.err) == (0, "")
     assert "left out, as planar_arm has no such joints: gripper" in done.out
@@ -650,13 +631,13 @@ def test_moveit_files(hdplan: Callable[..., Done]) -> None:
     ],
 )
 def test_bad_moveit_input(
-    hdplan: Callable[..., Done], goal: dict[str, float] | None, leave_out: tuple[str, ...], words: list[str]
+    hdplan: Command, goal: dict[str, float] | None, leave_out: tuple[str, ...], words: list[str]
 ) -> None:
     arguments = [argument for argument in write_moveit(goal) if argument not in leave_out]
     refused(hdplan(*arguments), *words)
 
 
-def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Command, tmp_path: Path) -> None:
     done = hdplan("codegen", "planar_arm", "-o", "c", "--json")
     said = json.loads(done.out)
     assert (done.code, done.err, said["prefix"], said["joints"], said["pairs"]) == (0, "", "planar_arm", 2, 4)
@@ -688,7 +669,7 @@ def test_codegen_says_what_it_wrote_and_replaces_nothing(hdplan: Callable[..., D
         ["codegen"],
     ],
 )
-def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
+def test_help_fits_a_terminal(hdplan: Command, command: list[str]) -> None:
     done = hdplan(*command, "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith("Usage: hdplan")
@@ -698,19 +679,19 @@ def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -
     )  # nothing is cut off
 
 
-def test_version_is_one_line_whatever_comes_after(hdplan: Callable[..., Done]) -> None:
+def test_version_is_one_line_whatever_comes_after(hdplan: Command) -> None:
     for arguments in (["--version"], ["--version", "plan", "nowhere.yaml"]):
         assert hdplan(*arguments) == Done(0, f"hdplan {metadata.version('hdplan')}\n", "")
     refused(hdplan("plan", "--version"), "--version")
 
 
-def test_help_names_every_shipped_scene(hdplan: Callable[..., Done]) -> None:
+def test_help_names_every_shipped_scene(hdplan: Command) -> None:
     words = hdplan().out.replace(",", " ").replace(".", " ").split()
     assert set(shipped_scenes() | shipped_jobs()) <= set(words)
 
 
 @pytest.mark.parametrize("arguments", [["explain", "planar_arm"], ["robots", "double_pendulum"]])
-def test_tables_fit_eighty_columns(hdplan: Callable[..., Done], arguments: list[str]) -> None:
+def test_tables_fit_eighty_columns(hdplan: Command, arguments: list[str]) -> None:
     done = hdplan(*arguments)
     assert (done.code, done.err) == (0, "")
     for line in done.out.splitlines():
@@ -719,7 +700,7 @@ def test_tables_fit_eighty_columns(hdplan: Callable[..., Done], arguments: list[
     assert isinstance(json.loads(hdplan(*arguments, "--json").out), dict)
 
 
-def test_explain_says_what_is_on_and_off(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_explain_says_what_is_on_and_off(hdplan: Command, tmp_path: Path) -> None:
     far = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 0.1", "[0, 0, 3]"))
     out = hdplan("explain", far).out
     assert "obstacles         every obstacle is out of the robot's reach" in out
@@ -730,7 +711,7 @@ def test_explain_says_what_is_on_and_off(hdplan: Callable[..., Done], tmp_path: 
     assert "32 (default)" in none
 
 
-def test_robots_of_one_name(hdplan: Callable[..., Done]) -> None:
+def test_robots_of_one_name(hdplan: Command) -> None:
     out = hdplan("robots", "double_pendulum").out
     for words in ("joints\n", "lower", "upper", "outer bodies\n", "p95 mm"):
         assert words in out
@@ -822,7 +803,7 @@ def test_ctrl_c_ends_the_checker_of_proofs_without_its_traceback(tmp_path: Path)
 @pytest.mark.usefixtures("ctrl_c_is_heard")
 @pytest.mark.parametrize("command", ["plan", "check", "follow", "simulate", "plot", "explain", "view", "robots"])
 def test_ctrl_c_that_python_drops_ends_every_command(
-    hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch, command: str
+    hdplan: Command, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     """As an exception in a destructor is; the command would run to its end."""
 
@@ -850,7 +831,7 @@ def test_ctrl_c_that_python_drops_ends_every_command(
     assert os.listdir() == ["motion.csv"]
 
 
-def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_proof_is_written_and_checked(hdplan: Command, tmp_path: Path) -> None:
     motion, proof = str(tmp_path / "m.json"), str(tmp_path / "m.proof")
     planned = hdplan("plan", "planar_arm", "-o", motion, "--proof", proof)
     assert planned.code == 0
@@ -874,7 +855,7 @@ def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: P
     assert not (tmp_path / "o.proof").exists()
 
 
-def test_a_proof_of_moveits_files(hdplan: Callable[..., Done]) -> None:
+def test_a_proof_of_moveits_files(hdplan: Command) -> None:
     """The same from plan, prove and verify, for which a request is as much as its scene."""
     _, scene, *beside = write_moveit({"elbow": 0.4, "shoulder": 1.0})
     assert hdplan("plan", scene, *beside, "-o", "m.json", "--proof", "m.proof").code == 0
@@ -935,7 +916,7 @@ def test_a_cache_that_cannot_be_written_is_one_warning(tmp_path: Path) -> None:
 
 
 def test_an_internal_error_is_shown_whole_where_that_is_asked_for(
-    hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+    hdplan: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("planted")

@@ -11,16 +11,15 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from hdplan import cli
 from hdplan.distance.studies import accuracy as study, conservativeness, query_time
 from hdplan.planner.commands import studies
 from hdplan.planner.studies import paper_figures, planning_runs
+from tests.commands import Command, in_process
 
 pytest.importorskip("matplotlib")
 
@@ -28,20 +27,10 @@ COMMAND = [sys.executable, "-m", "hdplan.cli"]
 LIGHT = (("tetrahedron", "tetrahedron"), ("cube", "cube"))
 
 
-@dataclass(frozen=True)
-class Done:
-    """What a run left behind."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Done]:
+def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
     """Run `hdplan` in this process, in a folder of its own, on less than --quick would measure."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(conservativeness, "PLATONIC_PAIRS", LIGHT)
     monkeypatch.setattr(paper_figures, "QUICK_CONFIGURATIONS", 3000)
     monkeypatch.setattr(paper_figures, "QUICK_PAIRS", LIGHT)
@@ -49,15 +38,7 @@ def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
     monkeypatch.setattr(study, "QUICK", replace(study.QUICK, kernels=kernels, random=study.BLOCK))
     methods = {name: query_time.METHODS[name] for name in ("coal", "interpreter", "compiled")}
     monkeypatch.setattr(query_time, "METHODS", methods)
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return Done(int(end.value.code or 0), out, err)
-
-    return run
+    return in_process(monkeypatch, capsys)
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -65,7 +46,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_study_distance(hdplan: Callable[..., Done]) -> None:
+def test_study_distance(hdplan: Command) -> None:
     done = hdplan("study", "distance", "--quick")
     assert (done.code, done.err) == (0, "")
     assert "  take " in done.out
@@ -80,7 +61,7 @@ def test_study_distance(hdplan: Callable[..., Done]) -> None:
     assert "| paper+centre | 2 | 1 mm | float64 |" in told
 
 
-def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_study_planning(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """On one shipped scene and one of MoveIt's, named by its path."""
     monkeypatch.setattr(planning_runs, "QUICK_VALUES", {"solver": ("gauss_newton", "chomp")})
     monkeypatch.setattr(planning_runs, "QUICK_WANTED", 10)
@@ -125,9 +106,7 @@ def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyP
         (("--problems", "lonely", "--every", "0"), "at least 1"),
     ],
 )
-def test_bad_problems_are_one_line_before_the_work(
-    hdplan: Callable[..., Done], arguments: tuple[str, ...], words: str
-) -> None:
+def test_bad_problems_are_one_line_before_the_work(hdplan: Command, arguments: tuple[str, ...], words: str) -> None:
     Path("lonely").mkdir()
     Path("lonely/scene1.yaml").write_text("")
     done = hdplan("study", "planning", *arguments)
@@ -135,7 +114,7 @@ def test_bad_problems_are_one_line_before_the_work(
     assert words in done.err
 
 
-def test_reproduce_time(hdplan: Callable[..., Done]) -> None:
+def test_reproduce_time(hdplan: Command) -> None:
     done = hdplan("reproduce", "time", "--quick", "-o", "here")
     assert (done.code, done.err) == (0, "")
     for words in ("cube-cube", "5 ms", "here/time.csv", "here/time.png"):
@@ -147,7 +126,7 @@ def test_reproduce_time(hdplan: Callable[..., Done]) -> None:
     assert Path("here/time.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_reproduce_conservativeness(hdplan: Callable[..., Done]) -> None:
+def test_reproduce_conservativeness(hdplan: Command) -> None:
     done = hdplan("reproduce", "conservativeness", "--quick")
     assert (done.code, done.err) == (0, "")
     for words in ("paper+edges", "around 0.7", "below 0.2", "3000 of 3000, 0 contacts called free"):
@@ -156,7 +135,7 @@ def test_reproduce_conservativeness(hdplan: Callable[..., Done]) -> None:
     assert max(float(row["percent_of_all"]) for row in table) < 5.0
 
 
-def test_reproduce_kinks(hdplan: Callable[..., Done]) -> None:
+def test_reproduce_kinks(hdplan: Command) -> None:
     done = hdplan("reproduce", "kinks")
     assert (done.code, done.err) == (0, "")
     assert "its rate jumps 5 times" in done.out
@@ -168,7 +147,7 @@ def test_reproduce_kinks(hdplan: Callable[..., Done]) -> None:
 @pytest.mark.parametrize(
     "command", [("study", "distance"), ("study", "planning"), ("reproduce", "time"), ("reproduce", "kinks")]
 )
-def test_bad_folders_are_one_line_before_the_work(hdplan: Callable[..., Done], command: tuple[str, ...]) -> None:
+def test_bad_folders_are_one_line_before_the_work(hdplan: Command, command: tuple[str, ...]) -> None:
     Path("file").write_text("")
     for folder, words in (("file", "cannot be made"), ("missing/folder", "cannot be made")):
         done = hdplan(*command, "-o", folder)
@@ -177,9 +156,7 @@ def test_bad_folders_are_one_line_before_the_work(hdplan: Callable[..., Done], c
         assert words in done.err
 
 
-def test_missing_matplotlib_is_said_before_the_work(
-    hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_matplotlib_is_said_before_the_work(hdplan: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     done = hdplan("reproduce", "conservativeness")
     assert done.code == 2
@@ -187,7 +164,7 @@ def test_missing_matplotlib_is_said_before_the_work(
 
 
 @pytest.mark.parametrize("group", ["study", "reproduce"])
-def test_unknown_names_are_refused(hdplan: Callable[..., Done], group: str) -> None:
+def test_unknown_names_are_refused(hdplan: Command, group: str) -> None:
     done = hdplan(group, "distances")
     assert (done.code, done.err.count("\n")) == (2, 1)
     assert f"hdplan {group} --help" in done.err

@@ -33,7 +33,7 @@ Library = TypeVar("Library")
 # None of these changes a value: without the last, machines with a fused multiply-add would round differently. With the
 # first two loops run as fast as with -O3, which takes twice as long to compile. No interposition and no errno let the
 # smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
-FLAGS = (
+FLAGS: tuple[str, ...] = (
     "-O2",
     "-ftree-vectorize",
     "-std=gnu89",

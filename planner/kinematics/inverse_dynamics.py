@@ -56,11 +56,6 @@ class InverseDynamics:
         self.function = ca.Function("inverse_dynamics", [q, v, a], [tau], ["q", "v", "a"], ["tau"])
         self._rows = RowFunction(self.function)
 
-    @property
-    def instructions(self) -> int:
-        """Number of instructions of one evaluation."""
-        return int(self.function.n_instructions())
-
     def torques(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Return τ (B, n) for joint values, velocities and accelerations (B, n) each."""
         tables = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (q, v, a)]

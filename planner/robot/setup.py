@@ -155,12 +155,6 @@ class Setup:
         for field in unknown_in(self.scene):
             raise InputError(f"{self.scene.source}: {field}: is not 0, and {who}")
 
-    def refuse_speeds(self, who: str) -> None:
-        """Raise InputError for a scene in which an obstacle may leave its place, which is more than `who` knows."""
-        for field in unknown_in(self.scene):
-            if field.endswith("speed"):
-                raise InputError(f"{self.scene.source}: {field}: is not 0, and {who}")
-
     @property
     def limits(self) -> dict[str, Array]:
         """The limits (n,) of every limited quantity, by name; see `joint_limits`. A copy of what is kept."""

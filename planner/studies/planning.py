@@ -81,11 +81,6 @@ class Summary:
     kernel: float  # one pair's distance with derivative, median [s]
     clearance: float | None  # proven, median over what is certified [m]
 
-    @property
-    def solves_all(self) -> bool:
-        """True if every scene is certified."""
-        return self.certified == self.scenes
-
 
 def summaries(found: Runs) -> tuple[Summary, ...]:
     """Summarize each variant that was measured, the defaults first."""

@@ -24,10 +24,10 @@ def members(edited: Edited, group: str) -> tuple[str, ...]:
     return tuple(each.name for each in edited.scene.obstacles if group and group_of(each.name) == group)
 
 
-def free_group(edited: Edited, stem: str = "group") -> str:
-    """Return a name that no group has: `stem`, or with a number."""
+def free_group(edited: Edited) -> str:
+    """Return a name that no group has: "group", or with a number."""
     taken = {group_of(each.name) for each in edited.scene.obstacles}
-    names = (stem, *(f"{stem}{number}" for number in range(2, len(taken) + 3)))
+    names = ("group", *(f"group{number}" for number in range(2, len(taken) + 3)))
     return next(name for name in names if name not in taken)
 
 

@@ -49,7 +49,6 @@ class Live:
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
         self._slow = 0  # plans in a row that found nothing in time
         self._shown: deque[float] = deque()  # when certified motions were shown
-        self._began = 0.0
         self.count = 0  # certified motions shown since the last one was let go
         self._newest: Newest[tuple[Edited, Trajectory | None]] = Newest("hdplan-live", self._plan, WAIT)
 

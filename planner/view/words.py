@@ -19,9 +19,9 @@ from hdplan.planner.view.edited_scene import Edited
 OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
 
 
-def small(text: str, size: float = 0.8) -> str:
+def small(text: str) -> str:
     """Return HTML in the panel's small print; nothing for no text."""
-    return f'<div style="padding:0 0.9em;font-size:max({size}em,11px)">{text}</div>' if text else ""
+    return f'<div style="padding:0 0.9em;font-size:max(0.8em,11px)">{text}</div>' if text else ""
 
 
 def contact_words(contacts: Sequence[Contact]) -> str:

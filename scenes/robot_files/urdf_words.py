@@ -7,7 +7,6 @@ other namespaces, or do not see the namespace at all. What is inside a `visual` 
 from __future__ import annotations
 
 import contextlib
-import difflib
 from collections.abc import Iterable, Mapping
 
 from hdplan.scenes.errors import InputError, listed, nearest
@@ -96,7 +95,6 @@ HARMLESS_ATTRIBUTES: dict[str, dict[str, str]] = {
 ZERO = (("link", "origin"), ("axis", "rpy"))  # harmless only where all of its numbers are 0
 ROBOTS = ("robot", "link", "joint", "include")  # words that hold parts of robots, in whatever namespace
 UNNOTED = ("robot",)  # where vendors add elements of their own as a matter of course
-NEARLY, NEARLY_SHORT = 0.7, 0.6  # similarity from which a word is a misspelling; of at most four letters
 LISTED_NAMES = 4  # names in a note; further ones are counted
 
 
@@ -190,13 +188,3 @@ def _foreign(word: str, where: str, known: Iterable[str], harmless: Mapping[str,
         raise InputError(f"{where} '{local}' is of the namespace '{namespace}', in which URDF has none")
     near = nearest(word, (*known, *harmless), "not part of URDF")
     raise InputError(f"{where} '{word}' is not known{near}")
-
-
-def check_spelling(word: str, known: Iterable[str], where: str) -> None:
-    """Raise InputError for a word that is close to a known one, unless it is a compound of it (gear_velocity)."""
-    likeness = {right: difflib.SequenceMatcher(None, word.lower(), right).ratio() for right in known}
-    for right in sorted(likeness, key=likeness.__getitem__, reverse=True):
-        if likeness[right] >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (
-            "_" not in word.strip("_") or right not in word
-        ):
-            raise InputError(f"{where} '{word}' is not known (did you mean '{right}'?)")

@@ -109,7 +109,7 @@ def _law(name, count, seed, witnesses):
 @pytest.mark.parametrize("name", PAIRS)
 def test_every_witness_has_the_true_derivatives(name):
     """Those that build in a moment at every pair, C's at the cubes; JAX's, which compile long, in the slow lane."""
-    _law(name, 16, 0, WITNESSES[:4] if name == "cubes" else ("numpy", "graph"))
+    _law(name, 8, 0, WITNESSES[:4] if name == "cubes" else ("numpy", "graph"))
 
 
 @pytest.mark.slow
@@ -167,8 +167,8 @@ def _check_slope(right, value, slopes, curvatures=None):
 
 @pytest.mark.parametrize("planes", PLANES)
 def test_planes_have_the_true_derivatives(planes):
-    _kernels(12, 2, planes)
-    _kernels(12, 3, planes)
+    _kernels(8, 2, planes)
+    _kernels(8, 3, planes)
 
 
 @pytest.mark.slow

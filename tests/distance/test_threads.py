@@ -147,7 +147,7 @@ def _call(function: ca.Function, a: Array, b: Array) -> Array:
     return np.array(function(a, b))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", WITNESSES)
 def test_threads_get_what_one_gets_alone(name: str) -> None:
     """Each asks for the poses in an order of its own, from an object that all share, and again from one of its own."""

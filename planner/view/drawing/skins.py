@@ -150,10 +150,10 @@ def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
 
 
 @functools.lru_cache(maxsize=8)
-def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin, ...]:
+def outer_skins(robot: Robot, geometry: str) -> tuple[Skin, ...]:
     """Return the links' outer bodies, as the planner sees them with the setting `link_bodies` at `geometry`."""
     return tuple(
-        _skin(body.link, body.joint, _swept(body.body, COARSE), color) for body in link_bodies(robot, geometry)
+        _skin(body.link, body.joint, _swept(body.body, COARSE), PLAIN) for body in link_bodies(robot, geometry)
     )
 
 

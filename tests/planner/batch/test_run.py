@@ -23,7 +23,6 @@ import pyarrow.parquet
 import pytest
 
 import hdplan
-from hdplan import cli
 from hdplan.planner.batch import run
 from hdplan.planner.batch.files import place_of
 from hdplan.planner.batch.job import Job
@@ -36,6 +35,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.writer import scene_text
 from hdplan.verify import verify
+from tests.commands import Command, in_process
 
 ARM = hdplan.load_scene("planar_arm")
 COMMAND = [sys.executable, "-m", "hdplan.cli", "batch"]
@@ -289,16 +289,9 @@ def test_no_name_leads_out_of_the_folder_and_no_two_meet() -> None:
 
 
 @pytest.fixture
-def command(run_here: Any, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Callable[..., tuple[int, str, str]]:
+def command(run_here: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     """Run `hdplan` in this process."""
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return int(end.value.code or 0), *capsys.readouterr()
-
-    return call
+    return in_process(monkeypatch, capsys)
 
 
 def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, str]]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 
-from hdplan import cli
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import jobs_of
@@ -19,6 +17,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.commands import in_process
 
 ARM = Path("planar_arm")
 
@@ -101,12 +100,7 @@ def test_the_table_is_what_batch_reads(
     ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-
-    def command(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return int(end.value.code or 0), *capsys.readouterr()
+    command = in_process(monkeypatch, capsys)
 
     code, out, err = command("sample", "planar_arm", "-n", "3", "--seed", "5", "--jitter", "0.01", "-o", "t" + ending)
     assert (code, err) == (0, "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +10,10 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan import cli
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
-from hdplan.planner.control.follow import ARRIVED, Followed, follow, paced
+from hdplan.planner.control.follow import ARRIVED, Followed, follow, follow_settings, paced
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.trajectory import Trajectory
@@ -31,6 +29,9 @@ from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
+from tests.commands import in_process
+
+COARSE = replace(follow_settings(), period=0.01)  # half as many steps; `test_command` has the settings of all
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def room(sweep: Trajectory) -> Scene:
 @pytest.fixture(scope="module")
 def free(room: Scene, sweep: Trajectory, robot: Robot) -> Followed:
     """The sweep as it is followed in the empty room."""
-    return follow(Setup.of(room, robot), sweep)
+    return follow(Setup.of(room, robot), sweep, COARSE)
 
 
 def between(scene: Scene, motion: Trajectory) -> Scene:
@@ -82,7 +83,7 @@ def test_a_free_robot_arrives_about_on_time(free: Followed, robot: Robot, sweep:
 
 def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Trajectory) -> None:
     slow = replace(sweep, times=np.linspace(1.0, 7.0, len(sweep)))
-    found = follow(Setup.of(room, robot), slow)
+    found = follow(Setup.of(room, robot), slow, COARSE)
     assert found.duration == pytest.approx(6.0)
     assert found.arrived is not None
     assert 5.5 <= found.arrived < 7.5
@@ -100,7 +101,7 @@ def test_it_yields_and_recovers(
     assert free.arrived is not None
     obstacle = ball_that_comes(robot, sweep, velocity, 0.5 * free.arrived)
     scene = replace(room, obstacles=(obstacle,))
-    found = follow(Setup.of(scene, robot), sweep)
+    found = follow(Setup.of(scene, robot), sweep, COARSE)
     assert found.succeeded, found.certificate.text
     assert found.arrived is not None
     assert found.arrived > free.arrived
@@ -114,7 +115,7 @@ def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: 
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
-    found = follow(Setup.of(replace(between(room, slow), obstacles=(ball,)), robot), slow)
+    found = follow(Setup.of(replace(between(room, slow), obstacles=(ball,)), robot), slow, COARSE)
     assert found.succeeded, found.certificate.text
     assert found.run.counted[Mode.GIVING_WAY]
     assert Mode.STOPPED not in found.run.counted
@@ -127,7 +128,7 @@ def test_a_way_that_stays_blocked_is_given_up(
     monkeypatch.setattr(following, "PATIENCE", (3.0, 2.0))
     obstacle = replace(ball_that_comes(robot, sweep, (0.0, 0.0, 0.0), 0.0), motion=None, shape=Sphere(0.3))
     scene = replace(room, obstacles=(obstacle,))
-    found = follow(Setup.of(scene, robot), replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))))
+    found = follow(Setup.of(scene, robot), replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), COARSE)
     assert not found.succeeded
     assert found.arrived is None
     assert found.certificate.status is Status.WRONG_ENDS
@@ -150,7 +151,7 @@ def test_check_says_of_the_written_motion_what_follow_said(
     scene = replace(between(room, motion), obstacles=(ball,), limits=limits, timing=Timing(duration=1.5))
     (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
     scene = hdplan.load_scene(tmp_path / "scene.yaml")
-    found = follow(Setup.of(scene, load_scene_robot(scene)), motion)
+    found = follow(Setup.of(scene, load_scene_robot(scene)), motion, COARSE)
     use = {use.quantity: use for use in found.certificate.uses}
     assert 0.0 < use["acceleration"].share < np.inf
     assert use["velocity"].share <= 1.0 + 1e-9
@@ -200,21 +201,15 @@ def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -
 
 def test_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, room: Scene, robot: Robot,
-    sweep: Trajectory,
+    sweep: Trajectory, free: Followed,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    ball = ball_that_comes(robot, sweep, (-0.3, 0.0, 0.0), 1.0)
-    scene = replace(room, obstacles=(ball,), timing=Timing(duration=2.0))
+    motion = replace(sweep, positions=sweep.positions[:8])
+    ball = ball_that_comes(robot, motion, (-0.3, 0.0, 0.0), 1.0)
+    scene = replace(between(room, motion), obstacles=(ball,), timing=Timing(duration=2.0))
     (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
-    sweep.save(tmp_path / "plan.json")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
+    motion.save(tmp_path / "plan.json")
+    run = in_process(monkeypatch, capsys)
     code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.json")
     assert (code, err) == (0, "")
     assert out.startswith("arrived after")
@@ -222,8 +217,10 @@ def test_command(
     executed = Trajectory.load("done.json")
     assert executed.times is not None
     assert run("check", "scene.yaml", "done.json")[0] == 0
-    code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
-    assert json.loads(out)["status"] == "certified"
+    with monkeypatch.context() as patched:  # what is printed of a motion that is followed already
+        patched.setattr("hdplan.planner.commands.follow.follow", lambda *_: free)
+        code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
+    assert (code, json.loads(out)["status"]) == (0, "certified")
     code, out, err = run("follow", "scene.yaml", "missing.json")
     assert (code, out, err.count("\n")) == (2, "", 1)
     code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.txt")

@@ -82,7 +82,7 @@ def scene_of(folder: Path) -> Scene:
         RobotSpec(urdf=folder / "arm.urdf"),
         (
             *(Obstacle(name, shape, Pose(at)) for (name, shape), at in zip(shapes.items(), places, strict=True)),
-            Obstacle("comes", Mesh(folder / "ring.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=SteadyMotion((0.01, 0, 0))),
+            Obstacle("comes", Mesh(folder / "bar.stl", 0.5), Pose((0.0, 2.0, 0.0)), motion=SteadyMotion((0.01, 0, 0))),
         ),
         JointTarget("start", (-0.4,)),
         JointTarget("goal", (0.4,)),

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
 
-from hdplan import cli
+from tests.commands import Command, in_process
 
 SCENE = """
 hdplan: 1
@@ -23,23 +22,15 @@ job:
 
 
 @pytest.fixture
-def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> object:
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     """Run a command in a folder with the scene; return code, output and errors."""
     monkeypatch.chdir(tmp_path)
     Path("job.yaml").write_text(SCENE, encoding="utf-8")
-
-    def run(line: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["hdplan", *shlex.split(line)])
-        with pytest.raises(SystemExit) as caught:
-            cli.main()
-        said = capsys.readouterr()
-        return int(caught.value.code or 0), said.out, said.err
-
-    return run
+    run = in_process(monkeypatch, capsys)
+    return lambda line: run(*shlex.split(line))
 
 
-def test_commands_take_a_job_or_refuse_it(command: object) -> None:
-    assert callable(command)
+def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
     code, out, _ = command("plan job.yaml -o motion.json --json")
     said = json.loads(out)
     assert (code, said["status"], [each["stage"] for each in said["stages"]]) == (0, "certified", ["down", "stand"])
@@ -72,9 +63,8 @@ def test_commands_take_a_job_or_refuse_it(command: object) -> None:
     assert not Path("other.csv").exists()
 
 
-def test_plan_writes_proof_and_sheet(command: object) -> None:
+def test_plan_writes_proof_and_sheet(command: Command) -> None:
     """As of a single motion: the proof is that of the files, the sheet a picture of the stages."""
-    assert callable(command)
     Path("job.yaml").write_text(SCENE, encoding="utf-8")
     code, out, _ = command("plan job.yaml -o motion.json --proof job.proof --plot sheet.svg")
     assert code == 0
@@ -87,8 +77,7 @@ def test_plan_writes_proof_and_sheet(command: object) -> None:
     assert Path("again.svg").exists()
 
 
-def test_a_stage_that_fails_keeps_what_was_planned(command: object) -> None:
-    assert callable(command)
+def test_a_stage_that_fails_keeps_what_was_planned(command: Command) -> None:
     Path("job.yaml").write_text(SCENE + "  - {name: away, line: {by: [1, 0, 0]}}\n", encoding="utf-8")
     code, out, _ = command("plan job.yaml -o motion.json")
     assert code == 1

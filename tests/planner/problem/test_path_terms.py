@@ -18,6 +18,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search import goals
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
 from hdplan.scenes.array_types import Array
@@ -185,7 +186,8 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
         plan(between(scene, level, tilted))
 
 
-def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
+def test_goals_by_inverse_kinematics_keep_the_constraint(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "DRAWN", 2)
     scene = upright("ur5_table", 0.1)
     robot, start = load_scene_robot(scene), load_scene_robot(scene).configuration(scene.start)
     setup = Setup.of(scene, robot)

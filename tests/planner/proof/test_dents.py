@@ -139,7 +139,7 @@ def bumpy(rng: Random, level: int) -> tuple[Array, Any]:
 def test_points_within_a_star_have_no_ray_and_those_outside_have_one(seed: int) -> None:
     """Turned and placed anyhow, of numbers that are off, held or an obstacle."""
     rng = np.random.default_rng(seed)
-    for _ in range(3):
+    for _ in range(2):
         points, triangles = bumpy(rng, int(rng.integers(1, 3)))
         turn, at = Rotation.random(rng=rng), rng.uniform(-2, 2, 3)
         star = mesh(points, triangles, 1e-12)

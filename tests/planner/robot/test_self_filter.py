@@ -14,6 +14,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 import hdplan
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
@@ -194,10 +195,8 @@ def test_points_in_an_open_link_are_left_out_and_in_an_open_box_they_stay(tmp_pa
         "0 within 10 mm of box; 40 in box, whose mesh has holes, stay",
     ]
     assert [note for note in setup.notes if "view" in note] == said
-    result = hdplan.plan(scene)
-    assert result.certified
-    assert [note for note in result.notes if "view" in note] == said
-    certificate = hdplan.certify(scene, result.trajectory)
+    certificate = hdplan.certify(scene, Trajectory(setup.robot.joint_names, np.array([[0.0], [1.0]])))
+    assert certificate.certified
     assert [note for note in certificate.notes if "view" in note] == said
 
 

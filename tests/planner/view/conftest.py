@@ -30,6 +30,12 @@ def trajectory(scene: Scene) -> Trajectory:
     return plan(scene).trajectory
 
 
+@pytest.fixture(autouse=True)
+def nobody_watches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan draws its iterations without time to be seen."""
+    monkeypatch.setattr("hdplan.planner.view.planning.LOOK", 0.0)
+
+
 @pytest.fixture
 def opened() -> Iterator[Opener]:
     """Opens viewers on free ports, which do not plan live unless asked to, and closes them in the end."""

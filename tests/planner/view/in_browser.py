@@ -150,6 +150,18 @@ def changed(image: NDArray[np.int64], before: NDArray[np.int64]) -> int:
     return int((np.abs(image - before).max(axis=2) > 24).sum())
 
 
+def still(page: Any) -> None:
+    """Wait until two pictures in a row are the same."""
+    pictures = [picture(page)]
+
+    def same() -> bool:
+        page.wait_for_timeout(400)  # two pictures, as seldom as they are
+        pictures.append(picture(page))
+        return changed(pictures[-1], pictures[-2]) == 0
+
+    until(same, "the page never comes to rest")
+
+
 def press(page: Any, name: str) -> None:
     """Click a button, without the wait for pictures in which it stands still: a full processor draws few."""
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
@@ -213,7 +225,7 @@ def selected(page: Any, viewer: Viewer, thing: Thing) -> NDArray[np.float64]:
     before = picture(page)
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
     until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
-    page.wait_for_timeout(2000)  # until nothing else is
+    still(page)
     return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 

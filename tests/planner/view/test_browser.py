@@ -29,6 +29,7 @@ from tests.planner.view.in_browser import (
     plainly,
     press,
     seen,
+    still,
 )
 from tests.waiting import until
 
@@ -123,7 +124,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         viewer.panel.handles.choice.value = "obstacle ball"
         viewer.worker.settle(20)
         until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
-        page.wait_for_timeout(2000)  # until nothing else is
+        still(page)
         place = np.block([[np.eye(3), begin[:, None]], [np.zeros(3), 1.0]])
         held = grip(page, viewer, place, int(np.abs(axis).argmax()))
         gripped(page, seen(page, viewer, held))

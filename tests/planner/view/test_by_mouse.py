@@ -38,6 +38,7 @@ from tests.planner.view.in_browser import (
     press,
     selected,
     slow_line,
+    still,
     tab_of,
     typed,
 )
@@ -60,7 +61,7 @@ def served(tab: Tabs) -> Iterator[Served]:
         viewers.append(viewer)
         page = tab(address(viewer))
         look(viewer, eye, target)
-        page.wait_for_timeout(1000)
+        still(page)
         return page, viewer
 
     yield served
@@ -289,7 +290,7 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
         page = tab(address(viewer).replace(f":{viewer.port}/", f":{port}/"))
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
         look(viewer, EYE, TARGET)
-        page.wait_for_timeout(2000)
+        still(page)
         place = selected(page, viewer, BALL)
         arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
         until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")

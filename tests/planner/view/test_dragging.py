@@ -25,6 +25,7 @@ from tests.planner.view.in_browser import (
     plainly,
     seen,
     selected,
+    still,
 )
 from tests.waiting import until
 
@@ -45,7 +46,7 @@ def page(tab: Tabs, viewer: Viewer) -> Any:
     page.get_by_text("certified: at least").first.wait_for()
     viewer.worker.settle(20)
     look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
-    page.wait_for_timeout(1000)
+    still(page)
     return page
 
 
@@ -79,7 +80,7 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
     middle = np.asarray(prism.mesh.vertices).mean(axis=0) + prism.obstacle.pose.position
     page.mouse.click(*seen(page, viewer, middle))
     until(lambda: viewer.panel.handles.selected == Thing("obstacle", "prism"), "the click selects nothing")
-    page.wait_for_timeout(2000)
+    still(page)
     place = place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)
     x, y = seen(page, viewer, grip(page, viewer, place.matrix, 2))
     gripped(page, (x, y))

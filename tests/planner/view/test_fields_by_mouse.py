@@ -29,6 +29,7 @@ from tests.planner.view.in_browser import (
     look,
     plainly,
     press,
+    still,
     tab_of,
     typed,
 )
@@ -49,7 +50,7 @@ def opened(tab: Tabs, trajectory: Trajectory) -> Iterator[Opened]:
         viewers.append(plainly(scene, (NAME, trajectory)) if not scene.timed else plainly(scene))
         page = tab(address(viewers[-1]))
         look(viewers[-1], EYE, TARGET)
-        page.wait_for_timeout(1000)
+        still(page)
         return page, viewers[-1]
 
     yield opened
@@ -131,7 +132,7 @@ def test_an_obstacle_is_renamed_while_it_is_dragged(opened: Opened, tab: Tabs, s
     other.get_by_text("velocity [m/s]").wait_for()
     page.bring_to_front()
     look(viewer, EYE, TARGET)
-    page.wait_for_timeout(1000)
+    still(page)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")

@@ -394,7 +394,7 @@ def test_whatever_is_dragged_planned_and_saved_in_whatever_order_is_true(
     still = dataclasses.replace(drifting, obstacles=drifting.obstacles[:1], timing=None)
     statuses: list[str] = []
     moving = dataclasses.replace(drifting, obstacles=drifting.obstacles[1:])
-    for scene, limit in ((still, 10), (moving, 4)):
+    for scene, limit in ((still, 6), (moving, 2)):
         viewer = opened(scene, found=timed)
         planned(viewer)
         handles = viewer.panel.handles
