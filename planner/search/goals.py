@@ -22,7 +22,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, every_branch, reaching
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 
 DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
+TOGETHER = 16  # configurations that are asked together whether they are free
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
@@ -148,8 +149,14 @@ def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
 def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
     """True if a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
     with torques that the joints can bear."""
-    clear = certifier.is_clear(q, required, certifier.scene.end_time)
-    return clear and not (certifier.off_path(q) or certifier.overload(q))
+    return bool(may_end_each(certifier, q[None], required)[0])
+
+
+def may_end_each(certifier: Certifier, rows: Array, required: float = 0.0) -> Mask:
+    """True (B,) where a motion `may_end`, of configurations (B, n)."""
+    may = certifier.are_clear(certifier.robot.expand(rows), required, certifier.scene.end_time)
+    may[may] = [not (certifier.off_path(q) or certifier.overload(q)) for q in rows[may]]
+    return may
 
 
 def _free(
@@ -166,11 +173,22 @@ def _free(
         better = sooner(Aim.at(certifier.robot, target), reached, start, certifier.setup.limits)
         families = np.stack([better, reached], axis=1)
         families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
-    fit = (next((q for q in family if may_end(certifier, q)), None) for family in families)
-    for q in itertools.islice((q for q in fit if q is not None), PICKED):
+    together = (families[first : first + TOGETHER] for first in range(0, len(families), TOGETHER))
+    for q in itertools.islice((q for some in together for q in _fitting(certifier, some)), PICKED):
         crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
+
+
+def _fitting(certifier: Certifier, families: Array) -> list[Array]:
+    """Return the first one of each family (k, m, n) in which a motion may end, where there is one: asked together."""
+    found: dict[int, Array] = {}
+    for member in np.moveaxis(families, 1, 0):
+        left = [i for i in range(len(families)) if i not in found]
+        if left:
+            ends = may_end_each(certifier, member[left])
+            found |= {i: member[i] for i, may in zip(left, ends.tolist(), strict=True) if may}
+    return [found[i] for i in sorted(found)]
 
 
 def _length(setup: Setup, way: Array) -> float:
