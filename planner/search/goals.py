@@ -10,6 +10,11 @@ seed gives the same goals.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -68,16 +73,16 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
         looked: dict[int, _Reached] = {}
         before = 0
         for drawn in range(DRAWN):
-            starts = STARTS if drawn else max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // len(scene.goal.targets)))
+            starts = STARTS if drawn else _starts(len(scene.goal.targets))
             for i, target in enumerate(scene.goal.targets):
-                if i not in looked or starts > before or len(looked[i][0]):
+                if i not in looked or starts > before or len(looked[i].reached):
                     draws = DRAWN if drawn or len(scene.goal.targets) == 1 else 1
-                    looked[i] = _reached(certifier, target, start, rng, path, starts, draws)
-            before, none = starts, not any(len(reached) for reached, *_ in looked.values())
-            if any(free for *_, free in looked.values()) or (none and starts == STARTS):
+                    looked[i] = _looked_for(certifier, target, start, rng, path, starts, draws)
+            before, none = starts, not any(len(each.reached) for each in looked.values())
+            if any(each.free for each in looked.values()) or (none and starts == STARTS):
                 break
         for i, target in enumerate(scene.goal.targets):
-            reached, nearest, free = looked[i]
+            reached, nearest, free = looked[i].reached, looked[i].nearest, looked[i].free
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
             elif not free:
@@ -90,10 +95,92 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
-_Reached = tuple[Array, "tuple[Miss, ...] | None", list[tuple[float, Array]]]
+def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterator[JointTarget]:
+    """Yield the goals of `goal_choice`, the best of each target first, in their order, then the second ones. Of several
+    targets, one is asked whether it is reached freely only when it may be the next one: no score is less than how far
+    it is at least. Raises errors as `goal_choice`."""
+    scene, robot = certifier.scene, certifier.robot
+    looked: list[_Reached] = []
+    if not isinstance(scene.goal, JointTarget) and len(scene.goal.targets) > 1:
+        rng, path, starts = np.random.default_rng(seed), _path(certifier.setup), _starts(len(scene.goal.targets))
+        with naming(scene.source):
+            start = robot.configuration(scene.start, scene.from_request)
+            looked = [_looked_for(certifier, each, start, rng, path, starts, 1) for each in scene.goal.targets]
+    waiting = [(one.least, False, i) for i, one in enumerate(looked) if len(one.reached)]
+    heapify(waiting)
+    none = True
+    while waiting:
+        score, asked, i = heappop(waiting)
+        if asked:
+            none = False
+            yield looked[i].goals[0]
+        elif looked[i].free:
+            heappush(waiting, (looked[i].free[0][0], True, i))
+    most = max(each, TRIED // max(1, len(looked)))
+    for rank in range(1, most):
+        others = [(one.free[rank][0], i) for i, one in enumerate(looked) if len(one.free) > rank]
+        yield from (looked[i].goals[rank] for _, i in sorted(others))
+    if none:
+        yield from _each_in_turn(goal_choice(certifier, seed, each).goals)
 
 
-def _reached(
+def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
+    """Return configurations in the same order, but the first ones of all targets before the second ones."""
+    before: Counter[str] = Counter()
+    ranked = []
+    for goal in goals:
+        ranked.append((before[goal.field], goal))
+        before[goal.field] += 1
+    return tuple(goal for _, goal in sorted(ranked, key=lambda each: each[0]))
+
+
+def _starts(targets: int) -> int:
+    """Return from how many configurations each of some targets is looked for at first."""
+    return max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // targets))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """What was found of a target."""
+
+    certifier: Certifier
+    target: JointTarget | PoseTarget | AllOf
+    start: Array  # (n,)
+    reached: Array  # (B, n)
+    nearest: tuple[Miss, ...] | None  # by how much a pose was missed at least; None of joint values
+
+    @cached_property
+    def families(self) -> Array:
+        """The configurations (k, m, n), those that are nearest first; where time counts, each after one that the
+        slowest joint reaches sooner."""
+        scene, setup = self.certifier.scene, self.certifier.setup
+        timed = scene.objective == "time" and scene.path == PathConstraints()
+        if isinstance(self.target, JointTarget) or not len(self.reached) or not timed:
+            return self.reached[:, None]
+        from hdplan.planner.search.sooner import sooner
+
+        better = sooner(Aim.at(setup.robot, self.target), self.reached, self.start, setup.limits)
+        families = np.stack([better, self.reached], axis=1)
+        return families[np.argsort([_length(setup, q - self.start) for q in better], kind="stable")]
+
+    @property
+    def least(self) -> float:
+        """A bound below which no score is."""
+        setup = self.certifier.setup
+        return min(_length(setup, q - self.start) for q in self.families.reshape(-1, len(self.start)))
+
+    @cached_property
+    def free(self) -> list[tuple[float, Array]]:
+        """The nearest configurations without contact that satisfy the path constraints, each with its score."""
+        return _free(self.certifier, self.families, self.start)
+
+    @property
+    def goals(self) -> list[JointTarget]:
+        """Those as goals."""
+        return [JointTarget(self.target.field, tuple(q.tolist())) for _, q in self.free]
+
+
+def _looked_for(
     certifier: Certifier,
     target: JointTarget | PoseTarget | AllOf,
     start: Array,
@@ -102,23 +189,21 @@ def _reached(
     starts: int,
     draws: int,
 ) -> _Reached:
-    """Return the configurations found, by how much a pose was missed at least, and which of them are free, with their
-    scores; they are drawn again, up to so many `draws`, where none is free."""
+    """Look for configurations that reach a target; they are drawn again, up to so many `draws`, where none is free."""
     robot = certifier.robot
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
-        return reached, None, _free(certifier, reached, start)
+        return _Reached(certifier, target, start, reached, None)
     for drawn in range(draws):
         reached, nearest = every_branch(robot, target, start) if not (drawn or path) else (np.empty(0), ())
         if not len(reached):
             reached, nearest = reaching(robot, target, start, rng, path, starts)
         if path and not len(reached):  # to say whether the pose or the path is to blame
             reached, nearest = reaching(robot, target, start, rng, starts=starts)
-        reached = robot.nearest_turn(reached, start)
-        free = _free(certifier, reached, start, target)
-        if free or not len(reached):
+        found = _Reached(certifier, target, start, robot.nearest_turn(reached, start), nearest)
+        if drawn == draws - 1 or found.free or not len(reached):
             break
-    return reached, nearest, free
+    return found
 
 
 def _path(setup: Setup) -> tuple[PathTerm, ...]:
@@ -159,23 +244,13 @@ def may_end_each(certifier: Certifier, rows: Array, required: float = 0.0) -> Ma
     return may
 
 
-def _free(
-    certifier: Certifier, reached: Array, start: Array, target: PoseTarget | AllOf | None = None
-) -> list[tuple[float, Array]]:
-    """The PICKED nearest configurations without contact that satisfy the path constraints, each with its score, best
-    first. Where time counts, each is one that the slowest joint reaches sooner, if that is free, too."""
+def _free(certifier: Certifier, families: Array, start: Array) -> list[tuple[float, Array]]:
+    """The PICKED first ones of families (k, m, n) that have one in which a motion may end, each with its score, best
+    first."""
     scored = []
-    time, scene = certifier.scene.end_time, certifier.scene
-    families = reached[:, None]
-    if target is not None and len(reached) and scene.objective == "time" and scene.path == PathConstraints():
-        from hdplan.planner.search.sooner import sooner
-
-        better = sooner(Aim.at(certifier.robot, target), reached, start, certifier.setup.limits)
-        families = np.stack([better, reached], axis=1)
-        families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
     together = (families[first : first + TOGETHER] for first in range(0, len(families), TOGETHER))
     for q in itertools.islice((q for some in together for q in _fitting(certifier, some)), PICKED):
-        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, time)) / CLOSE_GOAL
+        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, certifier.scene.end_time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
 
