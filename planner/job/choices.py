@@ -223,9 +223,7 @@ class Search:
         kept.append((world, made))
         return made
 
-    def _candidates(
-        self, world: World, number: int, goals: Aims, plain: bool
-    ) -> Iterator[tuple[JointTarget, bool]]:
+    def _candidates(self, world: World, number: int, goals: Aims, plain: bool) -> Iterator[tuple[JointTarget, bool]]:
         """Yield goals of a move, and whether curves behind it are only followed as steadily as the joints go. Where one
         comes next, and not all is to be `plain`, there are further configurations of the same poses, from which it can
         be followed to its end: one of each goal in turn."""

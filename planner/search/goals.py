@@ -110,7 +110,7 @@ def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterato
     heapify(waiting)
     none = True
     while waiting:
-        score, asked, i = heappop(waiting)
+        _, asked, i = heappop(waiting)
         if asked:
             none = False
             yield looked[i].goals[0]
