@@ -97,6 +97,10 @@ class PoseCurve:
     def places(self, rotations: Array, origins: Array, first: float, last: float) -> Array:
         """Return places (k,) on the curve, none before the last: near these rotations and origins of the link, one
         after the other, from a first place to a last one."""
+        if len(self.steps) == 1:
+            found = np.maximum.accumulate(np.append(first, self._shares(rotations, origins)[1:]))
+            found[-1] = last
+            return np.asarray(np.minimum(found, last))
         far, angle = self.tolerances
         ahead = self.ahead
         way = np.diff(ahead)
@@ -124,6 +128,13 @@ class PoseCurve:
             gone = ahead[near[best]] + share[best] * way[near[best]]
         found[-1] = last
         return np.asarray(np.minimum(found, last))
+
+    def _shares(self, rotations: Array, origins: Array) -> Array:
+        """Return the shares (k,) of the first step that are nearest to rotations and origins of the link."""
+        far, angle = self.tolerances
+        off, turn = origins - self.origins[0], self._turn_from(np.zeros(len(origins), np.int64), rotations)
+        inner = (off * self.steps[0]).sum(axis=1) / far**2 + (turn * self.turns[0]).sum(axis=1) / angle**2
+        return np.asarray(np.clip(inner / max(self.ahead[1] ** 2, 1e-300), 0.0, 1.0))
 
     def nearest(self, rotations: Array, origins: Array) -> tuple[Array, Mask]:
         """Return the places (k,) of the curve that are nearest to origins of the link (k, 3), and whether it is within
@@ -178,7 +189,8 @@ class PoseCurve:
         return first, last, float(places[first]), float(places[last])
 
     def _turn_from(self, segment: Index, rotation: Array) -> Array:
-        """Return about which rotation vectors (k, 3) take the curve from where segments begin to a rotation."""
+        """Return about which rotation vectors (k, 3) take the curve from where segments begin to a rotation, one
+        (3, 3) or one for each (k, 3, 3)."""
         begins = self.rotations[segment]
         if self.axis is not None:
             return turn_vectors(begins, np.broadcast_to(rotation, begins.shape), self.axis)

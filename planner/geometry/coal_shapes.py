@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from typing import Any
 
 import coal
@@ -9,6 +10,11 @@ import numpy as np
 
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.once import ForkSafeLock, read_only
+
+KEPT_MESHES = 64  # whose corners stay in memory
+_read: OrderedDict[bytes, tuple[tuple[Any, Rows], ...]] = OrderedDict()  # by vertices: copies, and their corners
+_reading = ForkSafeLock()
 
 
 def convex_hull(points: Array) -> Any | None:
@@ -45,8 +51,18 @@ def mesh_of(tree: Any) -> TriangleMesh:
 
 
 def corners_of(tree: Any) -> Rows:
-    """Return the corners (F, 3) of a hierarchy's triangles, as rows of its vertices."""
-    return np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))], dtype=np.int64)
+    """Return the corners (F, 3) of a hierarchy's triangles, as rows of its vertices: read once for all equal ones, as
+    coal tells them one by one."""
+    key = np.array(tree.vertices()).tobytes()
+    for kept, corners in _read.get(key, ()):
+        if kept == tree:
+            return corners
+    corners = read_only(np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))], np.int64))
+    with _reading:
+        _read[key] = (*_read.get(key, ()), (tree.clone(), corners))
+        while len(_read) > KEPT_MESHES:
+            _read.popitem(last=False)
+    return corners
 
 
 def _points(rows: Array) -> Any:

@@ -149,8 +149,9 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
     found, seen = [], world.notes
     for number in range(len(marks)):
         part = stage_motion(trajectory, number)
-        stage, world = certified_stage(world, number, part)
-        found.append(stage)
+        before = world
+        stage, world = certified_stage(before, number, part)
+        found.append(replace(stage, notes=_on_touch(before, number, part)))
     return JobCertificate(scene.name, tuple(found), names[len(marks) :], seen)
 
 
@@ -202,9 +203,8 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         part,
         certificate,
         arm,
-        _on_touch(world, number, curve),
-        float(blend),
-        passing,
+        blend=float(blend),
+        passing=passing,
     )
     there = after(world, number, certifier.robot, curve.rows[-1])
     if blend:
@@ -293,7 +293,7 @@ def _with_the_arm(certificate: Certificate, setup: Setup) -> Certificate:
     return replace(certificate, text=text, clearance=clearance, self_clearance=own, notes=notes)
 
 
-def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
+def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
     those that overlap there, which no proof looks at."""
     assert world.scene.job is not None
@@ -301,7 +301,8 @@ def _on_touch(world: World, number: int, curve: Curve) -> tuple[str, ...]:
     if not stage.touch and not (world.held and moves_fingers(stage)):
         return ()
     notes = []
-    for (one, other), least in touched(world, number, curve.rows[[0, -1]]).items():
+    rows = curve_of(stage_setup(world, number).robot, part).rows
+    for (one, other), least in touched(world, number, rows[[0, -1]]).items():
         if least > REACH and (one, other) in stage.touch:
             notes.append(f"{name}: {one} and {other} may touch, and are apart at its beginning and its end")
         elif least < -DEEP:

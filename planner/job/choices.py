@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -35,7 +34,7 @@ from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.plan import plan
-from hdplan.planner.search.goals import goal_choice
+from hdplan.planner.search.goals import goals_in_turn
 from hdplan.planner.search.search import Event
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import InputError, MisplacedError, TimeLimitError, UnsolvableError
@@ -62,6 +61,29 @@ class _Open:
     until: float
 
 
+class Aims:
+    """Configurations to which a move may lead, the best of each of its goals first: looked for as they are asked for,
+    and kept."""
+
+    def __init__(self, goals: Iterable[JointTarget]) -> None:
+        self._found: list[JointTarget] = []
+        self._left = iter(goals)
+
+    def __iter__(self) -> Iterator[JointTarget]:
+        """Yield what was found, and look for more."""
+        for i in itertools.count():
+            if i == len(self._found):
+                if (goal := next(self._left, None)) is None:
+                    return
+                self._found.append(goal)
+            yield self._found[i]
+
+    @property
+    def several(self) -> bool:
+        """True if there is more than one."""
+        return len([*itertools.islice(self, 2)]) > 1
+
+
 class Search:
     """Depth first over the choices of all stages, each within its share of the time."""
 
@@ -77,7 +99,7 @@ class Search:
         self._until = deadline  # of the share of what is tried now
         self._farthest = -1  # stage that was tried
         self._made: dict[int, list[tuple[World, bool, Piece | str]]] = {}  # what leaves no choice, by stage
-        self._aims: dict[int, list[tuple[World, tuple[JointTarget, ...] | str]]] = {}  # of moves, by stage
+        self._aims: dict[int, list[tuple[World, Aims | str]]] = {}  # of moves, by stage
         self.certain = Certain(self.stages, seed, self._late)
 
     def run(self, world: World) -> None:
@@ -164,7 +186,7 @@ class Search:
         if isinstance(goals, str):
             self._refuse(number, goals)
             return
-        several, tried = len(goals) > 1, set()
+        several, tried = goals.several, set()
         for rounds in ROUNDS if several else ROUNDS[:1]:
             for goal, plainly in self._candidates(world, number, goals, plain=rounds[-1]):
                 if goal.positions in tried:
@@ -181,7 +203,7 @@ class Search:
                 else:
                     yield piece, several
 
-    def _goals(self, world: World, number: int) -> tuple[JointTarget, ...] | str:
+    def _goals(self, world: World, number: int) -> Aims | str:
         """Return the configurations to which a move may lead, the best of each of its goals first, or say why there
         are none; what was found once is kept."""
         kept = self._aims.setdefault(number, [])
@@ -189,25 +211,24 @@ class Search:
             if before == world:
                 return found
         setup = stage_setup(world, number)
-        made: tuple[JointTarget, ...] | str
+        made: Aims | str
         if isinstance(setup.scene.goal, JointTarget):
-            made = (setup.scene.goal,)
+            made = Aims([setup.scene.goal])
         else:
+            made = Aims(goals_in_turn(Certifier(setup), self.seed, EACH))
             try:
-                made = _each_in_turn(goal_choice(Certifier(setup), self.seed, EACH).goals)
+                next(iter(made))
             except UnsolvableError as error:
                 made = _cause(error, setup.asked)
         kept.append((world, made))
         return made
 
-    def _candidates(
-        self, world: World, number: int, goals: Sequence[JointTarget], plain: bool
-    ) -> Iterator[tuple[JointTarget, bool]]:
+    def _candidates(self, world: World, number: int, goals: Aims, plain: bool) -> Iterator[tuple[JointTarget, bool]]:
         """Yield goals of a move, and whether curves behind it are only followed as steadily as the joints go. Where one
         comes next, and not all is to be `plain`, there are further configurations of the same poses, from which it can
         be followed to its end: one of each goal in turn."""
         follows = number + 1 < len(self.stages) and isinstance(self.stages[number + 1], Curve)
-        opened = follows and not plain and len(goals) > 1
+        opened = follows and not plain and goals.several
         yield from ((goal, plain or opened) for goal in goals)
         if not opened:
             return
@@ -310,16 +331,6 @@ class Search:
         if isinstance(made, Piece) or not self._late():
             kept.append((world, plainly, made))
         return made
-
-
-def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
-    """Return configurations in the same order, but the first ones of all targets before the second ones."""
-    before: Counter[str] = Counter()
-    ranked = []
-    for goal in goals:
-        ranked.append((before[goal.field], goal))
-        before[goal.field] += 1
-    return tuple(goal for _, goal in sorted(ranked, key=lambda each: each[0]))
 
 
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:

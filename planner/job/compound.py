@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -164,6 +165,14 @@ class Path:
         sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
         return [0.0, *length[moving[1:][sharp]].tolist(), float(length[-1])]
 
+    @cached_property
+    def _aim(self) -> Aim:
+        return Aim.at(self.robot, self._target(self.parts[0], np.zeros(1)))
+
+    def _target(self, part: Part, share: Array) -> PoseTarget:
+        """Return the pose of the link at a share (1,) of a part."""
+        return PoseTarget(self.link, pose_of(part.poses(share)[0]), free_rotation=self.free)
+
     def rows(self, first: float, last: float, count: int) -> Array:
         """Return configurations (count, n) evenly between two lengths of it. Raises NotFollowedError."""
         return np.array([self.row(length) for length in np.linspace(first, last, count).tolist()])
@@ -174,8 +183,7 @@ class Path:
         part = self.parts[number]
         share = np.array([np.interp(length, self.length[number], self.at[number])])
         (q,) = part.way(share)
-        pose = pose_of(part.poses(share)[0])
-        aim = Aim.at(self.robot, PoseTarget(self.link, pose, free_rotation=self.free))
+        aim = self._aim.elsewhere(self._target(part, share))
         reached = brought(self.robot, aim, np.clip(q, self.robot.lower, self.robot.upper))
         if isinstance(reached, str):
             raise NotFollowedError(f"{self.link} cannot be brought along its blended curve: {reached}")

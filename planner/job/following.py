@@ -116,8 +116,9 @@ def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array
     """Return configurations (count, n) that bring a link from where it is at `start` (n,) along a curve, evenly and as
     steadily as they go. Raises NotFollowedError."""
     rows = [start]
+    aim = Aim.at(robot, PoseTarget(follow.link, follow.poses[0], free_rotation=follow.free_rotation))
     for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), spread(follow, count)[1:], strict=True):
-        aim = Aim.at(robot, PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
+        aim = aim.elsewhere(PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
         steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
         reached = brought(robot, aim, np.clip(steady, robot.lower, robot.upper))
         if isinstance(reached, str):

@@ -105,6 +105,11 @@ class Aim(NamedTuple):
         links = tuple(LinkPose.of(robot, pose) for pose in target.poses)
         return cls(links, np.array(tolerances), _loops(links, np.array(tolerances)))
 
+    def elsewhere(self, target: PoseTarget | AllOf) -> Aim:
+        """Return the same with other poses for the same links, as freely turned."""
+        links = tuple(link._replace(target=pose) for link, pose in zip(self.links, target.poses, strict=True))
+        return Aim(links, self.tolerances, _loops(links, self.tolerances))
+
     @property
     def robot(self) -> Robot:
         """The robot."""

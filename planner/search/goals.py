@@ -10,6 +10,11 @@ seed gives the same goals.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,7 +27,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, every_branch, reaching
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
@@ -32,6 +37,7 @@ if TYPE_CHECKING:
 
 
 DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
+TOGETHER = 16  # configurations that are asked together whether they are free
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
@@ -67,16 +73,16 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
         looked: dict[int, _Reached] = {}
         before = 0
         for drawn in range(DRAWN):
-            starts = STARTS if drawn else max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // len(scene.goal.targets)))
+            starts = STARTS if drawn else _starts(len(scene.goal.targets))
             for i, target in enumerate(scene.goal.targets):
-                if i not in looked or starts > before or len(looked[i][0]):
+                if i not in looked or starts > before or len(looked[i].reached):
                     draws = DRAWN if drawn or len(scene.goal.targets) == 1 else 1
-                    looked[i] = _reached(certifier, target, start, rng, path, starts, draws)
-            before, none = starts, not any(len(reached) for reached, *_ in looked.values())
-            if any(free for *_, free in looked.values()) or (none and starts == STARTS):
+                    looked[i] = _looked_for(certifier, target, start, rng, path, starts, draws)
+            before, none = starts, not any(len(each.reached) for each in looked.values())
+            if any(each.free for each in looked.values()) or (none and starts == STARTS):
                 break
         for i, target in enumerate(scene.goal.targets):
-            reached, nearest, free = looked[i]
+            reached, nearest, free = looked[i].reached, looked[i].nearest, looked[i].free
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
             elif not free:
@@ -89,10 +95,92 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
-_Reached = tuple[Array, "tuple[Miss, ...] | None", list[tuple[float, Array]]]
+def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterator[JointTarget]:
+    """Yield the goals of `goal_choice`, the best of each target first, in their order, then the second ones. Of several
+    targets, one is asked whether it is reached freely only when it may be the next one: no score is less than how far
+    it is at least. Raises errors as `goal_choice`."""
+    scene, robot = certifier.scene, certifier.robot
+    looked: list[_Reached] = []
+    if not isinstance(scene.goal, JointTarget) and len(scene.goal.targets) > 1:
+        rng, path, starts = np.random.default_rng(seed), _path(certifier.setup), _starts(len(scene.goal.targets))
+        with naming(scene.source):
+            start = robot.configuration(scene.start, scene.from_request)
+            looked = [_looked_for(certifier, each, start, rng, path, starts, 1) for each in scene.goal.targets]
+    waiting = [(one.least, False, i) for i, one in enumerate(looked) if len(one.reached)]
+    heapify(waiting)
+    none = True
+    while waiting:
+        _, asked, i = heappop(waiting)
+        if asked:
+            none = False
+            yield looked[i].goals[0]
+        elif looked[i].free:
+            heappush(waiting, (looked[i].free[0][0], True, i))
+    most = max(each, TRIED // max(1, len(looked)))
+    for rank in range(1, most):
+        others = [(one.free[rank][0], i) for i, one in enumerate(looked) if len(one.free) > rank]
+        yield from (looked[i].goals[rank] for _, i in sorted(others))
+    if none:
+        yield from _each_in_turn(goal_choice(certifier, seed, each).goals)
 
 
-def _reached(
+def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
+    """Return configurations in the same order, but the first ones of all targets before the second ones."""
+    before: Counter[str] = Counter()
+    ranked = []
+    for goal in goals:
+        ranked.append((before[goal.field], goal))
+        before[goal.field] += 1
+    return tuple(goal for _, goal in sorted(ranked, key=lambda each: each[0]))
+
+
+def _starts(targets: int) -> int:
+    """Return from how many configurations each of some targets is looked for at first."""
+    return max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // targets))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """What was found of a target."""
+
+    certifier: Certifier
+    target: JointTarget | PoseTarget | AllOf
+    start: Array  # (n,)
+    reached: Array  # (B, n)
+    nearest: tuple[Miss, ...] | None  # by how much a pose was missed at least; None of joint values
+
+    @cached_property
+    def families(self) -> Array:
+        """The configurations (k, m, n), those that are nearest first; where time counts, each after one that the
+        slowest joint reaches sooner."""
+        scene, setup = self.certifier.scene, self.certifier.setup
+        timed = scene.objective == "time" and scene.path == PathConstraints()
+        if isinstance(self.target, JointTarget) or not len(self.reached) or not timed:
+            return self.reached[:, None]
+        from hdplan.planner.search.sooner import sooner
+
+        better = sooner(Aim.at(setup.robot, self.target), self.reached, self.start, setup.limits)
+        families = np.stack([better, self.reached], axis=1)
+        return families[np.argsort([_length(setup, q - self.start) for q in better], kind="stable")]
+
+    @property
+    def least(self) -> float:
+        """A bound below which no score is."""
+        setup = self.certifier.setup
+        return min(_length(setup, q - self.start) for q in self.families.reshape(-1, len(self.start)))
+
+    @cached_property
+    def free(self) -> list[tuple[float, Array]]:
+        """The nearest configurations without contact that satisfy the path constraints, each with its score."""
+        return _free(self.certifier, self.families, self.start)
+
+    @property
+    def goals(self) -> list[JointTarget]:
+        """Those as goals."""
+        return [JointTarget(self.target.field, tuple(q.tolist())) for _, q in self.free]
+
+
+def _looked_for(
     certifier: Certifier,
     target: JointTarget | PoseTarget | AllOf,
     start: Array,
@@ -101,23 +189,21 @@ def _reached(
     starts: int,
     draws: int,
 ) -> _Reached:
-    """Return the configurations found, by how much a pose was missed at least, and which of them are free, with their
-    scores; they are drawn again, up to so many `draws`, where none is free."""
+    """Look for configurations that reach a target; they are drawn again, up to so many `draws`, where none is free."""
     robot = certifier.robot
     if isinstance(target, JointTarget):
         reached = robot.nearest_turn(robot.configuration(target)[None], start)
-        return reached, None, _free(certifier, reached, start)
+        return _Reached(certifier, target, start, reached, None)
     for drawn in range(draws):
         reached, nearest = every_branch(robot, target, start) if not (drawn or path) else (np.empty(0), ())
         if not len(reached):
             reached, nearest = reaching(robot, target, start, rng, path, starts)
         if path and not len(reached):  # to say whether the pose or the path is to blame
             reached, nearest = reaching(robot, target, start, rng, starts=starts)
-        reached = robot.nearest_turn(reached, start)
-        free = _free(certifier, reached, start, target)
-        if free or not len(reached):
+        found = _Reached(certifier, target, start, robot.nearest_turn(reached, start), nearest)
+        if drawn == draws - 1 or found.free or not len(reached):
             break
-    return reached, nearest, free
+    return found
 
 
 def _path(setup: Setup) -> tuple[PathTerm, ...]:
@@ -148,29 +234,36 @@ def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
 def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
     """True if a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
     with torques that the joints can bear."""
-    clear = certifier.is_clear(q, required, certifier.scene.end_time)
-    return clear and not (certifier.off_path(q) or certifier.overload(q))
+    return bool(may_end_each(certifier, q[None], required)[0])
 
 
-def _free(
-    certifier: Certifier, reached: Array, start: Array, target: PoseTarget | AllOf | None = None
-) -> list[tuple[float, Array]]:
-    """The PICKED nearest configurations without contact that satisfy the path constraints, each with its score, best
-    first. Where time counts, each is one that the slowest joint reaches sooner, if that is free, too."""
+def may_end_each(certifier: Certifier, rows: Array, required: float = 0.0) -> Mask:
+    """True (B,) where a motion `may_end`, of configurations (B, n)."""
+    may = certifier.are_clear(certifier.robot.expand(rows), required, certifier.scene.end_time)
+    may[may] = [not (certifier.off_path(q) or certifier.overload(q)) for q in rows[may]]
+    return may
+
+
+def _free(certifier: Certifier, families: Array, start: Array) -> list[tuple[float, Array]]:
+    """The PICKED first ones of families (k, m, n) that have one in which a motion may end, each with its score, best
+    first."""
     scored = []
-    time, scene = certifier.scene.end_time, certifier.scene
-    families = reached[:, None]
-    if target is not None and len(reached) and scene.objective == "time" and scene.path == PathConstraints():
-        from hdplan.planner.search.sooner import sooner
-
-        better = sooner(Aim.at(certifier.robot, target), reached, start, certifier.setup.limits)
-        families = np.stack([better, reached], axis=1)
-        families = families[np.argsort([_length(certifier.setup, q - start) for q in better], kind="stable")]
-    fit = (next((q for q in family if may_end(certifier, q)), None) for family in families)
-    for q in itertools.islice((q for q in fit if q is not None), PICKED):
-        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, time)) / CLOSE_GOAL
+    together = (families[first : first + TOGETHER] for first in range(0, len(families), TOGETHER))
+    for q in itertools.islice((q for some in together for q in _fitting(certifier, some)), PICKED):
+        crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, certifier.scene.end_time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
+
+
+def _fitting(certifier: Certifier, families: Array) -> list[Array]:
+    """Return the first one of each family (k, m, n) in which a motion may end, where there is one: asked together."""
+    found: dict[int, Array] = {}
+    for member in np.moveaxis(families, 1, 0):
+        left = [i for i in range(len(families)) if i not in found]
+        if left:
+            ends = may_end_each(certifier, member[left])
+            found |= {i: member[i] for i, may in zip(left, ends.tolist(), strict=True) if may}
+    return [found[i] for i in sorted(found)]
 
 
 def _length(setup: Setup, way: Array) -> float:

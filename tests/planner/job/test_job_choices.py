@@ -10,7 +10,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.job.certain import Certain, StageFailedError
-from hdplan.planner.job.choices import Search
+from hdplan.planner.job.choices import Aims, Search
 from hdplan.scenes.targets import JointTarget
 
 DOWN, ACROSS = [np.pi, 0.0, 0.0], [np.pi, 0.0, np.pi / 2]
@@ -55,8 +55,8 @@ class Slow(Search):
         super().__init__(scene, 0, 100.0, lambda event: None, lambda: False)
         self.clock, self.fails = clock, fails
 
-    def _goals(self, world: Any, number: int) -> tuple[JointTarget, ...]:
-        return tuple(JointTarget(name, (float(i),)) for i, name in enumerate("AB" if number != 2 else "C"))
+    def _goals(self, world: Any, number: int) -> Aims:
+        return Aims(JointTarget(name, (float(i),)) for i, name in enumerate("AB" if number != 2 else "C"))
 
     def _look_ahead(self, *asked: Any) -> None:
         """Refuse nothing."""

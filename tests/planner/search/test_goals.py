@@ -22,10 +22,10 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
-from hdplan.planner.search.goals import goal_choice, settled
+from hdplan.planner.search.goals import goal_choice, goals_in_turn, settled
 from hdplan.planner.search.inverse_kinematics import APART, every_branch, inverse_kinematics, reaching
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, UnsolvableError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -100,7 +100,7 @@ def test_where_every_branch_is_in_contact_the_search_still_speaks(monkeypatch: p
     scene = aimed(scene, target_at("tool0", placed(robot, "tool0", start), "none"))
     asked = []
     monkeypatch.setattr(goal_search, "every_branch", lambda *_: (np.full((1, robot.n), 100.0), ()))
-    monkeypatch.setattr(goal_search, "_free", lambda certifier, reached, *_: [(1.0, q) for q in reached if q[0] < 99.0])
+    monkeypatch.setattr(goal_search, "_free", lambda _, found, *__: [(1.0, q) for q in found[:, 0] if q[0] < 99.0])
     monkeypatch.setattr(goal_search, "reaching", lambda *args: (asked.append(args), reaching(*args))[1])
     goals = goal_choice(Certifier(Setup.of(scene))).goals
     assert asked
@@ -273,6 +273,31 @@ def bytes_of(result: PlanResult) -> Any:
     summary = result.summary()
     del summary["time_s"]
     return summary, result.trajectory.positions.tobytes(), result.steps
+
+
+@pytest.mark.parametrize(("name", "link"), [("ur5_table", "tool0"), ("panda_cage", "panda_hand")])
+def test_goals_come_in_turn_as_if_all_had_been_asked(name: str, link: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best of each target first, then the second ones; some are never asked before the first one is there."""
+    scene, rng, asked = load_scene(name), np.random.default_rng(0), []
+    robot, free = load_scene_robot(scene), goal_search._free
+    monkeypatch.setattr(goal_search, "_free", lambda *given: (asked.append(given), free(*given))[1])
+    for seed in range(4):
+        targets = [
+            dataclasses.replace(target_at(link, placed(robot, link, q), "z" if i % 3 else "none"), field=str(i))
+            for i, q in enumerate(robot.draw(rng, 8))
+        ]
+        certifier = Certifier(Setup.of(aimed(scene, *targets)))
+        goals = goal_choice(certifier, seed, 3).goals
+        ranks = [sum(one.field == goal.field for one in goals[:i]) for i, goal in enumerate(goals)]
+        asked.clear()
+        in_turn = goals_in_turn(certifier, seed, 3)
+        first, before = next(in_turn), len(asked)
+        assert before < len(targets)
+        assert [first, *in_turn] == [goals[i] for i in np.argsort(ranks, kind="stable")]
+    far = Pose((9.0, 0.0, 0.0))
+    unreached = Certifier(Setup.of(aimed(scene, *(PoseTarget(link, far, free_rotation=turn) for turn in ("z", "all")))))
+    with pytest.raises(UnsolvableError, match="cannot be brought there"):
+        next(goals_in_turn(unreached))
 
 
 @pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "ur5_table"])

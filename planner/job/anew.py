@@ -1,0 +1,55 @@
+"""The path of motions that overlap, timed anew.
+
+Two motions that add up keep their own laws: limits then hold on the sum only where both are slow, so that they can
+overlap for a while alone. Here nothing of them is kept but their path, and that is driven as quickly as the limits
+allow, along all of it. The path is the smooth one (`timing.retiming`) of a few configurations evenly along it: the
+fewer, the rounder it is and the sooner it is driven, and the farther from the curves that it is to follow, of which the
+certificate is the judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.retiming import Retimer, smooth
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import HdplanError
+
+COUNTS = (30, 60, 120)  # configurations that a path is drawn through
+FINE = 8  # places in an interval between rows, at which it is measured
+
+
+def timed_anew(
+    setup: Setup, motions: Sequence[tuple[Trajectory, Sequence[float]]]
+) -> list[tuple[Trajectory, list[float]]]:
+    """Return motions from time 0 on along the paths of others, each given with times [s] on it, and the times at which
+    they are there; the quickest first."""
+    retimer, found = Retimer(setup), []
+    for motion, marks in motions:
+        curve, places = motion.curve, np.linspace(0.0, 1.0, FINE * len(motion))
+        steps = np.linalg.norm(np.diff(curve.at_parameter(places), axis=0), axis=1)
+        length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+        shares = np.interp(curve.parameter_of(np.asarray(marks)), places, length)
+        for count in COUNTS:
+            rows = curve.at_parameter(np.interp(np.linspace(0.0, 1.0, count), length, places))
+            rows[0], rows[-1] = motion.positions[0], motion.positions[-1]
+            if (timed := _along(retimer, Trajectory(motion.joint_names, rows, motion.locked), shares)) is not None:
+                found.append(timed)
+    return sorted(found, key=lambda each: each[0].duration or 0.0)
+
+
+def _along(retimer: Retimer, path: Trajectory, shares: Array) -> tuple[Trajectory, list[float]] | None:
+    """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it;
+    None where there is none."""
+    try:
+        timed = retimer.along(path, smooth(path.positions))
+    except HdplanError:
+        return None
+    times = timed.trajectory.times
+    assert times is not None
+    nearest = np.abs(timed.parameter[:, None] - shares).argmin(axis=0)
+    return timed.trajectory, times[nearest].tolist()

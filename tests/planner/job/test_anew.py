@@ -1,0 +1,51 @@
+"""Laws of motions that overlap, timed anew: their path stays, their ends rest, and limits hold all along."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.job.anew import COUNTS, timed_anew
+from hdplan.planner.job.overlap import overlapped
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.retiming import Retimer
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    limits = hdplan.Limits(acceleration=7.5, jerk=500.0)
+    setup = Setup.of(hdplan.Scene(robot="panda", start="default", goal="default", limits=limits))
+    retimer, robot = Retimer(setup), setup.robot
+    ends = [robot.configuration(setup.scene.start)]
+    ends += [ends[0] + rng.uniform(-0.3, 0.3, robot.n) * share for share in (1.0, 2.0)]
+    one, other = (
+        retimer(Trajectory(robot.joint_names, np.linspace(*pair, 8), robot.locked)).trajectory
+        for pair in itertools.pairwise(ends)
+    )
+    overlap = 0.4 * min(one.times[-1], other.times[-1])
+    whole = overlapped(one, other, float(overlap))
+    middle = float(one.times[-1] - 0.5 * overlap)
+    found = timed_anew(setup, [(whole, [0.0, middle])])
+    assert len(found) == len(COUNTS)
+    assert found == sorted(found, key=lambda each: each[0].duration)
+    at = whole.curve.at_parameter(np.linspace(0.0, 1.0, 4000))
+    for motion, (first, there) in found:
+        assert max(limit.stretch(motion.curve) for limit in retimer.limits) <= 1.0 + 1e-9
+        assert first == 0.0 < there < motion.duration
+        assert max(np.abs(rows[[0, -1]]).max() for rows in (motion.velocities, motion.accelerations)) < 1e-12
+        np.testing.assert_allclose(motion.positions[[0, -1]], whole.positions[[0, -1]], rtol=0.0, atol=1e-12)
+        away = np.linalg.norm(motion.positions[:, None] - at, axis=2).min(axis=1)
+        assert away.max() < 0.04 * np.linalg.norm(ends[2] - ends[0])
+        gone = [np.linalg.norm(np.diff(rows, axis=0), axis=1).sum() for rows in _up_to(motion, there, whole, middle)]
+        assert abs(gone[0] - gone[1]) < 0.1 * np.linalg.norm(ends[2] - ends[0])
+
+
+def _up_to(motion: Trajectory, there: float, whole: Trajectory, middle: float) -> list[np.ndarray]:
+    """Configurations of both up to the mark."""
+    pairs = ((motion, there), (whole, middle))
+    return [each.at_time(np.linspace(0.0, until, 400)).positions for each, until in pairs]
