@@ -26,9 +26,10 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     intensities,
 )
+from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
-from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, shaded
+from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -130,7 +131,8 @@ class ObstacleNode:
     def __init__(self, server: viser.ViserServer, index: int, obstacle: Obstacle) -> None:
         """Send its mesh; nodes are numbered, as a name may hold any character."""
         self.frame = server.scene.add_frame(f"/obstacles/{index}", show_axes=False)
-        vertices, triangles = shaded(obstacle_mesh(obstacle))
+        mesh = obstacle_mesh(obstacle)
+        vertices, triangles = creased(mesh.vertices, mesh.triangles)
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
