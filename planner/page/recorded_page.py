@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.certificate.verdict import Closest, proven_length
 from hdplan.planner.geometry.drawn_shapes import drawn_box
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.page.gliding import gliding_planes
@@ -215,7 +215,7 @@ def _levels(scene: Scene, motions: Sequence[ShownMotion]) -> list[dict[str, Any]
         levels.append({"at": 1e3 * scene.planner.clearance, "name": "required", "color": CONTACT, "dash": [2, 3]})
     proven = motions[0].certificate.clearance
     if len(motions) == 1 and proven is not None:
-        levels.append({"at": 1e3 * proven, "name": f"proven ≥ {1e3 * proven:.3g} mm", "color": OUTER, "dash": [2, 3]})
+        levels.append({"at": 1e3 * proven, "name": f"proven ≥ {proven_length(proven)}", "color": OUTER, "dash": [2, 3]})
     return levels
 
 

@@ -21,7 +21,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
 from hdplan.planner.view.drawing.colors import PLANE
 from hdplan.planner.view.drawing.motion import proven_millimetres
-from hdplan.planner.view.drawing.nodes import wxyz_of
+from hdplan.planner.view.drawing.nodes import LABELS, wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit
@@ -54,7 +54,7 @@ class PlaneLayer:
             receive_shadow=False,
             visible=False,
         )
-        self.label = scene.add_label("/plane_label", "", visible=False, font_screen_scale=0.9)
+        self.label = scene.add_label("/plane_label", "", visible=False, **LABELS | {"anchor": "top-center"})
         self._said = viewer.server.gui.add_html("")
         self._of: tuple[Trajectory, Scene] | None = None  # what the proof at hand is about
         self._proof: ReadProof | str = ""  # or why there is none

@@ -42,6 +42,7 @@ TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many ti
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
+LABELS: Any = {"font_screen_scale": 0.9, "anchor": "bottom-center"}  # above what they name, to both sides of it
 
 
 class RobotNodes:
@@ -262,7 +263,7 @@ class ClosestNodes:
             )
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
-        self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+        self.label = server.scene.add_label("/closest/label", "", visible=False, **LABELS)
         self.labelled = True
         self._tight = False
 
