@@ -47,7 +47,10 @@ PIXELS, OPENING = 480, np.radians(60.0)  # along both sides of each picture, and
 def surfaces(scene: hdplan.Scene, count: int | None, seed: int) -> Array:
     """Points on all obstacles' surfaces (m, 3) in the world."""
     rng = np.random.default_rng(seed)
-    meshes = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in opened(scene).obstacles]
+    meshes = []
+    for each in opened(scene).obstacles:
+        mesh = obstacle_mesh(each)
+        meshes.append(trimesh.Trimesh(mesh.vertices, mesh.triangles).apply_transform(each.pose.matrix))
     whole = trimesh.util.concatenate(meshes)
     wanted = count or int(whole.area / SPACING**2)
     return np.asarray(trimesh.sample.sample_surface(whole, wanted, seed=rng.integers(1 << 31))[0])

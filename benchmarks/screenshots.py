@@ -4,8 +4,8 @@ screen draws it.
     python benchmarks/screenshots.py FOLDER [SCENE ...] [--sizes 1400x820 ...] [--theme light|dark] [--unplanned]
 
 For each scene: FOLDER/SCENE-WIDTH-THEME.png, half-way along a planned motion (or, with --unplanned, as the page comes
-without one); and of all FOLDER/sheet-WIDTH-THEME.png. What the page's console complains of is printed, and ends the run
-with exit code 1. It needs chromium, playwright and Pillow.
+without one); and FOLDER/SCENE.png, a sheet of them all. What the page's console complains of is printed, and ends the
+run with exit code 1. It needs chromium, playwright and Pillow.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ Size = tuple[int, int]  # [px]
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
 SIZES = ((1400, 820), (1000, 700), (600, 900))
-DRAWN, TURNED, RESIZED = 8_000, 1_500, 3_000  # [ms] until all meshes are, and until the page has turned dark, and fits
-SHEET, IN_A_ROW = 480, 4  # [px] of a picture's width on a sheet, and pictures
+DRAWN, TURNED, RESIZED = 8_000, 2_500, 3_000  # [ms] until all meshes are, and until the page has turned dark, and fits
+SHEET = 800  # [px] at most of a picture's width on a sheet
 PATIENCE = 120_000  # [ms]
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
 
@@ -78,18 +78,19 @@ def served(name: str, planned: bool) -> Viewer | JobViewer:
     return viewer
 
 
-def sheet(folder: Path, names: Sequence[str], size: Size, theme: str) -> None:
-    """Put the pictures of one size and theme on a sheet, several in a row."""
+def sheet(folder: Path, name: str, sizes: Sequence[Size], themes: Sequence[str]) -> None:
+    """Put the pictures of one scene on a sheet, a row for each theme."""
     from PIL import Image
 
-    width, height = SHEET, SHEET * size[1] // size[0]
-    rows = -(-len(names) // IN_A_ROW)
-    whole = Image.new("RGB", (IN_A_ROW * width, rows * height), "white")
-    for number, name in enumerate(names):
-        with Image.open(folder / f"{name}-{size[0]}-{theme}.png") as picture:
-            place = (number % IN_A_ROW * width, number // IN_A_ROW * height)
-            whole.paste(picture.convert("RGB").resize((width, height)), place)
-    whole.save(folder / f"sheet-{size[0]}-{theme}.png")
+    height = min(SHEET * size[1] // size[0] for size in sizes)
+    widths = [height * size[0] // size[1] for size in sizes]
+    whole = Image.new("RGB", (sum(widths), len(themes) * height), "white")
+    for row, theme in enumerate(themes):
+        for column, size in enumerate(sizes):
+            with Image.open(folder / f"{name}-{size[0]}-{theme}.png") as picture:
+                small = picture.convert("RGB").resize((widths[column], height))
+                whole.paste(small, (sum(widths[:column]), row * height))
+    whole.save(folder / f"{name}.png")
 
 
 def _size(text: str) -> Size:
@@ -118,12 +119,9 @@ def main() -> None:
                     page.wait_for_timeout(RESIZED)
                     for theme in themes:
                         photograph(page, options.folder / f"{Path(name).stem}-{width}-{theme}.png", theme)
-            print(name, flush=True)
             viewer.close()
-    names = [Path(name).stem for name in options.scenes]
-    for size in options.sizes:
-        for theme in themes:
-            sheet(options.folder, names, size, theme)
+            sheet(options.folder, Path(name).stem, options.sizes, themes)
+            print(name, flush=True)
     for complaint in complaints:
         print(complaint, file=sys.stderr)
     sys.exit(bool(complaints))

@@ -51,3 +51,4 @@ class LazyModule:
 
 
 scipy: Any = LazyModule("scipy")  # its parts too; a plan with a robot that is known needs nothing of it
+trimesh: Any = LazyModule("trimesh")  # with its imports, half of the time until a robot is first seen

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from decimal import ROUND_DOWN, Context, Decimal
 from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
@@ -206,8 +207,10 @@ def proven(
     sized: bool = False,
 ) -> str:
     """Say what is proven about a certified motion; clearances [m]. `sized`: in all worlds within the scene's sizes."""
-    obstacles = "no obstacles to avoid" if clearance is None else f"at least {_length(clearance)} to every obstacle"
-    links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
+    obstacles = (
+        "no obstacles to avoid" if clearance is None else f"at least {proven_length(clearance)} to every obstacle"
+    )
+    links = "" if self_clearance is None else f", {proven_length(self_clearance)} between links"
     uses = [use for found in limits if not found.remark for use in found.uses]
     taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
     kept = "".join(f", {constraint.words}" for constraint in path)
@@ -239,8 +242,10 @@ def _when(parameter: float, seconds: float | None) -> str:
     return f"at {parameter:.3f} of 1" if seconds is None else f"{seconds:.3f} s"
 
 
-def _length(metres: float) -> str:
-    return f"{metres * 1e3:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
+def proven_length(metres: float) -> str:
+    """Return a length that is proven, rounded down: no more is claimed than was proven."""
+    digits = Context(prec=3, rounding=ROUND_DOWN).create_decimal(Decimal(metres) * (1000 if metres < 1.0 else 1))
+    return f"{float(digits):.3g} {'mm' if metres < 1.0 else 'm'}"
 
 
 def _others(failures: tuple[Place, ...]) -> str:

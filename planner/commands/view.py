@@ -10,20 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.job.certify import certify_job
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.page.film import film
-from hdplan.planner.page.job_page import ShownJob
-from hdplan.planner.page.recorded_page import page_of
-from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.interrupts import until_ctrl_c
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
-from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.front import check_files, check_installed, check_proof, is_loopback, motion_names
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.robot_spec import RobotSpec
@@ -68,6 +60,8 @@ def run_view(
     motions = _loaded(trajectories)
     read = None
     if proof is not None and not isinstance(robot, RobotSpec):
+        from hdplan.planner.proof.reading import ReadProof
+
         read = ReadProof(find_scene(scene), trajectories[0], proof, request, robot)
 
     from hdplan.planner.view.server import open_viewer  # needs viser
@@ -149,6 +143,13 @@ def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, vide
     loaded = _loaded(trajectories)
     if scene.job is not None:
         return _write_job(scene, loaded, record, video)
+
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.page.film import film
+    from hdplan.planner.page.recorded_page import page_of
+    from hdplan.planner.robot.setup import Setup
+    from hdplan.planner.view.drawing.motion import ShownMotion
+
     with printing() as show:
         with waiting("loading the robot's meshes"):
             setup = Setup.of(scene)
@@ -171,6 +172,10 @@ def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, vide
 
 def _write_job(scene: Scene, loaded: list[tuple[str, Trajectory]], record: Path | None, video: Path | None) -> int:
     """Write the motion of a job as files. Returns the exit code: 0."""
+    from hdplan.planner.job.certify import certify_job
+    from hdplan.planner.page.film import film
+    from hdplan.planner.page.job_page import ShownJob
+
     name, trajectory = _one_motion(scene, loaded)
     rows = []
     with printing() as show:

@@ -28,6 +28,21 @@ def convex_hull(points: Array) -> Any | None:
         raise
 
 
+def hull_triangles(points: Array) -> TriangleMesh:
+    """Return the triangles of the hull of points (m, 3) that are not flat, outward."""
+    hull = convex_hull(points)
+    return TriangleMesh.hull(points) if hull is None else sides_of(hull)
+
+
+def sides_of(hull: Any) -> TriangleMesh:
+    """Return the triangles of one of coal's hulls, outward."""
+    corners = np.array([[t[0], t[1], t[2]] for t in map(hull.polygons, range(hull.num_polygons))], dtype=np.int64)
+    points = np.array(hull.points())
+    a, b, c = np.moveaxis(points[corners], 1, 0)
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - points.mean(axis=0)) > 0
+    return TriangleMesh(points, np.where(outward[:, None], corners, corners[:, ::-1])).trimmed()
+
+
 def triangle(corners: Array) -> Any:
     """Return one triangle (3, 3) as a flat hull: coal measures its own triangles against few other shapes."""
     sides = coal.StdVec_Triangle()

@@ -16,7 +16,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.geometry.coal_shapes import convex_hull, hull_triangles, triangle_tree
+from hdplan.planner.geometry.drawn_shapes import drawn_box, drawn_capsule, drawn_cylinder
 from hdplan.planner.geometry.meshes import FLAT, ReadMesh, TriangleMesh, thinness
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -28,9 +29,7 @@ if TYPE_CHECKING:
 else:
     trimesh = LazyModule("trimesh")
 
-SECTIONS = 48  # of a round body, for drawing
 ROUND_SIDES = 16  # of the prism around a cylinder
-SPHERE_SUBDIVISIONS = 3  # subdivisions of an icosphere
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ class Operations:
     words: Callable[[Any], str]
     coal: Callable[[Any, str], Any]  # the geometry that links have
     inertia: Callable[[Any, float, str], pin.Inertia]  # for a uniform density and a mass [kg]
-    triangles: Callable[[Any], trimesh.Trimesh]  # for drawing
+    triangles: Callable[[Any], TriangleMesh]  # for drawing
     outline: Outline | None = None  # hulls of points and meshes have no formulas
     from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and its geometry as a shape
     sizes: str = ""  # those of its fields that may be scaled at random [m]
@@ -104,11 +103,7 @@ def _mesh_inertia(shape: ReadMesh, mass: float, field: str) -> pin.Inertia:
             f"{field}.mass: mesh {shape.file} is not closed, so its mass has no volume to be spread over; give it as "
             "payload, with its com and inertia"
         )
-    return _even(_mesh_triangles(shape), mass)
-
-
-def _mesh_triangles(shape: ReadMesh) -> trimesh.Trimesh:
-    return trimesh.Trimesh(shape.mesh.vertices, shape.mesh.triangles, process=False)
+    return _even(trimesh.Trimesh(shape.mesh.vertices, shape.mesh.triangles, process=False), mass)
 
 
 def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
@@ -120,11 +115,9 @@ def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
     return pin.Inertia(mass, np.asarray(mesh.center_mass), np.asarray(mesh.moment_inertia))
 
 
-def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
-    """Return the hull of two small balls; trimesh's own capsule has its origin at the lower end."""
-    ball = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS, radius=radius)
-    ends = [ball.vertices + [0.0, 0.0, end * length / 2] for end in (-1, 1)]
-    return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball
+def _ellipsoid_triangles(radii: tuple[float, float, float]) -> TriangleMesh:
+    ball = drawn_capsule(1.0, 0.0)
+    return TriangleMesh(ball.vertices * radii, ball.triangles)
 
 
 def _box_corners(half: Array) -> Array:
@@ -157,7 +150,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"box {' × '.join(f'{edge:g}' for edge in shape.size)} m",
         coal=lambda shape, _: coal.Box(*shape.size),
         inertia=lambda shape, mass, _: pin.Inertia.FromBox(mass, *shape.size),
-        triangles=lambda shape: trimesh.creation.box(shape.size),
+        triangles=lambda shape: drawn_box(shape.size),
         outline=Outline(
             half_size=lambda shape: np.array(shape.size) / 2,
             support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
@@ -174,7 +167,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"sphere, radius {shape.radius:g} m",
         coal=lambda shape, _: coal.Sphere(shape.radius),
         inertia=lambda shape, mass, _: pin.Inertia.FromSphere(mass, shape.radius),
-        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS, radius=shape.radius),
+        triangles=lambda shape: drawn_capsule(shape.radius, 0.0),
         outline=Outline(
             half_size=lambda shape: np.full(3, shape.radius),
             support=lambda shape, n: np.full(len(n), shape.radius),
@@ -191,7 +184,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"ellipsoid, radii {', '.join(f'{radius:g}' for radius in shape.radii)} m",
         coal=lambda shape, _: coal.Ellipsoid(*shape.radii),
         inertia=lambda shape, mass, _: pin.Inertia.FromEllipsoid(mass, *shape.radii),
-        triangles=lambda shape: trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS).apply_scale(shape.radii),
+        triangles=lambda shape: _ellipsoid_triangles(shape.radii),
         outline=Outline(
             half_size=lambda shape: np.array(shape.radii),
             support=lambda shape, n: np.linalg.norm(n * shape.radii, axis=1),
@@ -207,7 +200,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"cylinder, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Cylinder(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCylinder(mass, shape.radius, shape.length),
-        triangles=lambda shape: trimesh.creation.cylinder(shape.radius, shape.length, sections=SECTIONS),
+        triangles=lambda shape: drawn_cylinder(shape.radius, shape.length),
         outline=Outline(
             half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2]),
             support=lambda shape, n: shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.length / 2 * np.abs(n[:, 2]),
@@ -224,7 +217,7 @@ TABLE: dict[type, Operations] = {
         words=lambda shape: f"capsule, radius {shape.radius:g} m, length {shape.length:g} m",
         coal=lambda shape, _: coal.Capsule(shape.radius, shape.length),
         inertia=lambda shape, mass, _: pin.Inertia.FromCapsule(mass, shape.radius, shape.length),
-        triangles=lambda shape: _capsule_triangles(shape.radius, shape.length),
+        triangles=lambda shape: drawn_capsule(shape.radius, shape.length),
         outline=Outline(
             half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2 + shape.radius]),
             support=lambda shape, n: shape.radius + shape.length / 2 * np.abs(n[:, 2]),
@@ -241,13 +234,13 @@ TABLE: dict[type, Operations] = {
         words=_points_words,
         coal=_points_coal,
         inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(shape.points), mass),
-        triangles=lambda shape: trimesh.PointCloud(shape.points).convex_hull,
+        triangles=lambda shape: hull_triangles(np.array(shape.points)),
     ),
     ReadMesh: Operations(
         fields="file scale mesh",
         words=lambda shape: f"mesh {shape.file.name}",
         coal=lambda shape, _: triangle_tree(shape.mesh),
         inertia=_mesh_inertia,
-        triangles=_mesh_triangles,
+        triangles=lambda shape: shape.mesh,
     ),
 }

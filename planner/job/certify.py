@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Certificate, Status, proven
+from hdplan.planner.certificate.verdict import Certificate, Status, proven, proven_length
 from hdplan.planner.job.blends import UnblendedError
 from hdplan.planner.job.changes import REACH, after
 from hdplan.planner.job.curves import corner_of, leg_of, radius_link, settled
@@ -97,7 +97,7 @@ class JobCertificate:
         away = (
             ""
             if clearance is None
-            else f", at least {clearance * 1e3:.3g} mm to every obstacle that may not be touched"
+            else f", at least {proven_length(clearance)} to every obstacle that may not be touched"
         )
         duration = self.stages[-1].ends - self.stages[0].begins
         joined = sum(bool(getattr(stage, "blend", 0.0)) for stage in self.stages)

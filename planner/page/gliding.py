@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.proof.reading import Plane, ReadProof
-from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.motion import proven_millimetres
 from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    from hdplan.planner.proof.reading import Plane, ReadProof
 
 LEAST_THICKNESS = 0.0005  # [m] of a plane that is drawn: as thick as the distance proven
 
@@ -37,7 +39,7 @@ def _plane(
         "normal": plane.normal,
         "thick": thickness,
         "of": f"{nearest.link} – {nearest.other}, plane {plane.leaf + 1} of {plane.leaves}",
-        "words": f"proven ≥ {millimetres(plane.bound)}",
+        "words": f"proven ≥ {proven_millimetres(plane.bound)}",
     }
 
 

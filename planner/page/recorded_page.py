@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-import trimesh
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.certificate.verdict import Closest, proven_length
+from hdplan.planner.geometry.drawn_shapes import drawn_box
 from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.page.gliding import gliding_planes
 from hdplan.planner.page.packing import MOST_OF_GHOSTS, Packed
@@ -46,6 +46,7 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     hex_of,
 )
+from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import (
@@ -53,7 +54,6 @@ from hdplan.planner.view.drawing.skins import (
     collision_skins,
     obstacle_mesh,
     obstacle_parts,
-    shaded,
     visual_skins,
 )
 from hdplan.planner.view.drawing.timeline import Timeline
@@ -215,7 +215,7 @@ def _levels(scene: Scene, motions: Sequence[ShownMotion]) -> list[dict[str, Any]
         levels.append({"at": 1e3 * scene.planner.clearance, "name": "required", "color": CONTACT, "dash": [2, 3]})
     proven = motions[0].certificate.clearance
     if len(motions) == 1 and proven is not None:
-        levels.append({"at": 1e3 * proven, "name": f"proven ≥ {1e3 * proven:.3g} mm", "color": OUTER, "dash": [2, 3]})
+        levels.append({"at": 1e3 * proven, "name": f"proven ≥ {proven_length(proven)}", "color": OUTER, "dash": [2, 3]})
     return levels
 
 
@@ -237,16 +237,18 @@ def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: Packed) ->
     """Pack the obstacles, and the box in which a point of a link is to stay, seen through."""
     found = []
     for obstacle in scene.obstacles:
-        mesh = packed.add(*shaded(obstacle_mesh(obstacle)), OBSTACLE)
+        mesh = obstacle_mesh(obstacle)
+        shown = packed.add(*creased(mesh.vertices, mesh.triangles), OBSTACLE)
         where: dict[str, Any] = {"pose": (*obstacle.pose.position, *obstacle.pose.quaternion_xyzw)}
         if obstacle.motion is not None:
             places = ObstacleMotion.of(obstacle).at(np.array([timeline.seconds(now) for now in when.tolist()]))
             where = {"poses": [pin.SE3ToXYZQUAT(pin.SE3(place)) for place in places]}
-        found.append({"mesh": mesh, "alpha": 1, **where})
+        found.append({"mesh": shown, "alpha": 1, **where})
     for asked in scene.path.regions:
-        box = trimesh.creation.box([min(edge, ENDLESS) for edge in asked.size])
+        width, depth, height = (min(edge, ENDLESS) for edge in asked.size)
+        box = drawn_box((width, depth, height))
         pose = (*asked.pose.position, *asked.pose.quaternion_xyzw)
-        found.append({"mesh": packed.add(*shaded(box), REGION), "alpha": 0.3, "pose": pose})
+        found.append({"mesh": packed.add(*creased(box.vertices, box.triangles), REGION), "alpha": 0.3, "pose": pose})
     return found
 
 

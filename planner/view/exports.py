@@ -16,9 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.page.archive import archive
-from hdplan.planner.page.film import FILMS, film
-from hdplan.planner.page.recorded_page import page_of
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.saving import Saving
 from hdplan.scenes.errors import HdplanError
@@ -83,6 +80,8 @@ class Exports:
             save = None
             if result is not None:
                 save = lambda path, known: replace(result, scene=scene.name, certificate=known).save(path)  # noqa: E731
+            from hdplan.planner.page.archive import archive
+
             made = archive(scene, trajectory, save)
             return File(f"{scene.name}.zip", made.data, made.text)
 
@@ -96,6 +95,8 @@ class Exports:
 
         def make() -> File:
             known = motions()
+            from hdplan.planner.page.recorded_page import page_of
+
             page = page_of(certifier.setup, known, proof=proof)
             return File(f"{certifier.setup.asked.name}.html", page.html.encode(), known[0].certificate.text)
 
@@ -103,6 +104,8 @@ class Exports:
 
     def film(self, client: Any = None) -> Making:
         """The same as a film."""
+        from hdplan.planner.page.film import FILMS, film
+
         certifier, motions = self._motions()
         ending = next((end for end, (module, _) in FILMS.items() if importlib.util.find_spec(module)), ".mp4")
 

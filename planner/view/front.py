@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdplan.planner.html_page import PAGES
-from hdplan.planner.page.film import check_film
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable
 from hdplan.scenes.robot_spec import RobotSpec
@@ -34,6 +33,8 @@ def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Pa
     if page is not None:
         check_writable(page, PAGES)
     if video is not None:
+        from hdplan.planner.page.film import check_film
+
         check_film(video)
     if not trajectories:
         raise InputError(f"{page or video}: no trajectory was given, so there is no motion to record")

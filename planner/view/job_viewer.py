@@ -73,12 +73,13 @@ class JobViewer(Served):
         self.planning = JobPlanning(self._planning_said, self._planned)
         self.worker.ask("begin", self._begin)
         self.worker.settle()
+        self.worker.ask("icons", self.player.add_icon)
 
     def _build(self, scene: Scene) -> None:
         """Build the panel."""
         gui = self.server.gui
         self.page = Page(self.server, self.gate, scene.name, scene.robot.base.position)
-        self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
+        self.button = gui.add_button("Plan")
         self.button.on_click(lambda _: self.toggle())
         self.player = Player(self.server, self.worker, self.draw)
         self._next, self._badge = gui.add_html(""), gui.add_html("")

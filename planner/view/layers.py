@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.view.body_boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
@@ -17,6 +16,7 @@ from hdplan.planner.view.planes import PlaneLayer
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
+    from hdplan.planner.proof.reading import ReadProof
     from hdplan.planner.view.viewer import Viewer
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import viser
 
 from hdplan.planner.view.drawing.colors import INK
-from hdplan.planner.view.drawing.nodes import SEGMENT_WIDTH, RobotNodes
+from hdplan.planner.view.drawing.nodes import LABELS, SEGMENT_WIDTH, RobotNodes
 from hdplan.planner.view.drawing.rays import Surface, first_hit
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
@@ -41,7 +41,7 @@ class Measuring:
         ]
         none = np.zeros((1, 2, 3), dtype=np.float32)
         self._line = scene.add_line_segments("/measure/line", none, INK, thickness=SEGMENT_WIDTH, visible=False)
-        self._label = scene.add_label("/measure/label", "", visible=False, font_screen_scale=0.9)
+        self._label = scene.add_label("/measure/label", "", visible=False, **LABELS)
         self.points: list[Array] = []
         self.switch.on_update(lambda event: viewer.worker.ask("measure points", self.begin) if event.client else None)
         scene.on_click()(self._clicked)

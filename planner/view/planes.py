@@ -19,11 +19,9 @@ import pinocchio as pin
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
-from hdplan.planner.proof.proof import prove
-from hdplan.planner.proof.reading import Plane, ReadProof
 from hdplan.planner.view.drawing.colors import PLANE
-from hdplan.planner.view.drawing.motion import millimetres
-from hdplan.planner.view.drawing.nodes import wxyz_of
+from hdplan.planner.view.drawing.motion import proven_millimetres
+from hdplan.planner.view.drawing.nodes import LABELS, wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit
@@ -32,6 +30,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:
+    from hdplan.planner.proof.reading import Plane, ReadProof
     from hdplan.planner.view.viewer import Viewer
 
 EDGE = 0.3  # [m] of the square that is drawn
@@ -55,7 +54,7 @@ class PlaneLayer:
             receive_shadow=False,
             visible=False,
         )
-        self.label = scene.add_label("/plane_label", "", visible=False, font_screen_scale=0.9)
+        self.label = scene.add_label("/plane_label", "", visible=False, **LABELS | {"anchor": "top-center"})
         self._said = viewer.server.gui.add_html("")
         self._of: tuple[Trajectory, Scene] | None = None  # what the proof at hand is about
         self._proof: ReadProof | str = ""  # or why there is none
@@ -118,7 +117,7 @@ class PlaneLayer:
         plane = self._proof.closest(nearest.link, nearest.other, nearest.to_obstacle, row)
         if plane is None:
             return None, f"{nearest.link} and {nearest.other} are not compared"
-        return plane, f"proven ≥ {millimetres(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"
+        return plane, f"proven ≥ {proven_millimetres(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"
 
     def _is_about(self, about: tuple[Trajectory, Scene]) -> bool:
         return self._of is not None and all(one is two for one, two in zip(self._of, about, strict=True))
@@ -149,6 +148,9 @@ class PlaneLayer:
 
 def _proof(trajectory: Trajectory, scene: str) -> ReadProof | str:
     """Return the proof of a motion in a scene, or say why there is none."""
+    from hdplan.planner.proof.proof import prove  # not before it is needed: the first picture comes sooner
+    from hdplan.planner.proof.reading import ReadProof
+
     with tempfile.TemporaryDirectory() as folder, time_limit(LIMIT):
         files = Path(folder) / "scene.yaml", Path(folder) / "motion.json"
         try:

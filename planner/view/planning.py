@@ -43,7 +43,7 @@ class Planning:
     def __init__(self, viewer: Viewer) -> None:
         """Build the button in the container at hand; `build` builds the rest."""
         self._viewer = viewer
-        self.button = viewer.server.gui.add_button("Plan", icon=viser.Icon.ROUTE)
+        self.button = viewer.server.gui.add_button("Plan")
         self.button.on_click(lambda _: self.toggle())
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
@@ -53,6 +53,11 @@ class Planning:
         self._shown_for = 0.0  # [s]
         self._path: PathNode | None = None
         self.stopped: PlanResult | None = None  # the last one that was stopped
+
+    def add_icon(self) -> None:
+        """Give the button its icon, as `Player.add_icon` does."""
+        if self.button.icon is None:
+            self.button.icon = viser.Icon.ROUTE
 
     def build(self) -> None:
         """Build what is said and the slider over the iterations in the container at hand."""

@@ -30,12 +30,17 @@ class Player:
         self._worker, self._show = worker, show
         self._playing, self._ended = threading.Event(), False
         self.timeline = Timeline()
-        self.button = server.gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+        self.button = server.gui.add_button("Play")
         self.slider = server.gui.add_slider("path", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
         self.slider.on_update(lambda _: self.draw())
         self.button.on_click(lambda _: self.toggle())
         self._thread = threading.Thread(target=self._run, name="hdplan-play", daemon=True)
         self._thread.start()
+
+    def add_icon(self) -> None:
+        """Give the button its icon, where it is not yet pressed: viser looks for it in an archive of thousands."""
+        if self.button.icon is None:
+            self.button.icon = viser.Icon.PLAYER_PLAY
 
     def build_speed(self, server: viser.ViserServer) -> None:
         """Build the choice of the speed in the container at hand."""

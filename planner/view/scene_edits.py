@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.geometry.opened import with_content
 from hdplan.planner.view.drawing.motion import Tip
@@ -22,6 +21,7 @@ from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, moved, obstacle_of
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Shape, Sphere
@@ -79,7 +79,7 @@ def _beside(obstacles: Sequence[Obstacle]) -> Array:
     """The way (3,) [m] to a place beside obstacles: along the y axis of a single one, or else the world's."""
     meshes = [obstacle_mesh(with_content(each, "obstacles")) for each in obstacles]
     if len(obstacles) == 1:
-        along: Array = DUPLICATE_SHIFT * float(meshes[0].extents[1]) * obstacles[0].pose.matrix[:3, 1]
+        along: Array = DUPLICATE_SHIFT * float(np.ptp(meshes[0].vertices[:, 1])) * obstacles[0].pose.matrix[:3, 1]
         return along
     sides = [
         (mesh.vertices @ each.pose.matrix[:3, :3].T + each.pose.matrix[:3, 3])[:, 1]
@@ -132,7 +132,7 @@ def oriented(edited: Edited, name: str, quaternion: Sequence[float]) -> Edited:
 
 def pose_turned(pose: Pose, degrees: tuple[float, float, float]) -> Pose:
     """Return a pose turned by roll, pitch and yaw [°], about the world's axes in this order."""
-    x, y, z, w = Rotation.from_euler("xyz", degrees, degrees=True).as_quat().tolist()
+    x, y, z, w = scipy.spatial.transform.Rotation.from_euler("xyz", degrees, degrees=True).as_quat().tolist()
     return replace(pose, quaternion_xyzw=(x, y, z, w))
 
 
@@ -156,7 +156,9 @@ def turn_of(pose: Pose) -> tuple[float, float, float]:
     """Return roll, pitch and yaw [°] of a pose."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # at a pitch of 90° one of two may be chosen, and is
-        roll, pitch, yaw = Rotation.from_quat(pose.quaternion_xyzw).as_euler("xyz", degrees=True).tolist()
+        roll, pitch, yaw = (
+            scipy.spatial.transform.Rotation.from_quat(pose.quaternion_xyzw).as_euler("xyz", degrees=True).tolist()
+        )
     return roll, pitch, yaw
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import viser
 
@@ -16,12 +16,14 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.gate import UNGUARDED, Gate
-from hdplan.planner.view.job_viewer import JobViewer
 from hdplan.planner.view.page_script import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.job_viewer import JobViewer
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 100  # ports after the wanted one
@@ -58,6 +60,8 @@ def open_job_viewer(
     complain: Callable[[str], object] = lambda text: None,
 ) -> JobViewer:
     """Begin to serve a scene with a job, and a motion of it, as `open_viewer` does a scene with motions."""
+    from hdplan.planner.view.job_viewer import JobViewer  # with the planner of jobs
+
     return _served(scene, host, port, share, lambda server, gate: JobViewer(server, gate, scene, trajectory, complain))
 
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple, assert_never
 
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.view.drawing.motion import Tip
@@ -19,6 +18,7 @@ from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.ends import jogged, with_target
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
@@ -153,11 +153,13 @@ def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:
 def _rerouted(obstacle: Obstacle, motion: TimedPoses, pose: Pose) -> Obstacle:
     """Return an obstacle whose timed poses begin at `pose` and keep their places relative to the first."""
     shift = pose.matrix[:3, 3] - obstacle.pose.matrix[:3, 3]
-    turn = Rotation.from_quat(obstacle.pose.quaternion_xyzw).inv() * Rotation.from_quat(pose.quaternion_xyzw)
+    turn = scipy.spatial.transform.Rotation.from_quat(
+        obstacle.pose.quaternion_xyzw
+    ).inv() * scipy.spatial.transform.Rotation.from_quat(pose.quaternion_xyzw)
     poses = [
         Pose(
             tuple((each.matrix[:3, 3] + shift).tolist()),
-            tuple((Rotation.from_quat(each.quaternion_xyzw) * turn).as_quat().tolist()),
+            tuple((scipy.spatial.transform.Rotation.from_quat(each.quaternion_xyzw) * turn).as_quat().tolist()),
         )
         for each in motion.poses[1:]
     ]

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import viser
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.page.recorded_page import page_of
-from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.document import Document
@@ -39,6 +38,9 @@ from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.proof.reading import ReadProof
 
 FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
 
@@ -77,6 +79,7 @@ class Viewer(Served):
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
+        self.worker.ask("icons", self._add_icons)
         self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
@@ -139,6 +142,8 @@ class Viewer(Served):
 
     def record(self, page: Path) -> None:
         """Write the motions as one page that needs no server. Raises InputError if it cannot be written."""
+        from hdplan.planner.page.recorded_page import page_of
+
         page_of(self.edited.setup, [shown.motion for shown in self.motions.shown]).save(page)
 
     def close(self) -> None:
@@ -216,6 +221,11 @@ class Viewer(Served):
         active = self.motions.active
         self.stage.clash.show(None if active is None else active.motion, self.certifier)
         self.panel.say()
+
+    def _add_icons(self) -> None:
+        """Give buttons their icons, last: they take a while to be found."""
+        self.panel.planning.add_icon()
+        self.panel.player.add_icon()
 
     def _begin(self, motions: Sequence[ShownMotion]) -> None:
         for motion in motions:

@@ -8,7 +8,7 @@ import viser
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres, shortened
-from hdplan.planner.view.drawing.nodes import LABEL_HEIGHT
+from hdplan.planner.view.drawing.nodes import LABEL_HEIGHT, LABELS
 from hdplan.scenes.array_types import Array
 
 
@@ -17,7 +17,7 @@ class ClashNode:
 
     def __init__(self, server: viser.ViserServer) -> None:
         """Send it."""
-        self.label = server.scene.add_label("/clash", "", visible=False, font_screen_scale=0.9)
+        self.label = server.scene.add_label("/clash", "", visible=False, **LABELS)
 
     def show(self, motion: ShownMotion | None, certifier: Certifier) -> None:
         """Name the worst contact of a motion, or the place where it comes too close; hide the label for any other."""

@@ -10,7 +10,6 @@ import functools
 
 import numpy as np
 import pinocchio as pin
-import trimesh
 import viser
 from numpy.typing import NDArray
 
@@ -22,7 +21,7 @@ from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.skins import collision_skins
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
-from hdplan.scenes.lazy_imports import scipy
+from hdplan.scenes.lazy_imports import scipy, trimesh
 from hdplan.scenes.obstacles import Obstacle
 
 MOST_POINTS = 200_000  # that are drawn of a cloud, evenly chosen: 3 MB for a browser

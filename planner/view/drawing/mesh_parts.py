@@ -8,39 +8,46 @@ from __future__ import annotations
 
 import base64
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
+from numpy.typing import NDArray
 
 from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.geometry.mesh_files import files_beside, mesh_stamps, read_mesh_file, read_scene
 from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
+from hdplan.planner.view.drawing.creases import creased
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import Stamps, read_file
+from hdplan.scenes.lazy_imports import trimesh
 from hdplan.scenes.once import freeze
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
-VERSION = "1"  # to be changed with anything that changes what is read, so that old cache entries are not used
+VERSION = "2"  # to be changed with anything that changes what is read, so that old cache entries are not used
 SAME_REACH = 1e-5  # part of its size by which a mesh may reach farther, or less far, as another reader has it
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a mesh file that has one colour."""
+    """A part of a mesh file that has one colour, as browsers light it (`creases`)."""
 
-    vertices: Array  # (m, 3)
-    triangles: Rows  # (F, 3)
+    vertices: NDArray[np.float32]  # (m, 3)
+    triangles: NDArray[np.uint32]  # (F, 3)
     color: Color | None  # None: the file says none
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
+
+    @classmethod
+    def of(cls, vertices: Array, triangles: Rows, color: Color | None = None) -> Part:
+        """Take triangles as they come."""
+        return cls(*creased(vertices, triangles), color)
 
 
 @functools.lru_cache(maxsize=256)
@@ -80,20 +87,21 @@ def _read(path: Path, data: bytes) -> tuple[tuple[Part, ...], Sequence[str]]:
         raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST_COORDINATE:g}")
     named = [str(beside.relative_to(path.parent)) for beside in files_beside(path)]
     try:
-        meshes: Iterable[Any] = read_scene(data, path, named.append).dump()
-        parts = tuple(
-            Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
-            for mesh in meshes
+        meshes = [
+            mesh
+            for mesh in read_scene(data, path, named.append).dump()
             if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
-        )
+        ]
     except Exception:  # each fails in its own way; what it would add is colours
-        parts = ()
-    return parts if _same(parts, vertices[triangles]) else (Part(vertices, triangles, None),), named
+        meshes = []
+    if _same(meshes, vertices[triangles]):
+        return tuple(Part.of(mesh.vertices, mesh.faces, _color_of(mesh.visual)) for mesh in meshes), named
+    return (Part.of(vertices, triangles),), named
 
 
-def _same(parts: Sequence[Part], corners: Array) -> bool:
-    """True if parts hold as many triangles as `corners` (F, 3, 3), and reach as far."""
-    found = np.concatenate([np.empty((0, 3, 3)), *(part.vertices[part.triangles] for part in parts)])
+def _same(meshes: Sequence[Any], corners: Array) -> bool:
+    """True if trimesh's meshes hold as many triangles as `corners` (F, 3, 3), and reach as far."""
+    found = np.concatenate([np.empty((0, 3, 3)), *(mesh.vertices[mesh.faces] for mesh in meshes)])
     if len(found) != len(corners):
         return False
     one, other = (np.concatenate([each.min(axis=(0, 1)), each.max(axis=(0, 1))]) for each in (found, corners))
@@ -110,11 +118,11 @@ def _color_of(visual: Any) -> Color | None:
 
 
 def _packed(part: Part) -> tuple[str, str, Color | None]:
-    vertices, triangles = part.vertices.astype("<f8"), part.triangles.astype("<i4")
+    vertices, triangles = part.vertices.astype("<f4"), part.triangles.astype("<u4")
     return base64.b64encode(vertices.tobytes()).decode(), base64.b64encode(triangles.tobytes()).decode(), part.color
 
 
 def _unpacked(vertices: str, triangles: str, color: Sequence[int] | None) -> Part:
-    points = np.frombuffer(base64.b64decode(vertices), "<f8").reshape(-1, 3)
-    corners = np.frombuffer(base64.b64decode(triangles), "<i4").reshape(-1, 3).astype(np.int64)
+    points = np.frombuffer(base64.b64decode(vertices), "<f4").reshape(-1, 3).astype(np.float32)
+    corners = np.frombuffer(base64.b64decode(triangles), "<u4").reshape(-1, 3).astype(np.uint32)
     return Part(points, corners, None if color is None else (color[0], color[1], color[2]))

@@ -26,9 +26,10 @@ from hdplan.planner.view.drawing.colors import (
     clearance_colors,
     intensities,
 )
+from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
-from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, shaded
+from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -41,6 +42,7 @@ TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many ti
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
+LABELS: Any = {"font_screen_scale": 0.9, "anchor": "bottom-center"}  # above what they name, to both sides of it
 
 
 class RobotNodes:
@@ -130,7 +132,8 @@ class ObstacleNode:
     def __init__(self, server: viser.ViserServer, index: int, obstacle: Obstacle) -> None:
         """Send its mesh; nodes are numbered, as a name may hold any character."""
         self.frame = server.scene.add_frame(f"/obstacles/{index}", show_axes=False)
-        vertices, triangles = shaded(obstacle_mesh(obstacle))
+        mesh = obstacle_mesh(obstacle)
+        vertices, triangles = creased(mesh.vertices, mesh.triangles)
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
@@ -260,7 +263,7 @@ class ClosestNodes:
             )
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
-        self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+        self.label = server.scene.add_label("/closest/label", "", visible=False, **LABELS)
         self.labelled = True
         self._tight = False
 

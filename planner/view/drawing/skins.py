@@ -20,24 +20,23 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
-import scipy.sparse
-import scipy.sparse.csgraph
-import trimesh
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.geometry.coal_shapes import corners_of
+from hdplan.planner.geometry.coal_shapes import corners_of, sides_of
 from hdplan.planner.geometry.mesh_files import mesh_stamps
-from hdplan.planner.geometry.meshes import LARGEST_COORDINATE
+from hdplan.planner.geometry.meshes import LARGEST_COORDINATE, TriangleMesh
 from hdplan.planner.geometry.seen import seen_mesh, seen_parts
 from hdplan.planner.geometry.shape_table import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.visuals import read_visuals
+from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.mesh_parts import Color, Part, mesh_parts, rgb
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.lazy_imports import trimesh
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import freeze
 from hdplan.scenes.poses import Vector3
@@ -50,10 +49,11 @@ PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
-FLAT = 1e-3  # [rad] up to which neighbouring faces are one flat face
-LARGE = 0.1  # of a mesh's area, of a flat face that is not smoothed into its neighbours
-SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
-COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
+IN_PLACE = pin.SE3.Identity()
+COARSE = 2  # subdivisions of the balls that stand for a sweeping sphere
+
+
+Triangles = tuple[Array, NDArray[np.uint32]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
 def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[Skin, ...], tuple[tuple[str, str], ...]]:
     """Make them once, as long as the files, by `stamps`, stay as they are; and what is wrong with others, with their
     links."""
-    parts: dict[tuple[str, Color], list[trimesh.Trimesh]] = {}
+    parts: dict[tuple[str, Color], list[Triangles]] = {}
     failed: list[tuple[str, str]] = []
     packages = Packages(source.urdf, source.package_dirs)
     for visual in read_visuals(source):
@@ -117,13 +117,15 @@ def _visual_skins(robot: Robot, source: Source, stamps: Stamps) -> tuple[tuple[S
             continue
         for part in found:
             color = rgb(visual.color) if visual.color else part.color or PALE
-            mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
-            parts.setdefault((visual.link, color), []).append(mesh.apply_transform(visual.placement.homogeneous))
+            parts.setdefault((visual.link, color), []).append(
+                (_placed(part.vertices, visual.placement), part.triangles)
+            )
     skins = []
     for (link, color), meshes in parts.items():
         frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
-        whole = trimesh.util.concatenate(meshes).apply_transform(frame.placement.homogeneous)
-        skins.append(_skin(link, int(frame.parentJoint), whole, color))
+        vertices, triangles = _joined(meshes)
+        placed = _placed(vertices, frame.placement).astype(np.float32)
+        skins.append(Skin(link, int(frame.parentJoint), placed, triangles, color))
     return tuple(skins), tuple(failed)
 
 
@@ -143,7 +145,7 @@ def shown_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], str]:
 def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
     """Return the links' collision geometry, as the certificate sees it."""
     return tuple(
-        _skin(link, int(item.parentJoint), _solid(item.geometry).apply_transform(item.placement.homogeneous), color)
+        _skin(link, int(item.parentJoint), _solid(item.geometry), color, item.placement)
         for link, own in robot.link_geometry.items()
         for item in (robot.collision.geometryObjects[index] for index in own)
     )
@@ -152,16 +154,14 @@ def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
 @functools.lru_cache(maxsize=8)
 def outer_skins(robot: Robot, geometry: str) -> tuple[Skin, ...]:
     """Return the links' outer bodies, as the planner sees them with the setting `link_bodies` at `geometry`."""
-    return tuple(
-        _skin(body.link, body.joint, _swept(body.body, COARSE), PLAIN) for body in link_bodies(robot, geometry)
-    )
+    return tuple(_skin(body.link, body.joint, _swept(body.body), PLAIN) for body in link_bodies(robot, geometry))
 
 
-def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
+def obstacle_mesh(obstacle: Obstacle) -> TriangleMesh:
     """Return the true shape of an obstacle whose file was read, in its own frame; a cloud's as boxes around its
     points."""
     if isinstance(obstacle.shape, Seen):
-        return trimesh.Trimesh(*seen_mesh(obstacle.shape), process=False)
+        return TriangleMesh(*seen_mesh(obstacle.shape))
     return operations(obstacle.shape).triangles(obstacle.shape)
 
 
@@ -170,38 +170,28 @@ def obstacle_parts(obstacle: Obstacle) -> Array:
     own frame."""
     if isinstance(obstacle.shape, Seen):
         return seen_parts(obstacle.shape)
-    return np.asarray(obstacle_mesh(obstacle).bounds)[None]
+    vertices = obstacle_mesh(obstacle).vertices
+    return np.stack([vertices.min(axis=0), vertices.max(axis=0)])[None]
 
 
-def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Return vertices and triangles with the vertices doubled along sharp edges: browsers smooth the light across
-    vertices that faces share."""
-    merged = mesh.copy()
-    merged.merge_vertices(merge_tex=True, merge_norm=True)
-    faces, pairs, angles = merged.faces, merged.face_adjacency, merged.face_adjacency_angles
-    flat = _connected(len(faces), pairs[angles < FLAT])
-    large = np.bincount(flat, merged.area_faces)[flat] > LARGE * merged.area  # flat faces whose light stays even
-    group = np.where(large, flat, -1)
-    smooth = (angles < SHARP) & (group[pairs[:, 0]] == group[pairs[:, 1]])
-    corners = _connected(len(faces), pairs[smooth])[:, None].astype(np.int64) * len(merged.vertices) + faces
-    found, own = np.unique(corners, return_inverse=True)
-    vertices = merged.vertices[found % len(merged.vertices)]
-    return vertices.astype(np.float32), own.reshape(faces.shape).astype(np.uint32)
+def _joined(meshes: Sequence[Triangles]) -> Triangles:
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+    triangles = [corners + np.uint32(begin) for (_, corners), begin in zip(meshes, first.tolist(), strict=True)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(triangles)
 
 
-def _connected(count: int, pairs: Rows) -> Rows:
-    """Return the numbers of the connected components to which `count` faces belong, joined by pairs of them (k, 2)."""
-    joined = scipy.sparse.coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return np.asarray(scipy.sparse.csgraph.connected_components(joined, directed=False)[1])
+def _placed(vertices: NDArray[Any], place: pin.SE3) -> Array:
+    moved: Array = vertices @ place.rotation.T + place.translation
+    return moved
 
 
-def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
-    return Skin(link, joint, *shaded(mesh), color)
+def _skin(link: str, joint: int, mesh: TriangleMesh, color: Color, place: pin.SE3 = IN_PLACE) -> Skin:
+    return Skin(link, joint, *creased(_placed(mesh.vertices, place), mesh.triangles), color)
 
 
 def _primitive(shape: Any) -> Sequence[Part]:
     solid = _solid(shape)
-    return (Part(solid.vertices, solid.faces, None),)
+    return (Part.of(solid.vertices, solid.triangles),)
 
 
 def _parts(link: str, file: Path, scale: Vector3) -> Sequence[Part]:
@@ -210,24 +200,25 @@ def _parts(link: str, file: Path, scale: Vector3) -> Sequence[Part]:
             raise InputError(f"scale must be three numbers other than 0, found {scale}")
         parts = mesh_parts(file, mesh_stamps([file]))
     turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
-    return [Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
+    return [
+        Part(part.vertices * np.array(scale, dtype=np.float32), part.triangles[:, turned], part.color) for part in parts
+    ]
 
 
-def _solid(shape: Any) -> trimesh.Trimesh:
+def _solid(shape: Any) -> TriangleMesh:
     """Return one of coal's shapes as triangles."""
     known = shape_of(shape)
     if known is not None:
         return operations(known).triangles(known)
     match shape:
         case coal.BVHModelBase():
-            return trimesh.Trimesh(np.asarray(shape.vertices()), corners_of(shape))
-        case coal.ConvexBase():
-            return trimesh.PointCloud(np.asarray(shape.points())).convex_hull
+            return TriangleMesh(shape.vertices(), corners_of(shape))
+        case coal.Convex():
+            return sides_of(shape)
     raise InputError(f"robot: a geometry is a {type(shape).__name__}, which the viewer does not know")
 
 
-def _swept(body: ConvexBody, subdivisions: int) -> trimesh.Trimesh:
+def _swept(body: ConvexBody) -> TriangleMesh:
     """Return a polytope swept by a sphere: the hull of small balls at its vertices."""
-    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=body.radius)
-    points = (np.asarray(body.vertices)[:, None] + ball.vertices).reshape(-1, 3)
-    return trimesh.PointCloud(points).convex_hull
+    ball = trimesh.creation.icosphere(subdivisions=COARSE, radius=body.radius)
+    return TriangleMesh.hull((np.asarray(body.vertices)[:, None] + ball.vertices).reshape(-1, 3))

@@ -92,7 +92,7 @@ def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch
     """A cage whose bars are joined to one mesh; its hull holds the robot. What was not split is not split again."""
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
     scene = load_scene("panda_cage")
-    bars = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in opened(scene).obstacles]
+    bars = [drawn(each).apply_transform(each.pose.matrix) for each in opened(scene).obstacles]
     whole = trimesh.util.concatenate(bars)
     first = np.cumsum([0, *(len(bar.vertices) for bar in bars[:-1])])
     joints = [[a, a + 1, b] for a, b in itertools.pairwise(first.tolist())]
@@ -111,11 +111,16 @@ def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch
     assert more_closely(closer) is closer
 
 
+def drawn(obstacle: Obstacle) -> trimesh.Trimesh:
+    mesh = obstacle_mesh(obstacle)
+    return trimesh.Trimesh(mesh.vertices, mesh.triangles)
+
+
 def scan_of(scene: Scene, seed: int) -> Scene:
     """Return a scene whose obstacles are only known as points."""
     seen = []
     for i, obstacle in enumerate(opened(scene).obstacles):
-        mesh = obstacle_mesh(obstacle)
+        mesh = drawn(obstacle)
         points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=seed + i)
         pose = obstacle.pose.matrix
         seen.append(points @ pose[:3, :3].T + pose[:3, 3])

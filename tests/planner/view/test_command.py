@@ -148,3 +148,27 @@ def test_a_proof_of_another_motion_is_refused(
         errors = capsys.readouterr().err.replace(LOADING, "").strip()
         assert said in errors
         assert "\n" not in errors
+
+
+HEAVY = (
+    "scipy",
+    "trimesh",
+    "matplotlib",
+    "jax",
+    "hdplan.planner.proof",
+    "hdplan.verify",
+    "hdplan.planner.job.planning",
+)
+FIRST = """import sys
+from hdplan.planner.commands import view
+from hdplan.planner.view.server import open_viewer
+from hdplan.scenes.yaml_format.reader import load_scene
+open_viewer(load_scene("planar_arm"), port=8480).close()
+print(*sys.modules)
+"""
+
+
+def test_the_first_picture_waits_for_nothing_that_it_does_not_need() -> None:
+    loaded = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, check=True).stdout.split()
+    assert "viser" in loaded
+    assert not [name for name in loaded if name.startswith(HEAVY)]

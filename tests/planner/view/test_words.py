@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres, proven_millimetres
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.words import OUTDATED, SHORT, badge, figures, whats_next
 from hdplan.scenes.poses import Pose
@@ -75,13 +76,21 @@ def test_every_verdict_has_a_short_name() -> None:
     assert max(map(len, SHORT.values())) < 25  # of one line
 
 
+def test_no_more_is_claimed_than_was_proven() -> None:
+    rng = np.random.default_rng(5)
+    for distance in [*(10 ** rng.uniform(-5.0, 0.0, 200)).tolist(), 0.0175, 0.02099999]:
+        for digits in (0, 1):
+            said = float(proven_millimetres(distance, digits).removesuffix(" mm"))
+            assert said <= 1e3 * distance < said + 10.0**-digits
+
+
 def test_the_badge_says_the_verdict_in_a_few_words(edited: Edited, trajectory: Trajectory, scene: Scene) -> None:
     """Nothing without a motion, and no tick where nothing is known."""
     line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
     certified, colliding = (ShownMotion.of("", each, edited.certifier) for each in (trajectory, line))
     assert badge(edited, None, False) == ""
     assert certified.certificate.clearance is not None
-    assert f"✓ certified {1e3 * certified.certificate.clearance:.0f} mm" in badge(edited, certified, True)
+    assert f"✓ certified {int(1e3 * certified.certificate.clearance)} mm" in badge(edited, certified, True)
     assert "✓" not in badge(edited, certified, False)
     assert "not checked" in badge(edited, certified, False)
     worst = min(colliding.certificate.failures, key=lambda place: place.distance)
