@@ -21,8 +21,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.free_space import free_space
 from hdplan.planner.search.goals import settled
-from hdplan.planner.search.trees import free_space
 from hdplan.scenes.array_types import Array
 
 RANGE = 0.5  # of a step of those planners that take steps [rad or m], as in hdplan's trees

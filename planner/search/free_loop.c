@@ -21,10 +21,11 @@ line line_in(const space* of, double* numbers, long long* indices) {
   found.joints = found.moved + of->arm->n;
   found.placements = found.joints + of->arm->n;
   found.columns = found.placements + 12 * of->arm->joints;
-  for (long long k = 0; k < of->pairs; ++k) {
-    indices[k] = k;
-    for (int i = 0; i < 3; ++i) found.normals[3 * k + i] = i == 2;
-  }
+  for (long long term = 0, row = 0; term < of->terms; ++term)
+    for (long long k = 0; k < of->kept[term]->pairs->pairs; ++k, ++row) {
+      if (of->kept[term]->floors[k] > -INFINITY) indices[found.count++] = row;
+      for (int i = 0; i < 3; ++i) found.normals[3 * row + i] = i == 2;
+    }
   return found;
 }
 
@@ -196,7 +197,7 @@ double free_until(line* along, const double* from, const double* to, int whole) 
     along->hit = 0;
     return 0.0;
   }
-  const double reached = end_of(along, 0.0, 1.0, of->pairs);
+  const double reached = end_of(along, 0.0, 1.0, along->count);
   return along->hit < 0 ? reached : least_of(reached, 1.0 - 1e-9);
 }
 

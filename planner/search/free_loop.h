@@ -30,12 +30,12 @@ typedef struct {
 } space;
 
 /* Room for one line at a time: how far each joint moves along the whole line, and each pair at most [m]. `hit` is the pair
-   that ended it, counted through all terms. */
+   that ended it, counted through all terms; `count` pairs have a floor above −∞. */
 typedef struct {
   const space* of;
   const double *from, *to;
   double *moved, *rates, *normals, *joints, *placements, *columns, fastest;
-  long long *active, hit;
+  long long *active, count, hit;
   int whole;
 } line;
 

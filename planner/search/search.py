@@ -24,7 +24,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
-from hdplan.planner.search.trees import tree_ways
+from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,

@@ -31,7 +31,7 @@ from hdplan.planner.problem.gravity_torque import static_torque
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import inverse_kinematics
-from hdplan.planner.search.trees import tree_ways
+from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.yaml_format.reader import load_scene

@@ -15,10 +15,12 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.corners import shortened, through
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.escape import escapes, ways_back
-from hdplan.planner.search.trees import Trees, free_part, free_space, shortened, through, tree_ways
-from hdplan.scenes.array_types import Array
+from hdplan.planner.search.free_space import free_part, free_space, is_free
+from hdplan.planner.search.tree_ways import tree_ways
+from hdplan.planner.search.trees import Trees
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -34,12 +36,6 @@ def space_of(problem: Problem, required: float = 0.0) -> Record:
     found = free_space(problem, required)
     assert found is not None
     return found
-
-
-def is_free(space: Record, first: Array, last: Array) -> bool:
-    loops = library()
-    assert loops is not None
-    return bool(loops.is_free(space.struct, first, last))
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -1,0 +1,116 @@
+"""Free space by exact geometry: what a motion has to keep, as a C struct that says whether straight lines do.
+
+They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is said to be free is proven
+to be, by the gap in the middle of an interval and how far anything can move until its ends; but for links whose bodies
+overlap so often that their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION
+from hdplan.planner.collision.exact import ExactPairs
+from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.shapes import Shape
+
+SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
+KEPT = 0.5  # share of what the ends have to spare that is kept
+FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
+
+
+def free_space(problem: Problem, required: float) -> Record | None:
+    """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None
+    where more counts than which configurations are free, as with path constraints or moving obstacles, and without a C
+    compiler."""
+    terms, robot, linkage = problem.terms, problem.robot, problem.robot.linkage
+    if not library() or not problem.exact or terms.path or terms.moving_obstacles:
+        return None
+    less = problem.scene.planner.clearance - required
+    chain, travel = Chain.of(robot.model), robot.unfolded.inner.T
+    kept = []
+    for term, activation in (
+        (terms.obstacles, problem.scene.planner.activation),
+        (terms.self_collision, SELF_ACTIVATION),
+    ):
+        if term is not None:
+            assert isinstance(term.distance, ExactPairs)
+            pairs, distance = term.pairs, term.distance
+            asked = (pairs.margins - activation - less)[pairs.halfspace_body]
+            floors, reach = _floors(problem, distance, asked), _reach(chain, distance, travel)
+            around = ExactPairs(pairs, problem.bodies, distance.solids).record
+            kept.append(
+                Record("keeping", distance.record, around, pairs.tables, pairs.moves, reach, floors, pairs.radii)
+            )
+    m = problem.kinematics.n
+    leader, factor, offset = (
+        (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
+    )
+    joints = (problem.kinematics.tree, robot.n, leader, factor, offset, *robot.inner)
+    return Record("space", *joints, FINEST, tuple(kept))
+
+
+def with_these_alone(space: Record, joints: Mask) -> Record:
+    """The same space for lines that move these joints (n,) alone, as if what others move were not there."""
+    tree, n, leader, *rest, kept = space.fields
+    assert isinstance(leader, np.ndarray)
+    assert isinstance(kept, tuple)
+    moving = joints[leader]
+
+    def left(pairs: Record) -> Record:
+        *before, moves, reach, floors, radii = pairs.fields
+        assert isinstance(moves, np.ndarray)
+        assert isinstance(floors, np.ndarray)
+        counts = (moves[:, moving] != 0.0).any(axis=1) & (moves[:, ~moving] == 0.0).all(axis=1)
+        return Record(pairs.kind, *before, moves, reach, np.where(counts, floors, -np.inf), radii)
+
+    return Record(space.kind, tree, n, leader, *rest, tuple(map(left, kept)))
+
+
+def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
+    """The gap that each pair has to keep (P,) [m]: what is asked and SPARE, or less where an end has less to spare.
+    Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
+    count = len(distance.pairs)
+    sample, pair = (index.ravel() for index in np.indices((2, count)))
+    found, _, _ = distance(problem.placed(np.stack([problem.start, problem.goal])), sample, pair)
+    gap = (found + distance.pairs.margins[distance.pairs.halfspace_body][pair]).reshape(2, count).min(axis=0)
+    return np.where(gap > asked, asked + np.minimum(SPARE, KEPT * (gap - asked)), -np.inf)
+
+
+def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
+    """How far the bodies of each pair move, seen from each other, per unit of each joint (m, P)."""
+    pairs = distance.pairs
+    first = _reach_of(chain, [(part.joint, part.body) for part in distance.parts], travel)
+    second = _reach_of(chain, [(solid.joint, solid.shape) for solid in distance.solids], travel)
+    moved = np.where(pairs.moves > 0, first[pairs.body], np.where(pairs.moves < 0, second[pairs.halfspace_body], 0.0))
+    return np.ascontiguousarray(moved.T)
+
+
+def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | None]], travel: Array) -> Array:
+    """How far bodies on joints move per unit of each joint (B, m); 0 of those in the world."""
+    found = np.zeros((len(bodies), len(chain.axes)))
+    carried = [(row, j, body) for row, (j, body) in enumerate(bodies) if j > 0 and isinstance(body, ConvexBody)]
+    around = np.array([chain.around(joint, body.vertices, body.radius) for _, joint, body in carried])
+    if carried:
+        found[[row for row, _, _ in carried]] = chain.reach_around(np.array([j for _, j, _ in carried]), around, travel)
+    return found
+
+
+def is_free(space: Record, first: Array, last: Array) -> bool:
+    """True if a straight line between two configurations (n,) is proven to be free."""
+    loops = library()
+    assert loops is not None
+    return bool(loops.is_free(space.struct, first, last))
+
+
+def free_part(space: Record, way: Array) -> Array:
+    """The part of a way (C, n) from its first end until the first line that is not proven to be free."""
+    lines = itertools.takewhile(lambda line: is_free(space, *line), itertools.pairwise(way))
+    return np.array([way[0], *(last for _, last in lines)])
