@@ -119,6 +119,7 @@ class Search:
         self.attempts = self.iterations = 0
         self.touches = problem.scene.polish > 0 and self.objective.name == "smoothness" and slide is None
         self.touched = False  # whether the best motion got its last touches
+        self.reconsidered = False  # whether CHOMP gave a second opinion
         self.settled = False  # whether a warm start led to a motion like the last one: there is nothing to better
         self.passed = False  # whether a motion was found that costs more than a certified one to another goal
         self.certify_seconds = 0.0
@@ -139,13 +140,16 @@ class Search:
                 self.passed = True
                 return True
             try:
+                better: Sequence[Solution] | None = None
                 if turn == 0 and self.touches:
                     self._took(solution)
                     solution = replace(solution, steps=())
-                    if (better := touched(self, solution)) and self._certify(better)[0].certified:
-                        self.touched = True
-                        return self.certified
+                    better = touched(self, solution)
+                self.touched = any(self._certify(each)[0].certified for each in better or ())
+                if self.touched:
+                    return self.certified
                 certificate, intervals = self._certify(solution)
+                self.touched = better is not None and not better and certificate.certified
             except HdplanError:  # no time law, or too many rows
                 if value == math.inf:  # no motion is certified
                     raise
@@ -250,17 +254,28 @@ class Search:
         slow: float = SLOW_DECREASE,
         solver: Solver | None = None,
     ) -> Solution | None:
-        """Solve a problem to this goal from a motion (N, n), by another solver if one is given; None if the result does
-        not keep its distance. Its steps are counted. Raises KeyboardInterrupt as the user does."""
+        """As `tried`; None if the result does not keep its distance."""
+        solution = self.tried(problem, positions, weight, slow, solver)
+        return solution if solution.status is SolverStatus.CLEAR else None
+
+    def tried(
+        self,
+        problem: Problem,
+        positions: Array,
+        weight: float,
+        slow: float = SLOW_DECREASE,
+        solver: Solver | None = None,
+    ) -> Solution:
+        """Solve a problem to this goal from a motion (N, n), by another solver if one is given. Its steps are counted.
+        Raises KeyboardInterrupt as the user does."""
         last = self.last
         _, solution = self._solve(problem.resampled(positions), positions, weight, slow, solver)
         self._took(solution)
-        if solution.status is SolverStatus.CLEAR:
-            return replace(solution, steps=())
-        self.last = last
+        if solution.status is not SolverStatus.CLEAR:
+            self.last = last
         if solution.status is SolverStatus.INTERRUPTED and not self.stop():
             raise KeyboardInterrupt  # which the solver turned into a status: what was found before counts
-        return None
+        return replace(solution, steps=())
 
     def led(self, problem: Problem, positions: Array, weight: float) -> tuple[Array, SolverStatus]:
         """Solve a problem to this goal from a guess (N, n); return where it leads (N, n) and why the solver stopped.

@@ -4,18 +4,19 @@ A first motion keeps more distance than it needs, and its solver stops early. To
 sets in closer to obstacles, takes half as long as the certificate; so what comes of it is certified in its place, and
 the first motion only if that fails. A warm start has had this already, so it begins there. Where a path costs far more
 than the straight line, the solver may have jumped into a wide detour at its first steps: CHOMP's small steps from the
-straight line are a second opinion. Where the straight line led to none before, neither do they.
+straight line are a second opinion, once in a search, the more of them the more the path costs. What they lead to is
+solved on from, too; where they get stuck, it may be free nonetheless, as the bodies are larger than the links.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hdplan.planner.problem.assemble import closer
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.methods import chomp
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, Budget, Solution, Solver, SolverStatus
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, RAISE, Solution, Solver, SolverStatus
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -26,29 +27,37 @@ CLOSEST = 0.2  # of it, where time counts, as at the end of `polish`: with more,
 CONVERGED = 1e-3  # relative decrease of the cost by a step
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
 WIDE = 0.3  # of the least cost: what costs more than it by this share may be a detour
-GENTLE_STEPS = 70  # of the second opinion, at most
+RELAXED = RAISE * FIRST_WEIGHT  # of the penalty, first, for what is no detour: with more it keeps farther away [1/m²]
+GENTLE_STEPS, MOST_STEPS = 70, 400  # of the second opinion, for each time that a path costs the least; at most
 
 
-def touched(search: Search, solution: Solution) -> Solution | None:
-    """Return a better solution than the one that an attempt led to, all of whose samples keep their distance; None if
-    there is none."""
+def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
+    """Return what costs less than the solution that an attempt led to, the smoothest first: solutions all of whose
+    samples keep their distance, and what CHOMP's steps led to. None if there is more to gain, but not found."""
     problem, cost = search.problem, search.objective.least_along
     least, before = search.objective.least(problem), cost(solution.trajectory.positions)
     if solution.status is not SolverStatus.CLEAR or before <= (1.0 + NOTHING_LEFT) * least:
         return None
     near, wide = closer(problem, CLOSER * problem.scene.planner.activation, quick=False), (1.0 + WIDE) * least
 
-    def nearer(clear: Solution) -> Solution | None:
-        weight = DETOUR_WEIGHT if cost(clear.trajectory.positions) <= wide else FIRST_WEIGHT
-        return search.clear(near, clear.trajectory.positions, weight, CONVERGED)
+    def nearer(begin: Solution) -> Solution | None:
+        path = begin.trajectory.positions
+        return search.clear(near, path, FIRST_WEIGHT if cost(path) > wide else RELAXED, CONVERGED)
 
     first = nearer(solution)
     found, best = [first], cost((first or solution).trajectory.positions)
-    reconsidered = min(before, best) > wide and search.attempts == 1
-    if reconsidered and (gently := search.clear(problem, problem.polyline(), FIRST_WEIGHT, solver=GENTLE)):
-        found += [gently, nearer(gently)]
-    better = min(filter(None, found), key=lambda each: cost(each.trajectory.positions), default=solution)
-    return better if cost(better.trajectory.positions) < before else None
+    if min(before, best) > wide and not search.reconsidered:
+        search.reconsidered = True
+        times = min(before, best) / least if least > 0.0 else 1.0
+        gently = search.tried(problem, problem.polyline(), FIRST_WEIGHT, solver=gentle(round(times * GENTLE_STEPS)))
+        if gently.status in (SolverStatus.CLEAR, SolverStatus.ITERATIONS):
+            found.append(nearer(gently))
+        if gently.status in (SolverStatus.CLEAR, SolverStatus.STALLED):
+            found.append(gently)
+    better = [each for each in found if each and cost(each.trajectory.positions) < before]
+    if not better and (first is None or before > wide):
+        return None
+    return sorted(better, key=lambda each: cost(each.trajectory.positions))
 
 
 def once_more(search: Search, path: Array) -> Solution | None:
@@ -59,8 +68,8 @@ def once_more(search: Search, path: Array) -> Solution | None:
     return search.clear(near, path, DETOUR_WEIGHT, CONVERGED)
 
 
-def _gently(problem: Problem, guess: Array, budget: Budget) -> Solution:
-    return chomp.solve(problem, guess, replace(budget, iterations=GENTLE_STEPS))
-
-
-GENTLE = Solver(_gently)
+def gentle(steps: int) -> Solver:
+    """CHOMP, for so many steps, but MOST_STEPS."""
+    return Solver(
+        lambda problem, guess, budget: chomp.solve(problem, guess, replace(budget, iterations=min(steps, MOST_STEPS)))
+    )
