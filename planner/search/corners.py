@@ -27,7 +27,7 @@ def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
 
 
 def past_corners(space: Record, way: Array) -> Array:
-    """From each corner that is kept to one far ahead, by half as many corners each time that the line is not free."""
+    """Way from each corner that is kept to one far ahead, by half as many corners each time that the line is not free."""
     kept, ahead = [0], len(way) - 1
     while kept[-1] < len(way) - 1:
         ahead = min(ahead, len(way) - 1 - kept[-1])
@@ -39,7 +39,7 @@ def past_corners(space: Record, way: Array) -> Array:
 
 
 def lengths(way: Array) -> Array:
-    """How far each corner of a way (C, n) is along it (C,)."""
+    """Length along a way (C, n) to each of its corners (C,)."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
 
 

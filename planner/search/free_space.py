@@ -85,7 +85,7 @@ def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
 
 
 def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
-    """How far the bodies of each pair move, seen from each other, per unit of each joint (m, P)."""
+    """Ways of the bodies of each pair, seen from each other, per unit of each joint (m, P)."""
     pairs = distance.pairs
     first = _reach_of(chain, [(part.joint, part.body) for part in distance.parts], travel)
     second = _reach_of(chain, [(solid.joint, solid.shape) for solid in distance.solids], travel)
@@ -94,7 +94,7 @@ def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:
 
 
 def _reach_of(chain: Chain, bodies: Sequence[tuple[int, Shape | ConvexBody | None]], travel: Array) -> Array:
-    """How far bodies on joints move per unit of each joint (B, m); 0 of those in the world."""
+    """Ways of bodies on joints per unit of each joint (B, m); 0 of those in the world."""
     found = np.zeros((len(bodies), len(chain.axes)))
     carried = [(row, j, body) for row, (j, body) in enumerate(bodies) if j > 0 and isinstance(body, ConvexBody)]
     around = np.array([chain.around(joint, body.vertices, body.radius) for _, joint, body in carried])

@@ -176,7 +176,7 @@ class _Reached:
 
     @property
     def goals(self) -> list[JointTarget]:
-        """Those as goals."""
+        """The configurations as goals."""
         return [JointTarget(self.target.field, tuple(q.tolist())) for _, q in self.free]
 
 
