@@ -27,7 +27,7 @@ def shortened(space: Record, way: Array, rng: np.random.Generator) -> Array:
 
 
 def past_corners(space: Record, way: Array) -> Array:
-    """Way from each corner that is kept to one far ahead, by half as many corners each time that the line is not free."""
+    """Return a way that goes from each corner to one far ahead, by half as many each time that the line is not free."""
     kept, ahead = [0], len(way) - 1
     while kept[-1] < len(way) - 1:
         ahead = min(ahead, len(way) - 1 - kept[-1])
