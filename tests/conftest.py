@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from hdplan.distance.compiled import c_library
+from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
 
 
@@ -35,6 +36,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
         c_library.FLAGS += ("-O1",)
+        stopwatch.LEAST_TIME = 0.01  # what studies time is not looked at
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
 

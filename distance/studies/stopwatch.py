@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from time import process_time
 
@@ -17,9 +18,10 @@ def seconds_per_query(run: Callable[[], object], queries: int, clock: Callable[[
     so that a loaded machine tells the same; where another device works, ``perf_counter``.
     """
     run()
-    rounds: list[float] = []
-    while len(rounds) < ROUNDS or sum(rounds) < LEAST_TIME:
+    fastest, total, rounds = math.inf, 0.0, 0
+    while rounds < ROUNDS or total < LEAST_TIME:
         begin = clock()
         run()
-        rounds.append(clock() - begin)
-    return min(rounds) / queries
+        taken = clock() - begin
+        fastest, total, rounds = min(fastest, taken), total + taken, rounds + 1
+    return fastest / queries

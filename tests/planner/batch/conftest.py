@@ -32,6 +32,14 @@ def dask(*arguments: str, **settings: str) -> Iterator[None]:
             process.terminate()
 
 
+def address_in(file: Path) -> str:
+    """The address in a scheduler's file; empty until it is written whole."""
+    try:
+        return str(json.loads(file.read_text())["address"])
+    except (OSError, ValueError):
+        return ""
+
+
 @pytest.fixture(scope="session")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Give the address of a scheduler with two workers, which can import `planted`."""
@@ -39,8 +47,8 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     settings = {f"DASK_{key.replace('.', '__').replace('-', '_').upper()}": str(x) for key, x in SETTINGS.items()}
     here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with dask("scheduler", *here, "--scheduler-file", str(file), **settings):
-        until(file.is_file, "the scheduler has an address")
-        address = str(json.loads(file.read_text())["address"])
+        until(lambda: address_in(file), "the scheduler has an address")
+        address = address_in(file)
         with dask("worker", address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard", **settings):
             yield address
 

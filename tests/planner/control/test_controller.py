@@ -631,7 +631,7 @@ def test_joint_limits_are_never_crossed(robot: Robot) -> None:
         assert (run.positions <= robot.upper + 1e-9).all()
 
 
-@pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("starts", [5, pytest.param(1000, marks=pytest.mark.slow)])
 def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
     """With settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,
     and where the barriers held at the start it keeps what the rule promises."""
@@ -688,9 +688,9 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
         assert certifier.certify(motion, check_ends=False).certified
         moved += bool(np.abs(np.diff(run.positions, axis=0)).max() > 1e-6)
         done += 1
-        if done == 12:
+        if done == 6:
             break
-    assert done == 12
+    assert done == 6
     assert moved  # it is not that nothing goes any more
 
 

@@ -45,7 +45,7 @@ def scene_of(*obstacles: Obstacle, robot: RobotSpec = PANDA) -> Scene:
 
 def clutter(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     """A cloud that is turned, boxes, and a ball that comes."""
-    cloud = Cloud(rng.uniform(-0.5, 0.5, size=(3000, 3)), 0.005)
+    cloud = Cloud(rng.uniform(-0.5, 0.5, size=(1000, 3)), 0.005)
     boxes = [Obstacle(f"box{k}", Box((0.1, 0.2, 0.05)), Pose(tuple(rng.uniform(-0.8, 0.8, 3)))) for k in range(4)]
     ball = Obstacle("ball", Sphere(0.05), Pose((0.9, 0.0, 0.5)), motion=SteadyMotion((-0.1, 0.0, 0.0)))
     return Obstacle("view", cloud, Pose((0.6, 0.1, 0.4), (0.1, 0.3, -0.3, 0.9)), 0.01), *boxes, ball
