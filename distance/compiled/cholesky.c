@@ -30,8 +30,8 @@ static int factorized(long long size, long long width, double* band, double* vec
   return 1;
 }
 
-int solved(long long size, long long width, double* band, double* vector) {
-  if (!factorized(size, width, band, vector)) return 0;
+/* Lᵀ x = y in place. */
+static void substituted_back(long long size, long long width, const double* band, double* vector) {
   for (long long c = size - 1; c >= 0; --c) {
     const long long below = least(size - c, width);
     const double* column = band + width * c;
@@ -39,5 +39,20 @@ int solved(long long size, long long width, double* band, double* vector) {
     for (long long d = 1; d < below; ++d) value -= column[d] * vector[c + d];
     vector[c] = value * column[0];
   }
+}
+
+int solved(long long size, long long width, double* band, double* vector) {
+  if (!factorized(size, width, band, vector)) return 0;
+  substituted_back(size, width, band, vector);
   return 1;
+}
+
+void solved_again(long long size, long long width, const double* band, double* vector) {
+  for (long long c = 0; c < size; ++c) {
+    const long long below = least(size - c, width);
+    const double* column = band + width * c;
+    vector[c] *= column[0];
+    for (long long d = 1; d < below; ++d) vector[c + d] -= column[d] * vector[c];
+  }
+  substituted_back(size, width, band, vector);
 }

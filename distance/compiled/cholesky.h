@@ -7,4 +7,7 @@
    d = width on; a dense matrix has width = size. Returns whether H is positive definite; if not, y is lost. */
 int solved(long long size, long long width, double* band, double* vector);
 
+/* Solve with another y, by the factors that `solved` left in the band. */
+void solved_again(long long size, long long width, const double* band, double* vector);
+
 #endif

@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from hdplan.planner.robot.link_frame import AXES, link_frame
+from hdplan.planner.robot.link_frame import AXES, link_frame, link_poses
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.targets import PoseTarget
 
 ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
@@ -40,28 +39,45 @@ class Miss(NamedTuple):
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
     """Return how far configuration q (n,) misses the target, exact to rounding. Raises InputError as `link_frame`."""
-    return misses_of(robot, target, q[None])[0]
+    found = _found(robot, target, q[None])
+    return Miss(float(_off(target, found)[0]), float(_angles(target, found)[0]))
 
 
-def misses_of(robot: Robot, target: PoseTarget, q: Array) -> list[Miss]:
-    """The same for configurations q (B, n)."""
-    frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
-    wanted, found = target.pose.matrix, []
-    for values in robot.pin_q(q):
-        pin.framesForwardKinematics(robot.model, data, values)
-        found.append(_miss(target, data.oMf[frame], wanted))
-    return found
+def reached_by(robot: Robot, target: PoseTarget, q: Array) -> Mask:
+    """Return which of configurations q (B, n) reach the target: those whose `miss_of` is `within` it."""
+    found = _found(robot, target, q)
+    near = _off(target, found) <= target.position_tolerance + ROUNDING
+    near[near] = _angles(target, found[near]) <= target.orientation_tolerance + ROUNDING
+    return near
 
 
-def _miss(target: PoseTarget, found: pin.SE3, wanted: Array) -> Miss:
-    off = float(np.linalg.norm(found.translation - wanted[:3, 3]))
+def _found(robot: Robot, target: PoseTarget, q: Array) -> Array:
+    """The link's poses (B, 4, 4)."""
+    return link_poses(robot, q, link_frame(robot, target.link, target.field))
+
+
+def _off(target: PoseTarget, found: Array) -> Array:
+    """Distances [m] (B,) of poses (B, 4, 4) from the wanted one."""
+    return np.asarray(np.sqrt(((found[:, :3, 3] - target.pose.matrix[:3, 3]) ** 2).sum(axis=1)))
+
+
+def _angles(target: PoseTarget, found: Array) -> Array:
+    """The angles [rad] (B,) between poses (B, 4, 4) and the wanted one that count."""
+    wanted = target.pose.matrix
     if target.free_rotation == "all":
-        return Miss(off, 0.0)
+        return np.zeros(len(found))
     if target.free_rotation in AXES:
         axis = AXES.index(target.free_rotation)
-        one, other = found.rotation[:, axis], wanted[:3, axis]
-        return Miss(off, float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))
-    return Miss(off, float(np.linalg.norm(pin.log3(found.rotation.T @ wanted[:3, :3]))))
+        one, other = found[:, :3, axis], wanted[:3, axis]
+        return _angle(np.cross(one, other), one @ other)
+    turn = found[:, :3, :3].transpose(0, 2, 1) @ wanted[:3, :3]
+    skew = turn - turn.transpose(0, 2, 1)
+    return _angle(0.5 * skew[:, (2, 0, 1), (1, 2, 0)], 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0))
+
+
+def _angle(sine: Array, cosine: Array) -> Array:
+    """Angles (B,) of vectors (B, 3) as long as their sines, and of their cosines."""
+    return np.asarray(np.arctan2(np.sqrt((sine**2).sum(axis=1)), cosine))
 
 
 def pose_words(target: PoseTarget) -> str:

@@ -12,6 +12,7 @@ Althoff, "Automatic geometric decomposition for analytical inverse kinematics", 
 from __future__ import annotations
 
 import enum
+import functools
 import itertools
 from typing import NamedTuple
 
@@ -25,7 +26,7 @@ from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.once import made_once
+from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.targets import PoseTarget
 
 SOLVED = 6  # joints
@@ -130,7 +131,7 @@ class ClosedForm(NamedTuple):
         for more in each[1:]:
             apart = np.abs(rows[:, None] - more[None]).max(axis=2, initial=0.0)
             rows = np.concatenate([rows, more[(apart > SAME).all(axis=0)]])
-        found = np.tile(np.clip(seed, robot.lower, robot.upper), (len(rows), 1))
+        found = np.repeat(np.minimum(np.maximum(seed, robot.lower), robot.upper)[None], len(rows), axis=0)
         found[:, self.planned[own]] = rows[:, own]
         return found
 
@@ -143,14 +144,19 @@ class ClosedForm(NamedTuple):
         low = np.where(wide, seed - np.pi, low)
         span = np.where(wide, 2 * np.pi, high - low)
         count = (count or PER_HELD * len(held)) if held else 1
-        ratio = 2.0
-        for _ in range(32):  # of the lattice: xᵐ⁺¹ = x + 1 (the golden ratio for m = 1)
-            ratio = (1.0 + ratio) ** (1.0 / (len(held) + 1.0))
         first = (np.clip(seed, low, low + span) - low) / np.maximum(span, 1e-300)
-        steps = np.arange(count)[:, None] * ratio ** -np.arange(1.0, len(held) + 1.0)
-        values: Array = low + span * ((first + steps) % 1.0)
+        values: Array = low + span * ((first + _lattice(count, len(held))) % 1.0)
         values[0] = seed
         return values
+
+
+@functools.cache
+def _lattice(count: int, m: int) -> Array:
+    """Points (count, m) that lie evenly in a unit cube, modulo 1, the first at 0."""
+    ratio = 2.0
+    for _ in range(32):  # xᵐ⁺¹ = x + 1 (the golden ratio for m = 1)
+        ratio = (1.0 + ratio) ** (1.0 / (m + 1.0))
+    return read_only(np.arange(count)[:, None] * ratio ** -np.arange(1.0, m + 1.0))
 
 
 def closed_form(robot: Robot, target: PoseTarget) -> ClosedForm | None:

@@ -15,7 +15,9 @@ enum { WRIST, PARALLEL, MEETING, KINDS };         /* axes 4, 5, 6 meet; 2, 3, 4 
 
 static const double CLOSE = 1e-3;     /* [m] or sine below which axes meet, or are parallel: last steps make up for it */
 static const double NOTHING = 1e-7;   /* of a sine, or a part of a vector, that leaves an angle open */
-static const double SLACK = 1e-2;     /* share by which what is solved may miss, at the border of what is reached */
+/* Shares by which what is solved may miss, at the border of what is reached: least, and for each [m] or sine by which
+   axes miss each other that are said to meet, or to be parallel. */
+static const double LEAST_SLACK = 1e-5, SLACK_PER_GAP = 50.0;
 static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double FAR = 0.3;         /* [rad] beyond a limit of what the last steps need not bring back */
@@ -79,16 +81,19 @@ static void invert(const double* a, double* found) {
 
 /* moved = P E, P followed by a motion about an axis, or along it. */
 static void follow(const double* before, const axis* about, int turns, double value, double* moved) {
-  double motion[12], unit[3], column[3], origin[3];
-  to_identity(motion);
-  if (turns)
-    for (int j = 0; j < 3; ++j) {
-      for (int i = 0; i < 3; ++i) unit[i] = i == j;
-      turn_by(about->h, value, unit, column);
-      for (int i = 0; i < 3; ++i) motion[3 * i + j] = column[i];
-    }
+  const double *h = about->h, c = turns ? cos(value) : 1.0, s = turns ? sin(value) : 0.0;
+  double motion[12], origin[3];
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) motion[3 * i + j] = h[i] * h[j] * (1.0 - c);
+    motion[4 * i] += c;
+  }
+  for (int i = 0; i < 3; ++i) { /* and s times h × */
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+    motion[3 * j + i] += s * h[k];
+    motion[3 * i + j] -= s * h[k];
+  }
   turned(motion, about->p, origin);
-  for (int i = 0; i < 3; ++i) motion[9 + i] = turns ? about->p[i] - origin[i] : about->h[i] * value;
+  for (int i = 0; i < 3; ++i) motion[9 + i] = turns ? about->p[i] - origin[i] : h[i] * value;
   compose(before, motion, moved);
 }
 
@@ -310,6 +315,26 @@ static int place_point(const axis* axes, const double* w, const double* t, doubl
 
 /* --- kinds of arms ---------------------------------------------------------------------------------------------- */
 
+/* How much what is solved may miss: axes that only almost meet, or are only almost parallel, count as if they did. */
+static double slack_of(const axis* axes, int kind) {
+  double one[3], other[3], gap[3], most = 0.0;
+  for (int i = 0; i < SIX - 1; ++i) { /* neighbours; of a wrist the fourth axis and where the others meet, too */
+    const axis* a = axes + i;
+    double across[3];
+    feet(a, a + 1, one, other);
+    difference(other, one, gap);
+    cross(a->h, a[1].h, across);
+    const double apart = norm(gap), lean = norm(across);
+    if (lean <= CLOSE) most = fmax(most, lean);
+    if (apart <= CLOSE) most = fmax(most, apart);
+  }
+  feet(&axes[4], &axes[5], one, other);
+  difference(one, axes[3].p, gap);
+  cross(axes[3].h, gap, other);
+  if (kind == WRIST) most = fmax(most, norm(other));
+  return LEAST_SLACK + SLACK_PER_GAP * most;
+}
+
 /* Where axes 5 and 6 meet. */
 static void meeting(const axis* axes, double* w) {
   double unused[3];
@@ -339,18 +364,19 @@ static double last_angle(const axis* axes, const double* goal, const double* ang
 
 /* E₄, E₅, E₆ about one point turn only: h₄·R h₆ = h₄·R₅ h₆ with R = (R₁ R₂ R₃)ᵀ R_G. */
 static int by_wrist(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
+  const double slack = slack_of(axes, WRIST);
   double w[3], t[3], first[FEW][3];
   int kept = 0;
   meeting(axes, w);
   placed(goal, w, t);
-  const int count = place_point(axes, w, t, SLACK, other, first);
+  const int count = place_point(axes, w, t, slack, other, first);
   const double *h4 = axes[3].h, *h5 = axes[4].h, *h6 = axes[5].h;
   double out[3];
   turned(goal, h6, out);
   for (int k = 0; k < count; ++k) {
     double toward[3], fifth[2];
     turned_back_by(axes, first[k], 3, out, toward);
-    const int ways = to_part(h5, h6, h4, dot(h4, toward), SLACK, other[4], fifth);
+    const int ways = to_part(h5, h6, h4, dot(h4, toward), slack, other[4], fifth);
     for (int way = 0; way < ways && kept < TRIED; ++way) {
       double at[3], *q = found[kept++];
       for (int i = 0; i < 3; ++i) q[i] = first[k][i];
@@ -366,7 +392,7 @@ static int by_wrist(const axis* axes, const double* goal, const double* other, d
 /* What turns about h = h₂ = ± h₃ = ± h₄ keep: h·R₁ᵀ(t − p₁) = h·(w − p₁), h·R₁ᵀ R_G h₆ = h·R₅ h₆, R₅ᵀ h = R₆ R_Gᵀ R₁ h;
    then two joints of a plane. */
 static int by_parallel(const axis* axes, const double* goal, const double* other, double (*found)[SIX]) {
-  const double *h = axes[1].h, *h5 = axes[4].h, *h6 = axes[5].h;
+  const double *h = axes[1].h, *h5 = axes[4].h, *h6 = axes[5].h, slack = slack_of(axes, PARALLEL);
   double w[3], t[3], arm[3], out[3], rest[3], first[2];
   int kept = 0;
   const double third_sign = dot(h, axes[2].h) < 0.0 ? -1.0 : 1.0, fourth_sign = dot(h, axes[3].h) < 0.0 ? -1.0 : 1.0;
@@ -375,13 +401,13 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
   difference(t, axes[0].p, arm);
   difference(w, axes[0].p, rest);
   turned(goal, h6, out);
-  const int firsts = to_part(axes[0].h, arm, h, dot(h, rest), SLACK, -other[0], first); /* of R₁ᵀ */
+  const int firsts = to_part(axes[0].h, arm, h, dot(h, rest), slack, -other[0], first); /* of R₁ᵀ */
   for (int a = 0; a < firsts; ++a) {
     double toward[3], fifth[2], point[3];
     turn_by(axes[0].h, first[a], out, toward);
     turn_by(axes[0].h, first[a], arm, point); /* E₁⁻¹ t, by p₁ */
     for (int i = 0; i < 3; ++i) point[i] += axes[0].p[i];
-    const int fifths = to_part(h5, h6, h, dot(h, toward), SLACK, other[4], fifth);
+    const int fifths = to_part(h5, h6, h, dot(h, toward), slack, other[4], fifth);
     for (int b = 0; b < fifths; ++b) {
       double before[3], carried[3], after[3], at[3], from[3], to[3], lower[3], upper[3], third[2], moved[3], apart[3];
       turn_by(h5, -fifth[b], h, before); /* R₆ R_Gᵀ R₁ h = R₅ᵀ h */
@@ -408,7 +434,7 @@ static int by_parallel(const axis* axes, const double* goal, const double* other
       difference(axes[2].p, axes[1].p, x);
       difference(axes[3].p, axes[2].p, y);
       const double wanted = 0.5 * (dot(upper, upper) - dot(x, x) - dot(y, y));
-      const int thirds = to_part(h, y, x, wanted, SLACK, third_sign * other[2], third);
+      const int thirds = to_part(h, y, x, wanted, slack, third_sign * other[2], third);
       for (int c = 0; c < thirds && kept < TRIED; ++c) {
         double* q = found[kept++];
         turn_by(h, third[c], y, moved);
@@ -552,10 +578,11 @@ static int by_search(const axis* axes, const double* goal, const double* other, 
 
 /* --- the whole arm ---------------------------------------------------------------------------------------------- */
 
-/* The link's error (6) [m, rad] at angles of six axes, and the Jacobian J (6, 6) in world axes at its origin. */
-static void look(const axis* axes, const double* tip, const double* wanted, const double* q, double* error,
-                 double* jacobian) {
-  double at[SIX + 1][12], link[12], between[9], w[3], lever[3], velocity[3];
+/* Where the link is at angles of six axes, and where it is after each of these: at (SIX + 1, 12) and link (12); its
+   error (6) [m, rad]. */
+static void look(const axis* axes, const double* tip, const double* wanted, const double* q, double (*at)[12],
+                 double* link, double* error) {
+  double between[9];
   to_identity(at[0]);
   for (int j = 0; j < SIX; ++j) follow(at[j], &axes[j], 1, q[j], at[j + 1]);
   compose(at[SIX], tip, link);
@@ -566,8 +593,12 @@ static void look(const axis* axes, const double* tip, const double* wanted, cons
                           0.5 * (between[3] - between[1])};
   const double size = norm(sine), angle = atan2(size, 0.5 * (between[0] + between[4] + between[8] - 1.0));
   for (int i = 0; i < 3; ++i) error[3 + i] = size > 1e-12 ? sine[i] / size * angle : (angle > 1.0 ? NAN : sine[i]);
+}
+
+/* The Jacobian J (6, 6) there, in world axes at the link's origin. */
+static void slope_at(const axis* axes, double (*at)[12], const double* link, double* jacobian) {
+  double w[3], lever[3], velocity[3], point[3];
   for (int j = 0; j < SIX; ++j) {
-    double point[3];
     turned(at[j], axes[j].h, w);
     placed(at[j], axes[j].p, point);
     difference(link + 9, point, lever);
@@ -581,32 +612,36 @@ static void look(const axis* axes, const double* tip, const double* wanted, cons
 
 static double missed_by(const double* error) { return most_of(norm(error), norm(error + 3)); }
 
-/* way = Jᵀ (J Jᵀ + λ² I)⁻¹ error; error is lost. Returns whether it could be done. */
-static int step_of(const double* jacobian, double* error, double* way) {
-  double square[SIX * SIX];
+/* J Jᵀ + λ² I, by columns of its lower half. */
+static void square_of(const double* jacobian, double* square) {
   for (int c = 0; c < SIX; ++c)
     for (int r = c; r < SIX; ++r) {
       double sum = r == c ? DAMPING : 0.0;
       for (int k = 0; k < SIX; ++k) sum += jacobian[SIX * r + k] * jacobian[SIX * c + k];
       square[SIX * c + r - c] = sum;
     }
-  if (!solved(SIX, SIX, square, error)) return 0;
+}
+
+/* way = Jᵀ pull. */
+static void drawn_by(const double* jacobian, const double* pull, double* way) {
   for (int j = 0; j < SIX; ++j) {
     way[j] = 0.0;
-    for (int i = 0; i < SIX; ++i) way[j] += jacobian[SIX * i + j] * error[i];
+    for (int i = 0; i < SIX; ++i) way[j] += jacobian[SIX * i + j] * pull[i];
   }
-  return 1;
 }
 
 /* Newton's steps from angles that almost place the link. Returns whether they do in the end. */
 static int refine(const axis* axes, const double* tip, const double* wanted, int steps, double* q) {
-  double error[SIX], jacobian[SIX * SIX], way[SIX];
+  double at[SIX + 1][12], link[12], error[SIX], jacobian[SIX * SIX], square[SIX * SIX], way[SIX];
   for (int step = 0;; ++step) {
-    look(axes, tip, wanted, q, error, jacobian);
+    look(axes, tip, wanted, q, at, link, error);
     const double missed = missed_by(error);
     if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= EXACT;
     if (2 * step >= steps && missed > HOPELESS) return 0;
-    if (!step_of(jacobian, error, way)) return missed <= EXACT;
+    slope_at(axes, at, link, jacobian);
+    square_of(jacobian, square);
+    if (!solved(SIX, SIX, square, error)) return missed <= EXACT;
+    drawn_by(jacobian, error, way);
     double most = 0.0;
     for (int j = 0; j < SIX; ++j) most = fmax(most, fabs(way[j]));
     for (int j = 0; j < SIX; ++j) q[j] += way[j] * (most > 0.3 ? 0.3 / most : 1.0);
@@ -616,20 +651,24 @@ static int refine(const axis* axes, const double* tip, const double* wanted, int
 
 /* The direction (a unit vector) in which angles move the link least, and how little, per unit: by inverse iteration. */
 static double least_moving(const axis* axes, const double* tip, const double* wanted, const double* q, double* way) {
-  double error[SIX], jacobian[SIX * SIX], moved = 0.0;
-  look(axes, tip, wanted, q, error, jacobian);
+  double at[SIX + 1][12], link[12], error[SIX], jacobian[SIX * SIX], square[SIX * SIX], moved = 0.0;
+  look(axes, tip, wanted, q, at, link, error);
+  slope_at(axes, at, link, jacobian);
+  square_of(jacobian, square);
   for (int i = 0; i < SIX; ++i) error[i] = 1.0 + 0.1 * i;
   for (int again = 0; again < 3; ++again) {
-    if (!step_of(jacobian, error, way)) return 1.0;
+    if (again) solved_again(SIX, SIX, square, error);
+    else if (!solved(SIX, SIX, square, error)) return 1.0;
+    drawn_by(jacobian, error, way);
     double size = 0.0;
     for (int j = 0; j < SIX; ++j) size += way[j] * way[j];
     for (int j = 0; j < SIX; ++j) way[j] /= sqrt(size);
+    moved = 0.0;
     for (int i = 0; i < SIX; ++i) {
       error[i] = 0.0;
       for (int j = 0; j < SIX; ++j) error[i] += jacobian[SIX * i + j] * way[j];
+      moved += error[i] * error[i];
     }
-    moved = 0.0;
-    for (int i = 0; i < SIX; ++i) moved += error[i] * error[i];
     moved = sqrt(moved);
     for (int i = 0; i < SIX; ++i) error[i] /= fmax(moved, 1e-300);
   }

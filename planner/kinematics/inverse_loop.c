@@ -251,10 +251,10 @@ static void solve_step_along(const goal* to, const double* way, const room* at) 
 static void draw_near(const goal* to, long long batch, double* q, const double* start, long long steps, long long back,
                       double enough, double* way, double* moved, const room* at) {
   const long long n = to->arm->n;
-  for (long long i = 0; i < batch; ++i, q += n)
+  for (long long i = 0; i < batch; ++i, q += n) {
+    look(to, q, at);
     for (long long step = 0; step < steps; ++step) {
       double before = 0.0, after = 0.0;
-      look(to, q, at);
       for (long long j = 0; j < n; ++j) way[j] = start[j] - q[j];
       solve_step_along(to, way, at);
       move_by(to, at->step, q, moved);
@@ -270,6 +270,30 @@ static void draw_near(const goal* to, long long batch, double* q, const double* 
       if (!is_within(to, at->error, enough) || !(sqrt(after) < sqrt(before))) break;
       copy(n, moved, q);
     }
+  }
+}
+
+/* --- which of them differ --------------------------------------------------------------------------------------- */
+
+/* Rows of q (rows, n) that differ by more than `apart` in some joint from all that are kept before them, whole turns
+   aside where a joint circles: their numbers into kept (rows). Returns how many there are. */
+static long long distinct(long long rows, long long n, const double* q, const long long* circling, double apart,
+                          long long* kept) {
+  const double whole_turn = 2.0 * 3.14159265358979323846;
+  long long count = 0;
+  for (long long i = 0; i < rows; ++i) {
+    int differs = 1;
+    for (long long k = 0; differs && k < count; ++k) {
+      differs = 0;
+      for (long long j = 0; !differs && j < n; ++j) {
+        double way = q[n * i + j] - q[n * kept[k] + j];
+        if (circling[j]) way -= whole_turn * rint(way / whole_turn);
+        differs = fabs(way) > apart;
+      }
+    }
+    if (differs) kept[count++] = i;
+  }
+  return count;
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
@@ -369,11 +393,26 @@ WRAPPER(call_draw_near) {
   return ended(&taken, none());
 }
 
+/* Numbers of the rows of q that differ, in the first places of kept (rows); returns their count. */
+WRAPPER(call_distinct) {
+  arguments taken = begin("distinct", given, count);
+  const double* q = numbers(&taken, "q", SHAPE(ANY, ANY));
+  const long long rows = taken.shape[0], n = taken.shape[1];
+  const long long* circling = indices(&taken, "circling", 0, 2, SHAPE(n));
+  const double apart = number(&taken, "apart");
+  long long* kept = written_indices(&taken, "kept", SHAPE(rows));
+  long long found = 0;
+  if (!ready(&taken)) return ended(&taken, NULL);
+  WITHOUT_LOCK(found = distinct(rows, n, q, circling, apart, kept));
+  return ended(&taken, PyLong_FromLongLong(found));
+}
+
 PyMethodDef inverse_functions[] = {
     FUNCTION("goal", make_goal, "Poses of links of one arm."),
     FUNCTION("linearized", call_linearized, "Errors and Jacobians."),
     FUNCTION("approach", call_approach, "Moves configurations towards the goal."),
     FUNCTION("centre", call_centre, "Moves configurations towards the centre of the tolerances."),
     FUNCTION("draw_near", call_draw_near, "Moves configurations at the goal towards the start."),
+    FUNCTION("distinct", call_distinct, "Finds configurations that differ from those before them."),
     END_OF_FUNCTIONS,
 };

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from hdplan.distance.compiled.loops import Record
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 
 
 class Loops:
@@ -41,3 +41,11 @@ class Loops:
         q = np.array(q, order="C")
         self.functions.draw_near(self.goal.struct, q, np.ascontiguousarray(start), steps, back, enough)
         return q
+
+
+def distinct(functions: ModuleType, q: Array, circling: Mask, apart: float) -> Array:
+    """The rows of q (B, n) that are `apart` from all before them in some joint, apart from whole turns of joints that
+    circle (n,)."""
+    kept = np.empty(len(q), np.int64)
+    count = functions.distinct(np.ascontiguousarray(q), circling.astype(np.int64), apart, kept)
+    return np.asarray(q[kept[:count]])

@@ -3,6 +3,8 @@ path constraints."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ import pinocchio as pin
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import Relative
 from hdplan.scenes.scene import Scene
 
@@ -121,21 +124,23 @@ def _frame(robot: Robot, link: str, field: str) -> int:
 
 def link_poses(robot: Robot, q: Array, frame: int) -> Array:
     """Return the poses (k, 4, 4) of a frame of the model in the world at joint values q (k, n), by Pinocchio."""
-    data, found = robot.model.createData(), np.empty((len(q), 4, 4))
-    for values, pose in zip(robot.pin_q(q), found, strict=True):
-        pin.forwardKinematics(robot.model, data, values)
-        pose[:] = pin.updateFramePlacement(robot.model, data, frame).homogeneous
-    return found
+    model, data, found = robot.model, robot.model.createData(), []
+    for values in robot.pin_q(q):
+        pin.forwardKinematics(model, data, values)
+        found.append(pin.updateFramePlacement(model, data, frame).homogeneous)
+    return np.array(found).reshape(-1, 4, 4)
 
 
-def links_of(robot: Robot) -> dict[str, int]:
+@made_once(8)
+def links_of(robot: Robot) -> Mapping[str, int]:
     """Return the frames of all links in the model, by name, the root first."""
-    frames = robot.model.frames
-    return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
+    frames = enumerate(robot.model.frames)
+    return MappingProxyType({str(frame.name): index for index, frame in frames if frame.type == pin.FrameType.BODY})
 
 
-def frames_of(robot: Robot) -> dict[str, int]:
+@made_once(8)
+def frames_of(robot: Robot) -> Mapping[str, int]:
     """Return the frames of all links and of the objects that a robot holds in the model, by name."""
     frames, held = robot.model.frames, {each.name for each in robot.attached}
     objects = {str(each.name): i for i, each in enumerate(frames) if each.type == HELD and each.name in held}
-    return {**links_of(robot), **objects}
+    return MappingProxyType({**links_of(robot), **objects})

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.certificate.pose_goals import Miss, misses_of
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.certificate.pose_goals import Miss, reached_by
+from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import LONGEST_STEP, Aim, damped_step, self_motion
 from hdplan.planner.robot.as_loaded import check_as_loaded
@@ -143,8 +145,8 @@ def _default_seed(robot: Robot | Scene) -> Array:
 
 def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
     """The rows within the limits that reach the target by the certificate's own kinematics."""
-    within = np.all((robot.lower <= q) & (q <= robot.upper), axis=1)
-    return q[within][[miss.within(target) for miss in misses_of(robot, target, q[within])]]
+    within = q[((robot.lower <= q) & (q <= robot.upper)).all(axis=1)]
+    return within[reached_by(robot, target, within)]
 
 
 def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
@@ -282,11 +284,14 @@ def _circling(robot: Robot) -> Mask:
 def _distinct(q: Array, start: Array, circling: Mask | None = None) -> Array:
     """The rows nearest to `start` first, those that are APART from all before them, apart from whole turns of joints
     that are said to circle."""
-    left, kept = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")], []
+    left = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]
+    circling = np.zeros(q.shape[1], dtype=bool) if circling is None else circling
+    if functions := library():
+        return inverse_loop.distinct(functions, left, circling, APART)
+    kept = []
     while len(left):
         kept.append(left[0])
         way = left - left[0]
-        if circling is not None:
-            way = np.where(circling, way - 2 * math.pi * np.round(way / (2 * math.pi)), way)
+        way = np.where(circling, way - 2 * math.pi * np.round(way / (2 * math.pi)), way)
         left = left[np.abs(way).max(axis=1) > APART]
     return np.array(kept).reshape(-1, q.shape[1])

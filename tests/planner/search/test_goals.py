@@ -12,7 +12,7 @@ import pytest
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.certificate.pose_goals import miss_of
+from hdplan.planner.certificate.pose_goals import miss_of, reached_by
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.kinematics import inverse
 from hdplan.planner.motion.trajectory import Trajectory
@@ -121,6 +121,22 @@ def test_a_miss_is_what_the_target_was_moved_by() -> None:
                 miss = miss_of(robot, target_at("tool0", moved, free), q)
                 expected = 0.0 if free in (name, "all") else angle
                 assert miss == pytest.approx((np.linalg.norm(shift), expected), abs=1e-7)
+
+
+def test_what_reaches_a_target_misses_it_by_no_more_than_the_tolerances() -> None:
+    """In one go and one by one, with tolerances that some rows use up."""
+    robot = load_scene_robot(load_scene("ur5_table"))
+    rng = np.random.default_rng(5)
+    q = robot.draw(rng, 1)[0]
+    rows = q + rng.uniform(-1e-2, 1e-2, (40, robot.n))
+    for free in ("none", "x", "all"):
+        target = target_at("tool0", placed(robot, "tool0", q), free)
+        tolerances = {"position_tolerance": 4e-3} | ({} if free == "all" else {"orientation_tolerance": 1e-2})
+        target = dataclasses.replace(target, **tolerances)
+        reached = reached_by(robot, target, rows)
+        assert reached.tolist() == [miss_of(robot, target, row).within(target) for row in rows]
+        assert 0 < reached.sum() < len(rows)
+        assert reached_by(robot, target, rows[:0]).shape == (0,)
 
 
 def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:

@@ -15,6 +15,7 @@ from hdplan.planner.kinematics import inverse
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search import inverse_kinematics as search
 from hdplan.planner.search.inverse_kinematics import APART, inverse_kinematics, reaching
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
@@ -60,7 +61,8 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
         for goal in (target, both):
             found, missed = reaching(robot, goal, start, np.random.default_rng(number))
             with monkeypatch.context() as patch:
-                patch.setattr(inverse, "library", lambda: None)
+                for module in (inverse, search):
+                    patch.setattr(module, "library", lambda: None)
                 expected, missed_too = reaching(robot, goal, start, np.random.default_rng(number))
             assert len(found) == len(expected) > 0
             np.testing.assert_allclose(found, expected, atol=SAME, rtol=0)
@@ -68,6 +70,22 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
             assert all(miss_of(robot, each, row).within(each) for row in found for each in goal.poses)
             assert np.all((found >= robot.lower) & (found <= robot.upper))
             assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+
+
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
+def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole turns aside for joints that circle, also where rows are a hair more or less than APART."""
+    rng = np.random.default_rng(8)
+    for n in (1, 2, 7):
+        q = rng.integers(-4, 5, (60, n)) * (APART / 4.0) + rng.choice([0.0, 1e-12, 2 * np.pi], (60, n))
+        for circling in (None, rng.random(n) < 0.5):
+            found = search._distinct(q, q[0], circling)
+            with monkeypatch.context() as patch:
+                patch.setattr(search, "library", lambda: None)
+                expected = search._distinct(q, q[0], circling)
+            assert found.tobytes() == expected.tobytes()
+            assert 1 <= len(found) < 60
+    assert search._distinct(np.empty((0, 3)), np.zeros(3)).shape == (0, 3)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
