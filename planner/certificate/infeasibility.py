@@ -1,0 +1,182 @@
+"""Infeasibility proofs: that no motion leads from the start to the goal, whatever the joints do.
+
+A ball inside a link (`inscribed_balls`) may never meet what stands. If obstacles, and the end of its reach, shut it off
+(`barriers`, `seals`) from every place where a goal has it, no motion leads to that goal. The rest of the link, what the
+joints cannot do together, and what moves are left out, all of which can only make motions fewer: where no proof is
+found, there may be no motion either.
+
+What must be kept from an obstacle is added to the ball's radius: then no motion keeps it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.planner.certificate.barriers import Reach, points_of
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_balls
+from hdplan.planner.certificate.seals import Barrier
+from hdplan.planner.robot.link_frame import AXES, link_frame
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import naming
+from hdplan.scenes.once import freeze
+from hdplan.scenes.sizes import chord
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+
+MOST_POINTS = 12_000  # of a barrier: it takes half a second then
+OFF = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
+BETWEEN = 4  # places of a ball looked at between two waypoints
+NAMED = 3  # obstacles in words
+
+Target = JointTarget | PoseTarget | AllOf
+
+
+class Region(NamedTuple):
+    """A ball in which the centre of a link's ball is at the goal."""
+
+    center: Array  # (3,) in the world
+    radius: float  # [m]
+
+
+def no_motion(
+    certifier: Certifier,
+    required: float,
+    tried: Mapping[str, Sequence[Array]],
+    over: Callable[[], bool] = lambda: False,
+) -> str:
+    """Say why no motion of a scene that keeps `required` [m] exists, where that is proven before it is `over`; else
+    nothing.
+
+    tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them brings to the goal
+    is not looked at.
+    """
+    goal = certifier.scene.goal
+    open_, words = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[str]()
+    for ball in inscribed_balls(certifier.robot):
+        if over():
+            break
+        ends = [(target, region) for target in open_ if (region := _region(certifier, ball, target)) is not None]
+        if not ends:
+            continue
+        start = _centers(certifier, ball, _start(certifier)[None])[0]
+        around = np.stack([start, *(region.center for _, region in ends)])
+        if (cage := Cage.of(certifier, ball, required, around)) is None:
+            continue
+        for target, region in ends:
+            ways = (_centers(certifier, ball, _between(rows)) for rows in tried.get(target.field, ()))
+            if any(cage.barrier.free(way).all() for way in ways):
+                continue
+            if (seal := cage.barrier.seal(start, region.center, region.radius)) is not None:
+                open_.remove(target)
+                words.append(cage.words(seal, target.field))
+        if not open_:
+            return "; ".join(words)
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class Cage:
+    """What stands around a link's ball, and the end of its reach."""
+
+    ball: InscribedBall
+    link: str
+    barrier: Barrier
+    owner: Rows  # (n,) of the barrier's points: an index of `names`
+    names: tuple[str, ...]
+    keeps: bool  # whether the ball must keep a distance from some of it
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    @classmethod
+    def of(cls, certifier: Certifier, ball: InscribedBall, required: float, ends: Array) -> Cage | None:
+        """Gather it around centres (e, 3) of the ball; None where there is nothing."""
+        bodies, pairs = certifier.sweep.bodies, certifier.sweep.pairs
+        reach = Reach.of(bodies.chain, bodies.bodies[ball.body].joint, ball.center, _travel(certifier))
+        floor, names, points, radii, owner = certifier.floor(required), dict[str, int](), [], [], []
+        keeps = False
+        for pair in np.flatnonzero((pairs.a == ball.body) | (pairs.b == ball.body)).tolist():
+            body = bodies.bodies[int(pairs.a[pair] + pairs.b[pair]) - ball.body]
+            if body.joint != 0 or body.obstacle_motion is not None:
+                continue
+            found, away = points_of(body, ball.radius + float(floor[pair]), reach, ends)
+            points.append(found)
+            radii.append(away)
+            owner.append(np.full(len(found), names.setdefault(body.name, len(names))))
+            keeps = keeps or (len(found) > 0 and float(floor[pair]) > 0.0)
+        if not any(map(len, points)):
+            return None
+        every, away, whose = (np.concatenate(each) for each in (points, radii, owner))
+        order = np.min([np.linalg.norm(every - end, axis=1) for end in ends], axis=0).argsort(kind="stable")
+        every, away, whose = (each[order[:MOST_POINTS]] for each in (every, away, whose))
+        if reach is not None:
+            outside, out = reach.around
+            every, away = np.concatenate([every, outside]), np.concatenate([away, out])
+            whose = np.append(whose, np.full(len(out), len(names)))
+        named = (*names, "the end of its reach")
+        return cls(ball, bodies.names[ball.body], Barrier(every, away), whose, named, keeps)
+
+    def words(self, seal: Rows, field: str) -> str:
+        """Say what shuts the ball off from a goal."""
+        counts = np.bincount(self.owner[seal], minlength=len(self.names))
+        found = [self.names[i] for i in np.argsort(-counts, kind="stable").tolist() if counts[i]]
+        by = ", ".join(found[:NAMED]) + f" and {len(found) - NAMED} more" * (len(found) > NAMED)
+        across = f"a ball {2e3 * self.ball.radius:.3g} mm across inside {self.link}"
+        kept = ", with the clearance that it must keep," * self.keeps
+        return f"{across}{kept} cannot get from start to {field}, shut off by {by}"
+
+
+def _start(certifier: Certifier) -> Array:
+    with naming(certifier.scene.source):
+        return certifier.robot.configuration(certifier.scene.start, certifier.scene.from_request)
+
+
+def _travel(certifier: Certifier) -> Array:
+    """Return from where to where each joint of the model may go (m, 2)."""
+    robot = certifier.robot.unfolded
+    return np.stack([robot.lower, robot.upper], axis=1)
+
+
+def _between(rows: Array) -> Array:
+    """Return configurations along a motion (N, n)."""
+    steps = np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[:, None, None]
+    return np.concatenate([*(rows[:-1] + steps * np.diff(rows, axis=0)), rows[-1:]])
+
+
+def _centers(certifier: Certifier, ball: InscribedBall, rows: Array) -> Array:
+    """Return where a ball's centre is (k, 3) at configurations (k, n)."""
+    bodies, robot = certifier.sweep.bodies, certifier.robot
+    joint = bodies.bodies[ball.body].joint
+    turned, moved = bodies.chain.frames(bodies.to_pinocchio(robot.expand(rows)))
+    return np.asarray(turned[:, joint] @ ball.center + moved[:, joint])
+
+
+def _region(certifier: Certifier, ball: InscribedBall, target: Target) -> Region | None:
+    """Return where a ball's centre is where a goal is reached; None where that is not known."""
+    match target:
+        case JointTarget():
+            with naming(certifier.scene.source):
+                q = certifier.robot.configuration(target, certifier.scene.from_request)
+            return Region(_centers(certifier, ball, q[None])[0], OFF)
+        case PoseTarget() | AllOf():
+            found = (_posed(certifier, ball, pose) for pose in target.poses)
+            return next((region for region in found if region is not None), None)
+
+
+def _posed(certifier: Certifier, ball: InscribedBall, target: PoseTarget) -> Region | None:
+    robot = certifier.robot
+    frame = robot.model.frames[link_frame(robot, target.link, target.field)]
+    if frame.parentJoint != certifier.sweep.bodies.bodies[ball.body].joint:
+        return None
+    beside = frame.placement.actInv(ball.center)  # from the link's origin
+    free = target.free_rotation
+    kept = np.ones(3) if free == "none" else np.zeros(3) if free == "all" else np.array([free == axis for axis in AXES])
+    middle, turns = kept * beside, float(np.linalg.norm((1.0 - kept) * beside))
+    pose = target.pose.matrix
+    tilts = chord(min(target.orientation_tolerance, np.pi)) * float(np.linalg.norm(beside)) if free != "all" else 0.0
+    return Region(pose[:3, :3] @ middle + pose[:3, 3], turns + tilts + target.position_tolerance + OFF)
