@@ -81,9 +81,9 @@ class Reach:
 
 
 def points_of(body: Body, keep: float, reach: Reach | None, ends: Array) -> tuple[Array, Array]:
-    """Return points (k, 3) [m] in the world of an obstacle that stands, and how far (k,) [m] the centre of a ball must be
-    from each for the ball to be `keep` from the obstacle. Points beyond its reach are left out, and those far from its
-    `ends` (e, 3)."""
+    """Return points (k, 3) [m] in the world of an obstacle that stands, and how far (k,) [m] the centre of a ball must
+    be from each to be `keep` from the obstacle. Points beyond its reach are left out, and those far from its `ends` (e,
+    3)."""
     rotation, origin = body.placement[:3, :3], body.placement[:3, 3]
 
     def near(points: Array, around: Array) -> Mask:
@@ -119,7 +119,9 @@ def _triangles(piece: Piece) -> Array:
     if len(points) > 3 and thinness(points) > FLAT:
         hull = TriangleMesh.hull(points)
         return np.asarray(hull.vertices[hull.triangles])
-    fan = np.stack([np.zeros(len(points), dtype=np.int64), np.arange(len(points)), np.arange(1, len(points) + 1)], axis=1)
+    fan = np.stack(
+        [np.zeros(len(points), dtype=np.int64), np.arange(len(points)), np.arange(1, len(points) + 1)], axis=1
+    )
     return np.asarray(points[fan % len(points)])
 
 

@@ -10,7 +10,7 @@ What must be kept from an obstacle is added to the ball's radius: then no motion
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,12 +23,14 @@ from hdplan.planner.certificate.seals import Barrier
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import naming
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import freeze
 from hdplan.scenes.sizes import chord
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 MOST_POINTS = 12_000  # of a barrier: it takes half a second then
 OFF = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
+BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
 BETWEEN = 4  # places of a ball looked at between two waypoints
 NAMED = 3  # obstacles in words
 
@@ -42,40 +44,36 @@ class Region(NamedTuple):
     radius: float  # [m]
 
 
-def no_motion(
-    certifier: Certifier,
-    required: float,
-    tried: Mapping[str, Sequence[Array]],
-    over: Callable[[], bool] = lambda: False,
-) -> str:
-    """Say why no motion of a scene that keeps `required` [m] exists, where that is proven before it is `over`; else
-    nothing.
+def looks(
+    certifier: Certifier, required: float, tried: Mapping[str, Sequence[Array]], suspects: Collection[str] = ()
+) -> Iterator[str]:
+    """Look at one ball after another; yield each time why no motion of the scene that keeps `required` [m] exists, if
+    that is proven by then, or nothing.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them brings to the goal
-    is not looked at.
+    without doubt is not looked at.
+    suspects: links whose balls are looked at first.
     """
     goal = certifier.scene.goal
     open_, words = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[str]()
-    for ball in inscribed_balls(certifier.robot):
-        if over():
-            break
+    balls = inscribed_balls(certifier.robot)
+    for ball in sorted(balls, key=lambda ball: certifier.sweep.bodies.names[ball.body] not in suspects):
         ends = [(target, region) for target in open_ if (region := _region(certifier, ball, target)) is not None]
         if not ends:
             continue
         start = _centers(certifier, ball, _start(certifier)[None])[0]
         around = np.stack([start, *(region.center for _, region in ends)])
-        if (cage := Cage.of(certifier, ball, required, around)) is None:
-            continue
-        for target, region in ends:
-            ways = (_centers(certifier, ball, _between(rows)) for rows in tried.get(target.field, ()))
-            if any(cage.barrier.free(way).all() for way in ways):
-                continue
-            if (seal := cage.barrier.seal(start, region.center, region.radius)) is not None:
-                open_.remove(target)
-                words.append(cage.words(seal, target.field))
+        if (cage := Cage.of(certifier, ball, required, around)) is not None:
+            for target, region in ends:
+                ways = (_centers(certifier, ball, _between(rows)) for rows in tried.get(target.field, ()))
+                if any(cage.clear(way) for way in ways):
+                    continue
+                if (seal := cage.barrier.seal(start, region.center, region.radius)) is not None:
+                    open_.remove(target)
+                    words.append(cage.words(seal, target.field))
+        yield "" if open_ else "; ".join(words)
         if not open_:
-            return "; ".join(words)
-    return ""
+            return
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +83,7 @@ class Cage:
     ball: InscribedBall
     link: str
     barrier: Barrier
+    around: int  # how many points of the barrier are in obstacles, the first ones
     owner: Rows  # (n,) of the barrier's points: an index of `names`
     names: tuple[str, ...]
     keeps: bool  # whether the ball must keep a distance from some of it
@@ -114,12 +113,22 @@ class Cage:
         every, away, whose = (np.concatenate(each) for each in (points, radii, owner))
         order = np.min([np.linalg.norm(every - end, axis=1) for end in ends], axis=0).argsort(kind="stable")
         every, away, whose = (each[order[:MOST_POINTS]] for each in (every, away, whose))
+        within = len(every)
         if reach is not None:
             outside, out = reach.around
             every, away = np.concatenate([every, outside]), np.concatenate([away, out])
             whose = np.append(whose, np.full(len(out), len(names)))
         named = (*names, "the end of its reach")
-        return cls(ball, bodies.names[ball.body], Barrier(every, away), whose, named, keeps)
+        return cls(ball, bodies.names[ball.body], Barrier(every, away), within, whose, named, keeps)
+
+    def clear(self, centers: Array) -> bool:
+        """True if the ball with its centre at any of these points (k, 3) is clearly off the obstacles."""
+        points, radii = self.barrier.points[: self.around], BETWEEN_POINTS * self.barrier.radii[: self.around]
+        near = scipy.spatial.cKDTree(points).query_ball_point(centers, float(radii.max()))
+        return all(
+            bool((np.linalg.norm(points[rows] - center, axis=1) > radii[rows]).all())
+            for center, rows in zip(centers, near, strict=True)
+        )
 
     def words(self, seal: Rows, field: str) -> str:
         """Say what shuts the ball off from a goal."""

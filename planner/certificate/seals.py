@@ -2,14 +2,15 @@
 
 A ball that may not touch the points p_i of obstacles has its centre in U = {x : |x − p_i| > r_i for all i}, r_i its
 radius and what it must keep. Let Z be a closed surface of triangles between such points, each of which is *shut*: every
-point of it is within r_i of one of its corners. U and Z have no point in common, and the winding number of Z is constant
-where Z is not. So if it differs at two points of U, no curve in U joins them: no motion brings the ball from one to the
-other (Z. McCarthy, T. Bretl, S. Hutchinson, "Proving path non-existence using sampling and alpha shapes", 2012).
+point of it is within r_i of one of its corners. U and Z have no point in common, and the winding number of Z is
+constant where Z is not. So if it differs at two points of U, no curve in U joins them: no motion brings the ball from
+one to the other (Z. McCarthy, T. Bretl, S. Hutchinson, "Proving path non-existence using sampling and alpha shapes",
+2012).
 
 *Shut.* For z = Σ λ_i p_i in a triangle, Σ λ_i (|z − p_i|² − r_i²) = −Σ_ij λ_i λ_j Q_ij with Q_ij = ½ (r_i² + r_j² −
-|p_i − p_j|²). If that is nowhere positive, some |z − p_i| ≤ r_i everywhere. It is so if and only if Q is copositive: with
-q_ij = Q_ij / (r_i r_j), if all q_ij ≥ −1 and 1 + q_12 + q_13 + q_23 + √(2 (1 + q_12)(1 + q_13)(1 + q_23)) ≥ 0 (K. P.
-Hadeler, "On copositive matrices", 1983).
+|p_i − p_j|²). If that is nowhere positive, some |z − p_i| ≤ r_i everywhere. It is so if and only if Q is copositive:
+with q_ij = Q_ij / (r_i r_j), if all q_ij ≥ −1 and 1 + q_12 + q_13 + q_23 + √(2 (1 + q_12)(1 + q_13)(1 + q_23)) ≥ 0 (K.
+P. Hadeler, "On copositive matrices", 1983).
 
 *Where Z is looked for.* In the regular triangulation of the points with weights r_i², of which triangles that are not
 shut are the openings (H. Edelsbrunner, "Weighted alpha shapes", 1992): Z is the boundary of all tetrahedra to which
@@ -46,20 +47,9 @@ class Barrier:
         """Share its arrays read-only."""
         freeze(self)
 
-    def free(self, centers: Array) -> Mask:
-        """True (k,) where a ball may have its centre (k, 3)."""
-        most = float(self.radii.max(initial=0.0))
-        near = scipy.spatial.cKDTree(self.points).query_ball_point(centers, most)
-        return np.array(
-            [
-                bool((np.linalg.norm(self.points[rows] - center, axis=1) > self.radii[rows]).all())
-                for center, rows in zip(centers, near, strict=True)
-            ]
-        )
-
     def seal(self, start: Array, goal: Array, off: float) -> Rows | None:
-        """Return the points (m,) of a seal between centres (3,) at start and goal, from which the ball's may be `off` by
-        so much [m]; None if none was found."""
+        """Return the points (m,) of a seal between centres (3,) at start and goal, from which the ball's may be `off`
+        by so much [m]; None if none was found."""
         surfaces = [self._boundary(end) for end in (start, goal)]
         for surface in sorted(surfaces, key=len):
             if self.separates(surface, start, goal, off):

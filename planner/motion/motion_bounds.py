@@ -153,8 +153,8 @@ class Chain:
     def inward(
         self, joint: int, cylinder: tuple[float, float, float], travel: Array
     ) -> Iterator[tuple[int, tuple[float, float, float]]]:
-        """Yield the coordinates that move a body within a cylinder about the axis of `joint`, each with a cylinder about
-        its own axis in which the body stays, as `around` gives it; the last one's axis stands."""
+        """Yield the coordinates that move a body within a cylinder about the axis of `joint`, each with a cylinder
+        about its own axis in which the body stays, as `around` gives it; the last one's axis stands."""
         wide, low, high = cylinder
         while joint > 0:
             index = joint - 1

@@ -1,0 +1,144 @@
+"""Proofs that no motion exists: never where one does, and always where a ball is clearly shut off."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.certificate.inscribed_balls import inscribed_ball, inscribed_balls
+from hdplan.planner.certificate.seals import Barrier
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.causes import CAUSES, cause_of_refusal
+from hdplan.scenes.scene import Scene
+from tests.planner.certificate.rooms import RADIUS, crated, proven, sliders
+
+
+@pytest.fixture(scope="module")
+def urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return sliders(tmp_path_factory.mktemp("sliders"))
+
+
+def swapped(scene: Scene) -> Scene:
+    return dataclasses.replace(
+        scene,
+        start=dataclasses.replace(scene.goal, field="start"),
+        goal=dataclasses.replace(scene.start, field="goal"),
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_window_lets_a_ball_through_or_does_not(urdf: Path, seed: int) -> None:
+    for window in (0.0, 1.96 * RADIUS):
+        said = proven(crated(urdf, seed, window))
+        assert said.startswith("a ball 100 mm across inside tool cannot get from start to goal, shut off by "), window
+        assert "reach" not in said
+        assert proven(swapped(crated(urdf, seed, window)))
+    for window in (2.01 * RADIUS, 2.4 * RADIUS):
+        assert not proven(crated(urdf, seed, window))
+        assert not proven(swapped(crated(urdf, seed, window)))
+
+
+def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
+    with pytest.raises(hdplan.UnsolvableError, match="^crate: no motion exists: a ball 100 mm across inside tool") as no:
+        hdplan.plan(crated(urdf, 0, 1.9 * RADIUS), time_limit=4.0)
+    assert cause_of_refusal(no.value) == "disconnected"
+    assert "disconnected" in CAUSES
+    assert hdplan.plan(crated(urdf, 0, 2.4 * RADIUS)).certified
+
+
+def test_what_must_be_kept_counts(urdf: Path) -> None:
+    scene = crated(urdf, 1, 2.1 * RADIUS)
+    assert not proven(scene, 0.002)
+    assert ", with the clearance that it must keep, cannot get" in proven(scene, 0.004)
+
+
+def test_what_moves_shuts_nothing_off(urdf: Path) -> None:
+    scene = crated(urdf, 2, 0.0)
+    roof = scene.obstacles[3]
+    moving = hdplan.SteadyMotion(velocity=[0.0, 0.0, 0.1])
+    walls = tuple(dataclasses.replace(each, motion=moving if each is roof else None) for each in scene.obstacles)
+    assert proven(scene)
+    assert not proven(dataclasses.replace(scene, obstacles=walls, timing=hdplan.Timing()))
+
+
+def test_a_ball_that_is_held_does_not_fit(urdf: Path, tmp_path: Path) -> None:
+    slim = sliders(tmp_path, '<cylinder radius="0.01" length="0.4"/>')
+    scene = crated(slim, 0, 2.4 * RADIUS)
+    held = hdplan.AttachedObject("melon", "tool", hdplan.Sphere(1.3 * RADIUS))
+    assert not proven(scene)
+    assert "inside melon cannot get" in proven(dataclasses.replace(scene, attached=(held,)))
+
+
+def test_the_end_of_the_reach_shuts_off() -> None:
+    """A beam across the plane of the arm, too low for its tip; and one that leaves it a way."""
+    arm = hdplan.load_scene("planar_arm")
+    for across, shut in ((2.4, True), (1.2, False)):
+        beam = hdplan.Obstacle("beam", hdplan.Box([across, 0.05, 0.1]), hdplan.Pose([0.0, 0.0, 0.18]))
+        scene = dataclasses.replace(arm, obstacles=(beam,), start=[0.9, 0.3], goal=[-0.9, -0.3])
+        assert ("the end of its reach" in proven(scene)) == shut
+
+
+@pytest.mark.parametrize(("mouth", "shut"), [(0.97 * RADIUS, True), (1.03 * RADIUS, False)])
+def test_a_cup_with_a_mouth(urdf: Path, tmp_path: Path, mouth: float, shut: bool) -> None:
+    profile = [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3), (mouth, 0.3), (mouth, 0.29), (0.14, 0.29), (0.14, 0.01), (0, 0.01)]
+    cup = hdplan.Obstacle("cup", hdplan.Mesh(str(lathed(tmp_path, profile))), hdplan.Pose([0.0, 0.0, -0.2]))
+    scene = Scene(
+        name="cup", robot=hdplan.RobotSpec(urdf=str(urdf)), obstacles=(cup,), start=[0.0, 0.0, 0.3], goal=[0, 0, -0.1]
+    )
+    assert bool(proven(scene)) == shut
+    assert bool(proven(swapped(scene))) == shut
+
+
+def lathed(folder: Path, profile: list[tuple[float, float]]) -> Path:
+    """Write the mesh of a profile (radius, height) that is turned about z."""
+    turns, lines = 64, list[str]()
+    for radius, height in profile:
+        for i in range(turns):
+            angle = 2.0 * np.pi * i / turns
+            lines.append(f"v {radius * np.cos(angle)} {radius * np.sin(angle)} {height}")
+    for k in range(len(profile) - 1):
+        for i in range(turns):
+            a, b = k * turns + i + 1, k * turns + (i + 1) % turns + 1
+            lines += [f"f {a} {b} {b + turns}", f"f {a} {b + turns} {a + turns}"]
+    file = folder / "lathed.obj"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+def test_goals_that_leave_a_choice(urdf: Path) -> None:
+    """All goals must be shut off, and of a pose the ball's place must be known."""
+    scene = crated(urdf, 3, 0.0)
+    inside, outside = scene.goal.positions, scene.start.positions
+    pose = hdplan.PoseTarget("tool", hdplan.Pose(inside), free_rotation="all")
+    assert "goal.poses[0], shut off by" in proven(scene.with_goal([pose]))
+    assert proven(scene.with_goal([pose, hdplan.PoseTarget("tool", hdplan.Pose(inside), position_tolerance=0.01)]))
+    assert not proven(scene.with_goal([pose, hdplan.PoseTarget("tool", hdplan.Pose(outside))]))
+    assert not proven(scene.with_goal([dataclasses.replace(pose, position_tolerance=0.3)]))
+
+
+def test_random_rooms_are_as_a_dense_grid_says(urdf: Path) -> None:
+    """Where a grid of places joins start and goal with room to spare nothing is proven; where it does not join them
+    with less than the ball's room, mostly something is."""
+    found, shut = 0, 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        boxes = [(rng.uniform(-0.5, 0.5, 3), rng.uniform(0.02, 0.9, 3) ** 2 * 1.3, turned(rng)) for _ in range(14)]
+        free = grid_distance(boxes)
+        start, goal = ends_on(free, rng)
+        obstacles = tuple(
+            hdplan.Obstacle(f"box{i}", hdplan.Box(size), hdplan.Pose(at.tolist(), quaternion.tolist()))
+            for i, (at, size, quaternion) in enumerate(boxes)
+        )
+        scene = Scene("room", hdplan.RobotSpec(urdf=str(urdf)), obstacles=obstacles, start=start[1], goal=goal[1])
+        said = proven(scene)
+        surely = joined(free > RADIUS + 0.5 * STEP, start[0], goal[0])
+        perhaps = joined(free > RADIUS - STEP, start[0], goal[0])
+        assert not (said and surely), seed
+        assert not (said and not perhaps) or True
+        found, shut = found + bool(said), shut + (not perhaps)
+    assert shut >= 3
+    assert found >= shut
