@@ -19,11 +19,11 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import made_once
 
-STEP = 0.8  # of a radius: the longest edge between points of one obstacle
-CELL = 0.3  # of a radius: of the points in a cube of this edge one is kept
+STEP = 1.0  # of a radius: the longest edge between points of one obstacle
+CROWD = 5_000  # points of one obstacle from which on
+CELL = 0.3  # of a radius: of those in a cube of this edge one is kept
 ROUND = 40  # corners in place of a circle
 BEYOND = 2.0  # radii beyond the reach up to which there are points
-NEAR = 30.0  # radii from an end up to which there are points
 SPACING = 0.13  # of the reach, between points beyond it
 OUT = 3.0  # times the reach that these are beyond it
 ROUNDING = 1e-6  # [m]
@@ -80,15 +80,19 @@ class Reach:
         return points, self.outside(points) - ROUNDING
 
 
-def points_of(body: Body, keep: float, reach: Reach | None, ends: Array) -> tuple[Array, Array]:
+def off_ends(points: Array, ends: Array) -> Array:
+    """Return how far points (k, 3) are from the nearest of some ends (e, 3) (k,) [m]."""
+    return np.asarray(np.min([np.linalg.norm(points - end, axis=1) for end in ends], axis=0))
+
+
+def points_of(body: Body, keep: float, reach: Reach | None, ends: Array, most: float) -> tuple[Array, Array]:
     """Return points (k, 3) [m] in the world of an obstacle that stands, and how far (k,) [m] the centre of a ball must
-    be from each to be `keep` from the obstacle. Points beyond its reach are left out, and those far from its `ends` (e,
-    3)."""
+    be from each to be `keep` from the obstacle. Points beyond its reach are left out, and those more than `most` times
+    `keep` off its `ends` (e, 3)."""
     rotation, origin = body.placement[:3, :3], body.placement[:3, 3]
 
     def near(points: Array, around: Array) -> Mask:
-        away = np.min([np.linalg.norm(points - end, axis=1) for end in ends], axis=0)
-        found = away <= around + NEAR * keep
+        found = off_ends(points, ends) <= around + most * keep
         return found if reach is None else found & (reach.outside(points) <= around + BEYOND * keep)
 
     piece = body.piece
@@ -105,8 +109,12 @@ def points_of(body: Body, keep: float, reach: Reach | None, ends: Array) -> tupl
         radii = np.full(len(points), radius)
     kept = near(points, np.zeros(len(points)))
     points, radii = points[kept], radii[kept]
-    _, first = np.unique(np.floor(points / (CELL * radii[:, None])), axis=0, return_index=True)
-    return points[first], radii[first] - ROUNDING
+    points, first = np.unique(points, axis=0, return_index=True)
+    radii = radii[first]
+    if len(points) > CROWD:
+        _, first = np.unique(np.floor(points / (CELL * radii[:, None])), axis=0, return_index=True)
+        points, radii = points[first], radii[first]
+    return points, radii - ROUNDING
 
 
 @made_once(256)

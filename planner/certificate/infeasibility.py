@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.certificate.barriers import Reach, points_of
+from hdplan.planner.certificate.barriers import Reach, off_ends, points_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.inscribed_balls import InscribedBall, inscribed_balls
+from hdplan.planner.certificate.intervals import Body
 from hdplan.planner.certificate.seals import Barrier
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.scenes.array_types import Array, Rows
@@ -29,6 +30,7 @@ from hdplan.scenes.sizes import chord
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 MOST_POINTS = 12_000  # of a barrier: it takes half a second then
+NEAR = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
 OFF = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
 BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
 BETWEEN = 4  # places of a ball looked at between two waypoints
@@ -86,7 +88,7 @@ class Cage:
     around: int  # how many points of the barrier are in obstacles, the first ones
     owner: Rows  # (n,) of the barrier's points: an index of `names`
     names: tuple[str, ...]
-    keeps: bool  # whether the ball must keep a distance from some of it
+    keeps: Array  # (names,) how far the ball must keep off [m]
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -94,32 +96,33 @@ class Cage:
 
     @classmethod
     def of(cls, certifier: Certifier, ball: InscribedBall, required: float, ends: Array) -> Cage | None:
-        """Gather it around centres (e, 3) of the ball; None where there is nothing."""
+        """Gather it around centres (e, 3) of the ball, as far as there are not too many points; None where there is
+        nothing."""
         bodies, pairs = certifier.sweep.bodies, certifier.sweep.pairs
         reach = Reach.of(bodies.chain, bodies.bodies[ball.body].joint, ball.center, _travel(certifier))
-        floor, names, points, radii, owner = certifier.floor(required), dict[str, int](), [], [], []
-        keeps = False
-        for pair in np.flatnonzero((pairs.a == ball.body) | (pairs.b == ball.body)).tolist():
-            body = bodies.bodies[int(pairs.a[pair] + pairs.b[pair]) - ball.body]
-            if body.joint != 0 or body.obstacle_motion is not None:
-                continue
-            found, away = points_of(body, ball.radius + float(floor[pair]), reach, ends)
-            points.append(found)
-            radii.append(away)
-            owner.append(np.full(len(found), names.setdefault(body.name, len(names))))
-            keeps = keeps or (len(found) > 0 and float(floor[pair]) > 0.0)
-        if not any(map(len, points)):
+        own = np.flatnonzero((pairs.a == ball.body) | (pairs.b == ball.body))
+        others = [bodies.bodies[row] for row in (pairs.a[own] + pairs.b[own] - ball.body).tolist()]
+        floor = certifier.floor(required)[own].tolist()
+        stands = [(body, keep) for body, keep in zip(others, floor, strict=True) if _stands(body)]
+        for near in NEAR:
+            gathered = [points_of(body, ball.radius + keep, reach, ends, near) for body, keep in stands]
+            counts = [len(points) for points, _ in gathered]
+            if sum(counts) > MOST_POINTS:
+                break
+        if not sum(counts):
             return None
-        every, away, whose = (np.concatenate(each) for each in (points, radii, owner))
-        order = np.min([np.linalg.norm(every - end, axis=1) for end in ends], axis=0).argsort(kind="stable")
-        every, away, whose = (each[order[:MOST_POINTS]] for each in (every, away, whose))
-        within = len(every)
+        points, radii = (np.concatenate(each) for each in zip(*gathered, strict=True))
+        owner = np.repeat(np.arange(len(stands)), counts)
+        order = off_ends(points, ends).argsort(kind="stable")[:MOST_POINTS]
+        points, radii, owner = points[order], radii[order], owner[order]
+        around = len(points)
         if reach is not None:
-            outside, out = reach.around
-            every, away = np.concatenate([every, outside]), np.concatenate([away, out])
-            whose = np.append(whose, np.full(len(out), len(names)))
-        named = (*names, "the end of its reach")
-        return cls(ball, bodies.names[ball.body], Barrier(every, away), within, whose, named, keeps)
+            outside, away = reach.around
+            points, radii = np.concatenate([points, outside]), np.concatenate([radii, away])
+            owner = np.append(owner, np.full(len(away), len(stands)))
+        names = (*(body.name for body, _ in stands), "the end of its reach")
+        keeps = np.array([*(keep for _, keep in stands), 0.0])
+        return cls(ball, bodies.names[ball.body], Barrier(points, radii), around, owner, names, keeps)
 
     def clear(self, centers: Array) -> bool:
         """True if the ball with its centre at any of these points (k, 3) is clearly off the obstacles."""
@@ -133,11 +136,16 @@ class Cage:
     def words(self, seal: Rows, field: str) -> str:
         """Say what shuts the ball off from a goal."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
-        found = [self.names[i] for i in np.argsort(-counts, kind="stable").tolist() if counts[i]]
-        by = ", ".join(found[:NAMED]) + f" and {len(found) - NAMED} more" * (len(found) > NAMED)
+        rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
+        names = list(dict.fromkeys(self.names[row] for row in rows))
+        by = ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
         across = f"a ball {2e3 * self.ball.radius:.3g} mm across inside {self.link}"
-        kept = ", with the clearance that it must keep," * self.keeps
+        kept = ", with the clearance that it must keep," * bool(self.keeps[rows].any())
         return f"{across}{kept} cannot get from start to {field}, shut off by {by}"
+
+
+def _stands(body: Body) -> bool:
+    return body.joint == 0 and body.obstacle_motion is None
 
 
 def _start(certifier: Certifier) -> Array:
