@@ -26,7 +26,7 @@ FINENESS = 16  # edges of the surface's triangles after division, over the size 
 GRID = 9  # points a side, in the bounding box
 STEPS = 16  # moves to deeper points, each SHORTER than the last
 SHORTER = 0.75
-TRIED = 8  # points of the grid of which one must be inside
+TRIED = 150  # points of the grid of which one must be inside
 LEAST = 1e-3  # [m] smaller balls are of no use
 ROUNDING = 1e-9  # [m]
 

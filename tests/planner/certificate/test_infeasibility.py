@@ -11,12 +11,17 @@ from scipy import ndimage
 
 import hdplan
 from hdplan.planner.causes import CAUSES, cause_of_refusal
-from hdplan.planner.certificate.inscribed_balls import inscribed_ball, inscribed_balls
+from hdplan.planner.certificate.exact_proximity import mesh_pieces
+from hdplan.planner.certificate.inscribed_balls import inscribed_ball
 from hdplan.planner.certificate.seals import Barrier
-from hdplan.planner.robot.setup import Setup
+from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
-from tests.planner.certificate.rooms import RADIUS, SPAN, crated, proven, sliders, turned
+from tests.planner.certificate.rooms import RADIUS, SPAN, crated, proven, sliders
+
+AXIS = np.linspace(-SPAN, SPAN, 51)
+GRID_STEP = float(AXIS[1] - AXIS[0])
+PLACES = np.stack(np.meshgrid(AXIS, AXIS, AXIS, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +37,19 @@ def swapped(scene: Scene) -> Scene:
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize("seed", range(16))
 def test_a_window_lets_a_ball_through_or_does_not(urdf: Path, seed: int) -> None:
-    widths = ((0.0, 2.4), (1.96, 2.01))[seed % 2]
+    widths = ((0.0, 2.4), (1.9, 2.01))[seed % 2]
     shut, open_ = (crated(urdf, seed, width * RADIUS) for width in widths)
-    said = proven(swapped(shut) if seed > 1 else shut)
+    said = proven(swapped(shut) if seed % 4 > 1 else shut)
     assert said.startswith("a ball 100 mm across inside tool cannot get from start to goal, shut off by ")
     assert "reach" not in said
-    assert not proven(swapped(open_) if seed > 1 else open_)
+    assert not proven(swapped(open_) if seed % 4 > 1 else open_)
 
 
 def test_a_plan_ends_with_the_proof(urdf: Path) -> None:
-    with pytest.raises(hdplan.UnsolvableError, match="^crate: no motion exists: a ball 100 mm across inside tool") as no:
+    with pytest.raises(hdplan.UnsolvableError, match=r"^crate: no motion exists: a ball 100 mm") as no:
         hdplan.plan(crated(urdf, 0, 1.9 * RADIUS), time_limit=4.0)
     assert cause_of_refusal(no.value) == "disconnected"
     assert "disconnected" in CAUSES
@@ -120,7 +126,8 @@ def test_goals_that_leave_a_choice(urdf: Path) -> None:
     assert not proven(scene.with_goal([dataclasses.replace(pose, position_tolerance=0.3)]))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sampled(7)
+@pytest.mark.parametrize("seed", range(14))
 def test_random_walls_are_as_a_dense_grid_says(urdf: Path, seed: int) -> None:
     """Where a grid of places joins start and goal with room to spare nothing is proven; where it does not join them
     even with less room than the ball needs, something is."""
@@ -166,6 +173,55 @@ def joined(free: Array, start: int, goal: int) -> bool:
     return bool(parts.ravel()[start] == parts.ravel()[goal] != 0)
 
 
-AXIS = np.linspace(-SPAN, SPAN, 51)
-GRID_STEP = float(AXIS[1] - AXIS[0])
-PLACES = np.stack(np.meshgrid(AXIS, AXIS, AXIS, indexing="ij"), axis=-1).reshape(-1, 3)
+def test_a_ball_is_inside_its_link(tmp_path: Path) -> None:
+    """Random points of the ball are inside a jar's thick wall by its winding number, not in what the jar holds."""
+    jar = [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3), (0.04, 0.3), (0.04, 0.25), (0.12, 0.25), (0.12, 0.08), (0.0, 0.08)]
+    mesh = load_mesh(hdplan.Mesh(str(lathed(tmp_path, jar))), "mesh")
+    (piece,) = {piece.surface.solid: piece for piece in mesh_pieces(mesh)}.values()
+    center, radius = inscribed_ball(piece)
+    assert 0.036 < radius < 0.041
+    inward = np.random.default_rng(0).normal(size=(100, 3))
+    for point in center + radius * inward / np.linalg.norm(inward, axis=1)[:, None]:
+        assert abs(abs(mesh.winding_number(point)) - 1.0) < 1e-6
+
+
+def test_an_open_mesh_has_no_ball_inside(tmp_path: Path) -> None:
+    mesh = load_mesh(hdplan.Mesh(str(lathed(tmp_path, [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3)]))), "mesh")
+    assert [inscribed_ball(piece) for piece in mesh_pieces(mesh)] == [None] * len(mesh_pieces(mesh))
+
+
+def test_a_shut_triangle_is_covered() -> None:
+    """Every point of a triangle that counts as shut is within the radius of a corner; one whose circumcentre is inside
+    it and farther off is not shut."""
+    rng = np.random.default_rng(1)
+    points, radii = rng.normal(size=(900, 3)), rng.uniform(0.2, 2.0, 900)
+    barrier, triangles = Barrier(points, radii), np.arange(900).reshape(-1, 3)
+    shut = barrier.shut(triangles)
+    assert 30 < shut.sum() < 270
+    shares = rng.dirichlet([0.7, 0.7, 0.7], 300)
+    for triangle in triangles[shut]:
+        away = np.linalg.norm((shares @ points[triangle])[:, None] - points[triangle], axis=2)
+        assert (away <= radii[triangle]).any(axis=1).all()
+    angles = 2.0 * np.pi * np.arange(3) / 3.0
+    corners = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(3)])
+    for radius, covered in ((0.999, False), (1.001, True)):
+        assert Barrier(corners, np.full(3, radius)).shut(np.array([[0, 1, 2]]))[0] == covered
+
+
+def test_a_forged_seal_is_refused() -> None:
+    """A shut octahedron separates its middle from what is outside; with a hole, larger openings, or both ends on one
+    side it separates nothing."""
+    points = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
+    middle, outside = np.zeros(3), np.array([3.0, 0.0, 0.0])
+    barrier = Barrier(points, np.full(6, 0.9))
+    assert barrier.separates(faces, middle, outside, 0.0)
+    assert barrier.seal(middle, outside, 0.0) is not None
+    assert barrier.seal(outside, middle, 0.0) is not None
+    assert not barrier.separates(faces[1:], middle, outside, 0.0)
+    assert not barrier.separates(np.concatenate([faces, faces[:, ::-1]]), middle, outside, 0.0)
+    assert not barrier.separates(faces, middle, np.array([0.05, 0.0, 0.0]), 0.0)
+    assert not barrier.separates(faces, middle, outside, 0.2)
+    wide = Barrier(points, np.full(6, 0.8))
+    assert not wide.separates(faces, middle, outside, 0.0)
+    assert wide.seal(middle, outside, 0.0) is None
