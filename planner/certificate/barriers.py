@@ -1,6 +1,6 @@
-"""What a ball inside a link cannot pass: points of the obstacles that stand, and points beyond the link's reach.
+"""Points that a ball inside a link cannot pass: in the obstacles that stand, and beyond the link's reach.
 
-Every point lies in its obstacle: on its triangles, between points of its hull, or in the middle of a ball of a cloud.
+Every point of an obstacle lies in it: on its triangles, between points of its hull, or in the middle of a ball of a cloud.
 That there are gaps between the points only makes openings larger than they are.
 """
 
