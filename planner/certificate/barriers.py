@@ -1,7 +1,7 @@
 """Points that a ball inside a link cannot pass: in the obstacles that stand, and beyond the link's reach.
 
-Every point of an obstacle lies in it: on its triangles, between points of its hull, or in the middle of a ball of a cloud.
-That there are gaps between the points only makes openings larger than they are.
+Every point of an obstacle lies in it: on its triangles, between points of its hull, or in the middle of a ball of a
+cloud. That there are gaps between the points only makes openings larger than they are.
 """
 
 from __future__ import annotations

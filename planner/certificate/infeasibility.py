@@ -80,7 +80,7 @@ def looks(
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """What stands around a link's ball, and the end of its reach."""
+    """A barrier around a link's ball: the obstacles that stand, and the end of its reach."""
 
     ball: InscribedBall
     link: str
