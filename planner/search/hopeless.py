@@ -17,7 +17,7 @@ SHARE = 0.1  # of the time that guesses took
 
 
 class Hopeless:
-    """Whether the searches to all goals (configurations) of one scene are without hope: no clock decides anything but
+    """The question whether the searches to all goals of one scene are without hope: no clock decides anything but
     how soon that is known."""
 
     def __init__(self, searches: Sequence[Search], goals: Sequence[JointTarget]) -> None:
