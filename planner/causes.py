@@ -12,6 +12,7 @@ CAUSES = {
     "end_off_path": "start or goal is off a path constraint",
     "end_overloaded": "start or goal overloads a joint",
     "end_too_fast": "start or goal is faster than can be braked within the limits",
+    "disconnected": "no motion exists: start and goal are shut off from one another",
     "goal_not_reached": "no inverse kinematics reaches the goal",
     "too_hurried": "the duration allows no such motion",
     "time": "the time limit passed",

@@ -155,7 +155,7 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
         yield _Trial("joint_limit", setting, dataclasses.replace(scene, limits=limits), seconds)
     if cause == "goal_not_reached" and (turned := _turning(scene)) is not None:
         yield _Trial(cause, "goal.pose.free_rotation: all", turned, seconds)
-    if searched and cause != "time":
+    if searched and cause not in ("time", "disconnected"):
         yield longer
     if searched and place is not None and any(each.name == place.other for each in scene.obstacles):
         others = tuple(each for each in scene.obstacles if each.name != place.other)

@@ -23,6 +23,7 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
+from hdplan.planner.search.hopeless import Hopeless
 from hdplan.planner.search.polish import Stages, Ways, first_motion, polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
@@ -78,6 +79,8 @@ def plan(
             the best motion found leaves one, a note says how far. The certificate does not know of them.
 
     Raises:
+        UnsolvableError: the scene allows no motion, and its `cause` says why: an end is not allowed, or, once guesses
+            failed for some time, it is proven that no motion exists (`certificate.infeasibility`).
         TimeLimitError: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
             for a guess whose joints are not the robot's, or beyond their limits; and for a term that is no `OwnTerm`,
@@ -142,7 +145,7 @@ def plan(
             if scene.objective == "time" and scene.polish and guess is None:
                 first_motion(searches, stages, seed, ways)
             if not alone:
-                search_in_turn(searches, seed, warm)
+                search_in_turn(searches, seed, warm, Hopeless(searches, goals).refuse)
             attempts = _attempts(searches)
             if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
                 polish(searches, taken, stages, seed, ways)

@@ -131,7 +131,7 @@ class Certifier:
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
         kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
         self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
-        self._compared = compared(scene, robot, gathered, self.sweep.pairs, self._floor(0.0), count)
+        self._compared = compared(scene, robot, gathered, self.sweep.pairs, self.floor(0.0), count)
         check_as_loaded(robot)  # as what was read of it is kept
 
     def _ends_at(self, setup: Setup) -> None:
@@ -198,7 +198,7 @@ class Certifier:
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve, passing) if required is None else (required, ())
-        floor = self._floor(required)
+        floor = self.floor(required)
         proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest)
         path = None if self.path is None or beyond else self.path.prove(moved)
         kept, departures = (path.kept, path.departures) if path else ((), ())
@@ -300,7 +300,7 @@ class Certifier:
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
 
-    def _floor(self, required: float) -> Array:
+    def floor(self, required: float) -> Array:
         """Return the clearance that each pair must keep (P,) [m]."""
         pairs = self.sweep.pairs
         kept = self._kept[pairs.b]
@@ -334,7 +334,7 @@ class Certifier:
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return the places where one configuration, at a time [s], is closer to obstacles or itself than it must keep,
         less what is unknown, each with that clearance [m]; the closest first."""
-        floor = self._floor(required)
+        floor = self.floor(required)
         found = []
         within = float(floor.max(initial=0.0))
         for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True, unknown=True):
@@ -348,7 +348,7 @@ class Certifier:
 
     def are_clear(self, values: Array, required: float, time: float = 0.0) -> Mask:
         """True (B,) where nothing is `too_close`, of values (B, m) of all joints of the model."""
-        return self.sweep.are_clear(values, self._floor(required), time)
+        return self.sweep.are_clear(values, self.floor(required), time)
 
     def hull_gap(self, q: ArrayLike, within: float, time: float = 0.0) -> float:
         """Return a lower bound of the distance to obstacles at one configuration and time [s], at most `within` [m]."""

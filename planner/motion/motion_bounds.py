@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -144,18 +145,27 @@ class Chain:
         if loops := library():
             return reach_loop.reach_around(loops, self._record, joints, cylinders, travel)
         rho = np.zeros((len(joints), len(self.axes)))
-        for row, joint, (wide, low, high) in zip(rho, joints.tolist(), cylinders.tolist(), strict=True):
-            while joint > 0:
-                index = joint - 1
+        for row, joint, cylinder in zip(rho, joints.tolist(), cylinders.tolist(), strict=True):
+            for index, (wide, _, _) in self.inward(joint, cylinder, travel):
                 row[index] = wide if self.revolute[index] else 1.0
-                if not self.revolute[index]:
-                    low, high = low + float(travel[index, 0]), high + float(travel[index, 1])
-                offset, slope, *sides, tilt = self._inward[joint].tolist()
-                joint = int(self.model.parents[joint])
-                far = max(math.hypot(*(sides[i] + place * sides[3 + i] for i in range(3))) for place in (low, high))
-                tilt, ends = tilt * wide, (offset + slope * low, offset + slope * high)
-                wide, low, high = wide + far, min(ends) - tilt, max(ends) + tilt
         return rho
+
+    def inward(
+        self, joint: int, cylinder: tuple[float, float, float], travel: Array
+    ) -> Iterator[tuple[int, tuple[float, float, float]]]:
+        """Yield the coordinates that move a body within a cylinder about the axis of `joint`, each with a cylinder
+        about its own axis in which the body stays, as `around` gives it; the last one's axis stands."""
+        wide, low, high = cylinder
+        while joint > 0:
+            index = joint - 1
+            if not self.revolute[index]:
+                low, high = low + float(travel[index, 0]), high + float(travel[index, 1])
+            yield index, (wide, low, high)
+            offset, slope, *sides, tilt = self._inward[joint].tolist()
+            joint = int(self.model.parents[joint])
+            far = max(math.hypot(*(sides[i] + place * sides[3 + i] for i in range(3))) for place in (low, high))
+            tilt, ends = tilt * wide, (offset + slope * low, offset + slope * high)
+            wide, low, high = wide + far, min(ends) - tilt, max(ends) + tilt
 
     @cached_property
     def _inward(self) -> Array:

@@ -393,11 +393,13 @@ class Search:
         return int(samples.interval[deepest]), float(samples.fraction[deepest])
 
 
-def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess | None]) -> None:
+def search_in_turn(
+    searches: Sequence[Search], seed: int, warm: Sequence[Guess | None], failed: Callable[[], None] = lambda: None
+) -> None:
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
     up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
     `warm` holds a guess per goal, or None, that is tried before all others; where it leads to a motion like the one
-    that it comes from, there is no need for any."""
+    that it comes from, there is no need for any. `failed` is called where guesses led to none."""
     lines = [(search, _guesses(search, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     lines.sort(key=lambda line: warm[searches.index(line[0])] is None)
     while not any(search.certified for search in searches):
@@ -408,6 +410,8 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Guess |
             over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
             if search.settled or (over and not search.certified and not search.passed):
                 return
+            if not search.certified:
+                failed()
 
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:

@@ -1,0 +1,58 @@
+"""A search that fails asks, beside its guesses, whether there is any motion to be found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+from hdplan.planner.certificate.infeasibility import looks
+from hdplan.planner.search.search import Search
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import UnsolvableError
+from hdplan.scenes.targets import JointTarget
+
+AFTER = 1.0  # [s] of guesses that failed, or
+LIMIT_SHARE = 0.2  # of the time that there is, if that is less
+SHARE = 0.1  # of the time that guesses took
+
+
+class Hopeless:
+    """The question whether the searches to all goals of one scene are without hope: no clock decides anything but
+    how soon that is known."""
+
+    def __init__(self, searches: Sequence[Search], goals: Sequence[JointTarget]) -> None:
+        """Take them as they begin."""
+        self._searches, self._goals = searches, goals
+        self._began = time.perf_counter()
+        self._spent = 0.0  # [s]
+        self._looks: Iterator[str] | None = None
+
+    def refuse(self) -> None:
+        """Raise UnsolvableError if it is proven that no motion exists."""
+        first = self._searches[0]
+        passed = time.perf_counter() - self._began - self._spent
+        if passed < min(AFTER, LIMIT_SHARE * (first.deadline - self._began)):
+            return
+        if self._looks is None:
+            self._looks = self._begun()
+        while not first.over and self._spent <= SHARE * passed:
+            before = time.perf_counter()
+            why = next(self._looks, None)
+            self._spent += time.perf_counter() - before
+            if why is None:
+                return
+            if why:
+                raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected")
+
+    def _begun(self) -> Iterator[str]:
+        tried: dict[str, list[Array]] = {}
+        suspects = set()
+        for search, goal in zip(self._searches, self._goals, strict=True):
+            if search.best is not None:
+                tried.setdefault(goal.field, []).append(search.best.path)
+                suspects |= {place.link for place in search.best.certificate.failures}
+        certifier = self._searches[0].certifier
+        # of a goal that leaves a choice, another configuration may be so close to something that less is required there
+        single = isinstance(certifier.scene.goal, JointTarget)
+        required = min(search.required for search in self._searches) if single else 0.0
+        return looks(certifier, required, tried, suspects)
