@@ -1,8 +1,8 @@
 """Free space by exact geometry: what a motion has to keep, as a C struct that says whether straight lines do.
 
-They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is said to be free is proven
-to be, by the gap in the middle of an interval and how far anything can move until its ends; but for links whose bodies
-overlap so often that their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it.
+They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is said to be free is
+proven to be, by the gap in the middle of an interval and how far anything can move until its ends; but for links whose
+bodies overlap so often that their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it.
 """
 
 from __future__ import annotations
