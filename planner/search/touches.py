@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 CLOSER = 0.7  # of the activation: at 0.3 a motion costs 0.5 to 5 % less, and passes 4 to 8 mm closer
 CLOSEST = 0.2  # of it, where time counts, as at the end of `polish`: with more, the last motion would be slower
-CONVERGED = 1e-3  # relative decrease of the cost by a step
+CONVERGED = 2e-3  # relative decrease of the cost by a step
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
 WIDE = 0.3  # of the least cost: what costs more than it by this share may be a detour
 RELAXED = RAISE * FIRST_WEIGHT  # of the penalty, first, for what is no detour: with more it keeps farther away [1/m²]
-GENTLE_STEPS, MOST_STEPS = 70, 400  # of the second opinion, for each time that a path costs the least; at most
+GENTLE_STEPS, MOST_STEPS = 60, 400  # of the second opinion, for each time that a path costs the least; at most
 
 
 def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
