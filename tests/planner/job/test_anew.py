@@ -39,10 +39,10 @@ def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
     for motion, (first, there) in found:
         assert max(limit.stretch(motion.curve) for limit in retimer.limits) <= 1.0 + 1e-9
         assert first == 0.0 < there < (motion.duration or 0.0)
-        assert max(np.abs(rows[[0, -1]]).max() for rows in (motion.velocities, motion.accelerations)) < 1e-12
-        np.testing.assert_allclose(motion.positions[[0, -1]], whole.positions[[0, -1]], rtol=0.0, atol=1e-12)
         assert motion.velocities is not None
         assert motion.accelerations is not None
+        assert max(np.abs(rows[[0, -1]]).max() for rows in (motion.velocities, motion.accelerations)) < 1e-12
+        np.testing.assert_allclose(motion.positions[[0, -1]], whole.positions[[0, -1]], rtol=0.0, atol=1e-12)
         away = np.linalg.norm(motion.positions[:, None] - at, axis=2).min(axis=1)
         assert away.max() < 0.04 * np.linalg.norm(ends[2] - ends[0])
         gone = [np.linalg.norm(np.diff(rows, axis=0), axis=1).sum() for rows in _up_to(motion, there, whole, middle)]
