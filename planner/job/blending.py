@@ -23,11 +23,11 @@ import numpy as np
 from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
-from hdplan.planner.job.certify import certified_stage
+from hdplan.planner.job.certify import Proven, certified_stage
 from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
-from hdplan.planner.job.joining import Piece, one_after_other
+from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
@@ -390,10 +390,11 @@ def _certified(
 ) -> tuple[list[Piece], Certificate | None]:
     """Return the pieces of stages that are driven as one, or the certificate of the first one that is not proven."""
     made = []
-    for number, motion, piece in zip(group, motions, pieces, strict=True):
-        found, world = certified_stage(world, number, motion)
+    for number, given, piece in zip(group, motions, pieces, strict=True):
+        motion, before = exactly_timed(given), world
+        found, world = certified_stage(before, number, motion)
         if not found.certificate.certified:
             return [], found.certificate
-        notes = (*piece.notes, *found.certificate.notes)
-        made.append(Piece(motion, piece.after, notes, blended=number != group[-1]))
+        notes, proven = (*piece.notes, *found.certificate.notes), Proven(before, found, world)
+        made.append(Piece(motion, piece.after, notes, blended=number != group[-1], proven=proven))
     return made, None

@@ -11,7 +11,7 @@ import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.job.certify import certified_stage, standing
+from hdplan.planner.job.certify import Proven, certified_stage, standing
 from hdplan.planner.job.following import (
     NotFollowedError,
     along_poses,
@@ -21,7 +21,7 @@ from hdplan.planner.job.following import (
     near_guide,
     smooth_parts,
 )
-from hdplan.planner.job.joining import Piece, one_after_other
+from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.redundancy import ways_along
 from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
@@ -83,10 +83,11 @@ class Certain:
                 motion = standing(robot, start, stage.seconds)
             case _:
                 raise TypeError(f"{stage.kind} leaves a choice")
+        motion = exactly_timed(motion)
         found, there = certified_stage(world, number, motion)
         if not found.certificate.certified:
             raise StageFailedError(found.certificate.text)
-        return Piece(motion, there, found.certificate.notes)
+        return Piece(motion, there, found.certificate.notes, proven=Proven(world, found, there))
 
     def _followed(self, world: World, number: int, start: Array, plainly: bool) -> Piece:
         """Follow the curve of a stage: as steadily as the joints go, or else on a way that leads to the end. Raises
@@ -164,10 +165,10 @@ class Certain:
                     raise StageFailedError(
                         f"{error}: the curve runs through a singularity faster than the joints can"
                     ) from None
-            motion = one_after_other(motions)
+            motion = exactly_timed(one_after_other(motions))
             found, there = certified_stage(world, number, motion)
             if found.certificate.certified:
-                return Piece(motion, there, found.certificate.notes)
+                return Piece(motion, there, found.certificate.notes, proven=Proven(world, found, there))
             if found.certificate.status is not Status.OFF_PATH:
                 break
             least = used + 1

@@ -4,11 +4,13 @@ planned them.
 What a stage is certified in, its `World`, follows from where the stages before it really ended: the arm there, objects
 held as they were taken, or lying where they were let go. Stages are parts of one curve, each of which begins at the row
 at which the last one ended, so positions and velocities are the same there; that each begins and ends at rest, the
-limits prove, and of those that are blended that rates do not jump where they meet.
+limits prove, and of those that are blended that rates do not jump where they meet. As a certificate follows from these
+alone, one that was made while a stage was planned is kept where they are the same, to the last bit (`Proven`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +29,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.link_frame import end_effector, frames_of, link_poses
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Curve as CurveStage
@@ -59,6 +62,46 @@ class StageCertificate:
     notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
     blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
     passing: tuple[str, ...] = ()  # its ends, "start" or "goal", at which the robot goes on
+
+
+@dataclass(frozen=True)
+class Proven:
+    """A stage that was certified while it was planned, with what there was before it and after it."""
+
+    before: World
+    stage: StageCertificate
+    after: World
+
+    def of(self, world: World, part: Trajectory) -> tuple[StageCertificate, World] | None:
+        """Return the same of a stage of a job, at its own times; None where anything that it follows from is not equal
+        to the last bit: the scene, what there is before it, and its curve but for the time at which that begins."""
+        if not self.stage.certificate.certified or self.before != world:
+            return None
+        robot = load_scene_robot(self.stage.scene)
+        with naming(f"stage '{self.stage.name}'"):
+            curve, known = curve_of(robot, part), curve_of(robot, self.stage.trajectory)
+        assert curve.times is not None
+        assert known.times is not None
+        ends = _rates_at_end(curve, robot, part), _rates_at_end(known, robot, self.stage.trajectory)
+        if not (
+            np.array_equal(curve.control, known.control)
+            and np.array_equal(curve.times - curve.times[0], known.times - known.times[0])
+            and (self.after.rates is None or ends[0] == ends[1])
+        ):
+            return None
+        certificate = self.stage.certificate
+        worst, self_worst = (
+            each and replace(each, seconds=float(curve.time_of(each.parameter)))
+            for each in (certificate.worst, certificate.self_worst)
+        )
+        later = replace(
+            self.stage,
+            begins=float(curve.times[0]),
+            ends=float(curve.times[-1]),
+            trajectory=part,
+            certificate=replace(certificate, worst=worst, self_worst=self_worst),
+        )
+        return later, self.after
 
 
 @dataclass(frozen=True)
@@ -128,6 +171,12 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
         InputError: a scene without a job, or in which none can be done; a motion without marks, or with other stages
             than the job's; an object that is taken out of reach, or released without being held.
     """
+    return certified_job(scene, trajectory, ())
+
+
+def certified_job(scene: Scene, trajectory: Trajectory, known: Sequence[Proven | None]) -> JobCertificate:
+    """Certify the motion of a job as `certify_job` does. What was proven of its first stages, as they were planned, is
+    kept where it is about the same: a certificate is a function of what there is before a stage and of the curve."""
     instance(scene, Scene, "scene")
     instance(trajectory, Trajectory, "trajectory")
     world = World.at_first(scene)
@@ -148,9 +197,9 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
             raise InputError(f"trajectory: stage '{mark.name}' {said}{kept}")
     found, seen = [], world.notes
     for number in range(len(marks)):
-        part = stage_motion(trajectory, number)
-        before = world
-        stage, world = certified_stage(before, number, part)
+        part, before, made = stage_motion(trajectory, number), world, next(iter(known[number:]), None)
+        again = made and made.of(before, part)
+        stage, world = again or certified_stage(before, number, part)
         found.append(replace(stage, notes=_on_touch(before, number, part)))
     return JobCertificate(scene.name, tuple(found), names[len(marks) :], seen)
 

@@ -29,7 +29,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.certain import Certain, StageFailedError
 from hdplan.planner.job.changes import after
 from hdplan.planner.job.following import NotFollowedError, is_along
-from hdplan.planner.job.joining import Piece
+from hdplan.planner.job.joining import Piece, exactly_timed
 from hdplan.planner.job.stage_scenes import stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
@@ -316,7 +316,7 @@ class Search:
             raise StageFailedError("interrupted" if self.stop() else result.certificate.text)
         robot = stage_setup(world, number).robot
         rows = curve_of(robot, result.trajectory).rows
-        return Piece(result.trajectory, after(world, number, robot, rows[-1]), result.notes)
+        return Piece(exactly_timed(result.trajectory), after(world, number, robot, rows[-1]), result.notes)
 
     def _only(self, world: World, number: int, plainly: bool = False) -> Piece | str:
         """Do a stage that leaves no choice, or say why it cannot be done; what was found once is kept."""

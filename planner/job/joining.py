@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdplan.planner.job.certify import Proven
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.trajectory import StageMark, Trajectory
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.job import Job, Set
+
+EXACT = 2.0**-46  # [s]
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,14 @@ class Piece:
     after: World
     notes: tuple[str, ...] = ()
     blended: bool = False  # whether it goes over into the next one without a stop
+    proven: Proven | None = None  # what was certified of just this motion
+
+
+def exactly_timed(motion: Trajectory) -> Trajectory:
+    """Return the same motion from time 0 on, at multiples of EXACT: sums and differences of such times are no rounding,
+    so that each piece of a joined motion of up to two minutes is the motion that it was, to the last bit."""
+    assert motion.times is not None
+    return replace(motion, times=np.round((motion.times - motion.times[0]) / EXACT) * EXACT)
 
 
 def joined(pieces: Sequence[Piece], job: Job) -> Trajectory:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hdplan.planner.job.blending import NotBlendedError, blended
-from hdplan.planner.job.certify import certify_job
+from hdplan.planner.job.certify import certified_job
 from hdplan.planner.job.choices import Search
 from hdplan.planner.job.curves import turns_with_tool
 from hdplan.planner.job.joining import joined
@@ -81,7 +81,7 @@ def plan_job(
     if not pieces:
         raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}): {failure}", "stage_failed")
     trajectory = joined(pieces, scene.job)
-    certificate = certify_job(scene, trajectory)
+    certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
     said = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,

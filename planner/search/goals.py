@@ -141,7 +141,7 @@ def _starts(targets: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """What was found of a target."""
+    """Configurations that reach a target, and which of them are free."""
 
     certifier: Certifier
     target: JointTarget | PoseTarget | AllOf

@@ -27,16 +27,20 @@ def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
         retimer(Trajectory(robot.joint_names, np.linspace(*pair, 8), robot.locked)).trajectory
         for pair in itertools.pairwise(ends)
     )
+    assert one.times is not None
+    assert other.times is not None
     overlap = 0.4 * min(one.times[-1], other.times[-1])
     whole = overlapped(one, other, float(overlap))
     middle = float(one.times[-1] - 0.5 * overlap)
     found = timed_anew(setup, [(whole, [0.0, middle])])
     assert len(found) == len(COUNTS)
-    assert found == sorted(found, key=lambda each: each[0].duration)
+    assert found == sorted(found, key=lambda each: each[0].duration or 0.0)
     at = whole.curve.at_parameter(np.linspace(0.0, 1.0, 4000))
     for motion, (first, there) in found:
         assert max(limit.stretch(motion.curve) for limit in retimer.limits) <= 1.0 + 1e-9
-        assert first == 0.0 < there < motion.duration
+        assert first == 0.0 < there < (motion.duration or 0.0)
+        assert motion.velocities is not None
+        assert motion.accelerations is not None
         assert max(np.abs(rows[[0, -1]]).max() for rows in (motion.velocities, motion.accelerations)) < 1e-12
         np.testing.assert_allclose(motion.positions[[0, -1]], whole.positions[[0, -1]], rtol=0.0, atol=1e-12)
         away = np.linalg.norm(motion.positions[:, None] - at, axis=2).min(axis=1)
