@@ -28,7 +28,8 @@ from hdplan.planner.job.world import World
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.retiming import Retimer, smooth
+from hdplan.planner.timing.path_spline import smooth
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.curve_stages import Curve
 from hdplan.scenes.errors import HdplanError, InputError, naming

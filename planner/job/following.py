@@ -11,7 +11,7 @@ import numpy as np
 from hdplan.planner.geometry.rotations import matrices_of, quaternions_of, vectors_of
 from hdplan.planner.kinematics.inverse import DAMPING, LONGEST_STEP, Aim, LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.timing.retiming import smooth
+from hdplan.planner.timing.path_spline import smooth
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose

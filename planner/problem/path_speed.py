@@ -39,8 +39,12 @@ class PathSpeed:
     @cached_property
     def shares(self) -> Array:
         """V/v_j (n,), 0 for a joint without a limit."""
-        limited = self.limits <= FASTEST_JOINT
-        return np.where(limited, np.sqrt(np.mean(self.limits[limited] ** 2)) / self.limits, 0.0)
+        return np.where(self.limits <= FASTEST_JOINT, np.sqrt(self.mean_square) / self.limits, 0.0)
+
+    @property
+    def mean_square(self) -> float:
+        """V² [(rad/s)² or (m/s)²]."""
+        return float(np.mean(self.limits[self.limits <= FASTEST_JOINT] ** 2))
 
     def value(self, positions: Array) -> MotionPenalty:
         """Cost, gradient and Hessian, which is exact, at waypoints (N, n); its depth is 0."""

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.gravity_torque import StaticTorque
     from hdplan.planner.problem.moving_clearance import MovingClearance
     from hdplan.planner.problem.own_term import OwnTerm, WrittenTerm
+    from hdplan.planner.problem.path_duration import PathDuration
     from hdplan.planner.problem.path_terms import PathTerm
     from hdplan.planner.problem.program import Program
     from hdplan.planner.problem.velocity_penalty import VelocityPenalty
@@ -103,7 +104,7 @@ class Problem:
     notes: tuple[str, ...]  # for the user
     closely: bool = False  # whether clouds, and meshes that are not split, are enclosed by many small boxes
     exact: bool = False  # whether distances are exact, of what the bodies enclose
-    path_speed: PathSpeed | None = None  # of the cost, where a motion is to be quick
+    path_speed: PathSpeed | PathDuration | None = None  # of the cost, where a motion is to be quick
 
     def __repr__(self) -> str:
         """Name the scene, the robot and the terms."""

@@ -6,7 +6,9 @@ promising of what is left (`Ways`) and of MORE motions from further guesses, to 
 nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better
 goal. To improve a motion is to solve until it has converged, with the
 penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its path speed, and
-with its end sliding along the goal set. What promises most is retimed and certified; if it is not certified, the next.
+with its end sliding along the goal set; and at last, where that leaves more to gain, with the duration of the fastest
+law itself (`PathDuration`), which also knows accelerations and torques. What promises most is retimed and certified; if
+it is not certified, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -21,11 +23,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.problem.assemble import closer, exactly
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.assemble import EVEN, closer, exactly
+from hdplan.planner.problem.path_duration import PathDuration
+from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
 from hdplan.planner.search.touches import NOTHING_LEFT
+from hdplan.planner.solvers.methods import gauss_newton
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus, ends_overlap
 from hdplan.scenes.array_types import Array
 
@@ -34,6 +41,7 @@ LEAST = 1e-3  # [m] of it
 AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
+HURRIED = 0.06  # weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
@@ -194,16 +202,47 @@ def _improve(search: Search, stages: Sequence[Problem], path: Array, value: floa
             else:
                 farthest *= SHORTER
         led.append(found[-1][0])
+    found.sort(key=lambda each: each[0])
     enough = (1.0 - GAIN) * value
-    for least, path in sorted(found, key=lambda each: each[0]):
-        if least >= enough:
+    return any(search.keep(path, motions) for path, motions in _timed(search, stages[-1], found, enough))
+
+
+def _timed(
+    search: Search, stage: Problem, found: Sequence[tuple[float, Array]], enough: float
+) -> Iterator[tuple[Array, Sequence[Trajectory]]]:
+    """Yield paths (N, n) of those found, with their promises in order, and motions along them that cost less than
+    `enough`. Where time counts, the first is what the most promising one is hurried to, or itself if its motion is
+    quicker: promises know of no jerk."""
+    ahead = found[:1]
+    if ahead and (hurried := _hurried(search, stage, *ahead[0])):
+        ahead = [hurried, *ahead]
+    timed = [(path, search.timed(path, enough)) for least, path in ahead if least < enough]
+    timed = [each for each in timed if each[1]]
+    yield from sorted(timed, key=lambda each: search.objective.value(each[0], each[1][0]))
+    for least, path in found[1:]:
+        if least >= enough or (least > 0.0 and not timed):  # those behind one without motions promise even less
             break
-        motions = search.timed(path, enough)
-        if search.keep(path, motions):
-            return True
-        if not motions and least > 0.0:  # those behind it promise even less
-            break
-    return False
+        timed = [(path, motions)] if (motions := search.timed(path, enough)) else []
+        yield from timed
+
+
+def _hurried(search: Search, stage: Problem, promise: float, path: Array) -> tuple[float, Array] | None:
+    """Go on from a motion (N, n) with the duration of the fastest law as the cost; return what it leads to, with its
+    promise. None if that is no better, or if there is little to gain: where the law takes no longer than the slowest
+    joint needs with its jerk."""
+    retimer, speed = search.retimer, stage.path_speed
+    if retimer is None or not isinstance(speed, PathSpeed) or not retimer.slopes_known:
+        return None
+    if not retimer.shortest(path[0], path[-1]) < promise < np.inf:
+        return None
+    cost, smoothness = PathDuration(speed, retimer.slope_along), Smoothness(stage.waypoints, HURRIED, EVEN)
+    problem = replace(stage, goal=path[-1], path_speed=cost, smoothness=smoothness)
+    solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED, gauss_newton.SOLVER)
+    if solution is None:
+        return None
+    path = solution.trajectory.positions
+    better = search.objective.least_along(path)
+    return (better, path) if better < promise else None
 
 
 def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Callable[[], Guess]]]:

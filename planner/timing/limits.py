@@ -13,8 +13,8 @@ from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
+from hdplan.planner.timing.duration_slope import Binding
+from hdplan.planner.timing.time_optimal import MOST, OnGrid, PathRows
 from hdplan.scenes.array_types import Array
 
 MARGIN = 1e-6  # [–] of a limit that is left unused
@@ -23,7 +23,7 @@ MARGIN = 1e-6  # [–] of a limit that is left unused
 class TimingLimit(Protocol):
     """One limit of a scene."""
 
-    def rows(self, spline: PathSpline) -> PathRows | None:
+    def rows(self, path: OnGrid) -> PathRows | None:
         """Rows of the limit on a path at the points of `grid`; None if the fastest law does not know this limit."""
         ...
 
@@ -40,16 +40,33 @@ class RateLimit:
         """Take the order of the derivative and its greatest absolute values."""
         self.order, self.limit = order, limit
 
-    def rows(self, spline: PathSpline) -> PathRows | None:
+    @property
+    def in_law(self) -> bool:
+        """True for velocities and accelerations."""
+        return self.order <= 2
+
+    def rows(self, path: OnGrid) -> PathRows | None:
         """Rows of the limit, for velocities and accelerations."""
-        if self.order > 2:
+        if not self.in_law:
             return None
-        slope = spline(grid(), 1)
         if self.order == 2:
-            return PathRows.both(slope, spline(grid(), 2), np.zeros_like(slope), self.limit)
+            return PathRows.both(path.slope, path.bend, np.zeros_like(path.slope), self.limit)
         with np.errstate(divide="ignore"):
-            most = np.minimum(self.limit / np.abs(slope), MOST).min(axis=1, keepdims=True) ** 2
+            most = np.minimum(self.limit / np.abs(path.slope), MOST).min(axis=1, keepdims=True) ** 2
         return PathRows(np.zeros_like(most), np.ones_like(most), most)
+
+    def slopes(self, path: OnGrid, binding: Binding) -> OnGrid:
+        """Return the derivatives of the duration by q, q' and q'' through rows of this limit that bind."""
+        found, point = OnGrid(*np.zeros((3, *path.q.shape))), binding.point
+        if self.order == 2:  # a = ±q', b = ±q''
+            joint, sign = binding.row % path.q.shape[1], np.where(binding.row < path.q.shape[1], 1.0, -1.0)
+            np.subtract.at(found.slope, (point, joint), sign * binding.multiplier * binding.push)
+            np.subtract.at(found.bend, (point, joint), sign * binding.multiplier * binding.square)
+            return found
+        joint = (np.abs(path.slope[point]) / self.limit).argmax(axis=1)  # c = (v/q')², of the slowest joint
+        by_slope = -2.0 * self.limit[joint] ** 2 / path.slope[point, joint] ** 3
+        np.add.at(found.slope, (point, joint), binding.multiplier * by_slope)
+        return found
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from a bound on the whole curve, not from samples."""

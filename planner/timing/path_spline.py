@@ -46,6 +46,18 @@ class PathSpline:
         return found
 
 
+def smooth(waypoints: Array) -> PathSpline:
+    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n) (see
+    `retiming`)."""
+    count, degree = len(waypoints), min(3, len(waypoints) - 1)
+    inner = np.linspace(0.0, 1.0, count - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
+    even = np.linspace(0.0, 1.0, count)
+    control = np.stack([np.interp(greville, even, column) for column in waypoints.T], axis=1)
+    return PathSpline(knots, control, degree)
+
+
 def _at_knots(knots: Array, control: Array, degree: int, spans: Array, at: Array) -> Array:
     """Return the values (pieces, n) of the pieces between knots `spans` and the next ones, by de Boor's rule."""
     rows = control[spans[:, None] + np.arange(-degree, 1)]

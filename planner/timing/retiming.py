@@ -30,11 +30,12 @@ import numpy as np
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Query, Setup
+from hdplan.planner.timing.duration_slope import SlopedLimit, duration_slope
 from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import MARGIN, RateLimit, TimingLimit, timing_limits
-from hdplan.planner.timing.path_spline import PathSpline
+from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
-from hdplan.planner.timing.time_optimal import time_optimal
+from hdplan.planner.timing.time_optimal import OnGrid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
@@ -119,6 +120,22 @@ class Retimer:
             return float(self._time_optimal(smooth(self._inset(path))).knots[-1]) / self.timing.scale
         except HdplanError:
             return math.inf
+
+    @property
+    def slopes_known(self) -> bool:
+        """True if it is known how the fastest law's limits change with a path."""
+        return all(isinstance(limit, SlopedLimit) for limit in self.limits)
+
+    def slope_along(self, path: Array) -> tuple[float, Array]:
+        """The time of `quickest_along`, but ∞ where gravity alone is too much, and its derivative (N, n) by the
+        waypoints. Only where `slopes_known`."""
+        within = self._inset(path)
+        known = [limit for limit in self.limits if isinstance(limit, SlopedLimit) and limit.in_law]
+        try:
+            duration, slope = duration_slope(within, known)
+        except HdplanError:
+            return math.inf, np.zeros_like(path)
+        return duration / self.timing.scale, slope * (within == path) / self.timing.scale
 
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) at rest is as short as the scene's duration; None if one
@@ -319,7 +336,8 @@ class Retimer:
 
     def _time_optimal(self, spline: PathSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
-        asked = [limit.rows(spline) for limit in self.limits]
+        path = OnGrid.of(spline)
+        asked = [limit.rows(path) for limit in self.limits]
         return time_optimal([rows for rows in asked if rows is not None])
 
     def _check_rows(self, duration: float) -> None:
@@ -346,18 +364,6 @@ def _rows_of(trajectory: Trajectory) -> Rows:
     assert trajectory.velocities is not None
     assert trajectory.accelerations is not None
     return trajectory.positions, trajectory.velocities, trajectory.accelerations
-
-
-def smooth(waypoints: Array) -> PathSpline:
-    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module's
-    docstring."""
-    count, degree = len(waypoints), min(3, len(waypoints) - 1)
-    inner = np.linspace(0.0, 1.0, count - degree + 1)
-    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
-    greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
-    even = np.linspace(0.0, 1.0, count)
-    control = np.stack([np.interp(greville, even, column) for column in waypoints.T], axis=1)
-    return PathSpline(knots, control, degree)
 
 
 def _rows(spline: PathSpline, law: TimeLaw, duration: float, count: int) -> tuple[Array, Rows]:

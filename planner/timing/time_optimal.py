@@ -15,24 +15,33 @@ bounds it from above, with each from below, leaves a bound on x alone,
 Forwards, from rest, ü is as large as the rows allow, but for rounding, and x' stays in its set. The loop in C and the
 twin here agree to the bit; toppra, by the authors of the paper, solves linear programs at each point, and agrees but
 for rounding.
+
+Which lines bound each set from above, and which one each step, is kept: `duration_slope` finds from these how the law's
+duration changes with its limits. A line's number is that of its row, or, of the next point's rows, that and the number
+of rows; those of NEXT_HIGH and what follows come last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.timing.time_laws import Stepwise
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing.path_spline import PathSpline
 
 GRID = 200  # intervals of the path
 MOST = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
 ROUNDING = 1e-8  # [1/s²] by which a set may be empty
 SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one where a path turns back
+NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(4)  # lines beside the rows: x' in its set, and |ü| at most MOST
+NONE = -1  # in place of a line's number
 
 
 class PathRows(NamedTuple):
@@ -48,6 +57,36 @@ class PathRows(NamedTuple):
         return cls(np.hstack([a, -a]), np.hstack([b, -b]), np.hstack([limit - c, limit + c]))
 
 
+class OnGrid(NamedTuple):
+    """A path q(u) at the points of a grid, each (points, n)."""
+
+    q: Array
+    slope: Array  # q'
+    bend: Array  # q''
+
+    @classmethod
+    def of(cls, spline: PathSpline) -> OnGrid:
+        """Return a spline at the points of `grid`."""
+        return cls(*(spline(grid(), order) for order in range(3)))
+
+
+class FastestLaw(NamedTuple):
+    """The fastest law within limits, and what bounds it, by numbers of lines."""
+
+    rows: PathRows  # all limits side by side
+    squares: Array  # (points,) u̇²
+    highs: Array  # (points,) the upper ends of their sets
+    held: Rows  # (points, 2) the lines, one or two, by which an upper end is what it is; or NONE
+    pushed: Rows  # (points,) the line that bounds the step to a point
+
+    @property
+    def stepwise(self) -> Stepwise:
+        """The law as a function of time."""
+        path_speeds = np.sqrt(self.squares)
+        widths = 2.0 / GRID / (path_speeds[1:] + path_speeds[:-1])
+        return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), path_speeds)
+
+
 def grid() -> Array:
     """Return the parameters (GRID + 1,) at which limits are asked for."""
     return np.linspace(0.0, 1.0, GRID + 1)
@@ -56,28 +95,32 @@ def grid() -> Array:
 def time_optimal(limits: Sequence[PathRows]) -> Stepwise:
     """Return the fastest law, from rest to rest, within limits at the points of `grid`. Raises HdplanError if there is
     none."""
+    return fastest(limits).stepwise
+
+
+def fastest(limits: Sequence[PathRows]) -> FastestLaw:
+    """Return the same, and what bounds it."""
     none = np.zeros((GRID + 1, 0))
     a, b, c = (np.hstack(values) for values in zip(PathRows(none, none, none), *limits, strict=True))
-    squares = np.zeros(GRID + 1)
+    held, pushed = np.full((GRID + 1, 2), NONE, dtype=np.int64), np.full(GRID + 1, NONE, dtype=np.int64)
+    law = FastestLaw(PathRows(a, b, c), np.zeros(GRID + 1), np.zeros(GRID + 1), held, pushed)
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
     loops = library()
-    found = known and (
-        loops.time_optimal(a, b, c, 1.0 / GRID, MOST, ROUNDING, SLACK, squares) if loops else _law(a, b, c, squares)
-    )
-    path_speeds = np.sqrt(squares)
+    found = known and (loops.time_optimal(a, b, c, 1.0 / GRID, MOST, ROUNDING, SLACK, *law[1:]) if loops else _law(law))
+    path_speeds = np.sqrt(law.squares)
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
         raise HdplanError("no time law was found within the limits of velocity and acceleration")
-    widths = 2.0 / GRID / (path_speeds[1:] + path_speeds[:-1])
-    return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), path_speeds)
+    return law
 
 
-def _law(a: Array, b: Array, c: Array, x: Array) -> bool:
-    """Put the fastest law's squared path speeds into x (points,); whether there is one."""
-    twice, last = 2.0 * (1.0 / GRID), len(x) - 1
-    sets = np.zeros((last + 1, 2))
+def _law(law: FastestLaw) -> bool:
+    """Fill in the fastest law; whether there is one."""
+    (a, b, c), x, highs, held, pushed = law
+    twice, last, rows = 2.0 * (1.0 / GRID), len(x) - 1, a.shape[1]
+    lows = np.zeros(last + 1)
 
     def lines(i: int) -> tuple[Array, Array, Array]:
-        low, high = sets[i + 1]
+        low, high = lows[i + 1], highs[i + 1]
         return (
             np.concatenate([a[i], a[i + 1] + twice * b[i + 1], [twice, -twice, 1.0, -1.0]]),
             np.concatenate([b[i], b[i + 1], [1.0, -1.0, 0.0, 0.0]]),
@@ -85,30 +128,41 @@ def _law(a: Array, b: Array, c: Array, x: Array) -> bool:
         )
 
     for i in reversed(range(last)):
-        low, high = _eliminated(*lines(i))
+        low, high, held[i] = _eliminated(*lines(i))
         if not low <= high + ROUNDING:
             return False
-        sets[i] = min(low, high), high
-    if sets[0, 0] > ROUNDING:
+        lows[i], highs[i] = min(low, high), high
+    if lows[0] > ROUNDING:
         return False
-    x[0] = 0.0
     for i in range(last):
-        pushed, by_speed, bound = lines(i)
-        above = pushed > 0.0
+        push, by_speed, bound = lines(i)
+        above = np.flatnonzero(push > 0.0)
         used = by_speed * x[i]
         left = bound - used + SLACK * (np.abs(bound) + np.abs(used))
-        most = min(MOST, float((left[above] / pushed[above]).min()))
-        x[i + 1] = np.clip(x[i] + twice * most, *sets[i + 1])
+        allowed = left[above] / push[above]
+        reached = x[i] + twice * min(MOST, float(allowed.min()))
+        x[i + 1] = np.clip(reached, lows[i + 1], highs[i + 1])
+        pushed[i + 1] = above[allowed.argmin()]
+        if x[i + 1] != reached:
+            pushed[i + 1] = 2 * rows + (NEXT_LOW if reached < x[i + 1] else NEXT_HIGH)
     return True
 
 
-def _eliminated(a: Array, b: Array, c: Array) -> tuple[float, float]:
-    """Return the least and the greatest x for which some u satisfies a u + b x ≤ c; the least is ∞ if there is none."""
-    above, below, flat = a > 0.0, a < 0.0, a == 0.0
+def _eliminated(a: Array, b: Array, c: Array) -> tuple[float, float, tuple[int, int]]:
+    """Return the least and the greatest x for which some u satisfies a u + b x ≤ c, and which lines bound it from
+    above; the least is ∞ if there is none."""
+    above, below, flat = (np.flatnonzero(each) for each in (a > 0.0, a < 0.0, a == 0.0))
     ahead, behind = a[above][:, None], -a[below]
     slopes = np.concatenate([b[flat], (b[above][:, None] * behind + b[below] * ahead).ravel()])
     bounds = np.concatenate([c[flat], (c[above][:, None] * behind + c[below] * ahead).ravel()])
     if (bounds[slopes == 0.0] < 0.0).any():
-        return np.inf, MOST
+        return np.inf, MOST, (NONE, NONE)
     ratio = np.divide(bounds, slopes, out=np.zeros_like(bounds), where=slopes != 0.0)
-    return float(ratio[slopes < 0.0].max(initial=0.0)), float(ratio[slopes > 0.0].min(initial=MOST))
+    low, high = float(ratio[slopes < 0.0].max(initial=0.0)), float(ratio[slopes > 0.0].min(initial=MOST))
+    if high == MOST:
+        return low, high, (NONE, NONE)
+    place = int(np.where(slopes > 0.0, ratio, np.inf).argmin())
+    if place < len(flat):
+        return low, high, (int(flat[place]), NONE)
+    first, second = divmod(place - len(flat), len(below))
+    return low, high, (int(above[first]), int(below[second]))

@@ -18,8 +18,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.time_optimal import MOST, PathRows, grid
+from hdplan.planner.timing.time_optimal import MOST, OnGrid, PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
@@ -64,9 +63,9 @@ class ToolLimit:
         assert follow is not None
         return cls(setup.robot, follow.link, [Pace(follow.speed, follow.acceleration)])
 
-    def rows(self, spline: PathSpline) -> PathRows:
+    def rows(self, path: OnGrid) -> PathRows:
         """Rows of the limit on a path at the points of `grid`."""
-        slope, bend = self._slopes(spline, grid())
+        slope, bend = self._by_joints(*path)
         size = np.linalg.norm(slope, axis=1)
         way = slope / np.maximum(size, STANDS)[:, None]
         along = (bend * way).sum(axis=1)
@@ -103,10 +102,6 @@ class ToolLimit:
                 last += int(np.linalg.norm(q[last:] - pace.begins, axis=1).argmin())
             found[last:] = number
         return found
-
-    def _slopes(self, spline: PathSpline, u: Array) -> tuple[Array, Array]:
-        """Return p' and p'' (k, 3) on a path."""
-        return self._by_joints(*(spline(u, order) for order in range(3)))
 
     def _by_joints(self, q: Array, slope: Array, bend: Array) -> tuple[Array, Array]:
         """Return the first and second derivative of p (k, 3) from those of q (k, n)."""

@@ -6,16 +6,16 @@ Torques are sampled here, not bounded; the certificate bounds them.
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
+import pinocchio as pin
 
-from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
+from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.time_optimal import PathRows, grid
+from hdplan.planner.timing.duration_slope import Binding
+from hdplan.planner.timing.time_optimal import OnGrid, PathRows
 from hdplan.scenes.array_types import Array
 
 MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
@@ -28,16 +28,31 @@ class TorqueLimit:
     def __init__(self, setup: Setup) -> None:
         """Build the dynamics. Raises InputError for loads that do not match the robot."""
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
-        self._along = functools.lru_cache(maxsize=1)(self._at_grid)
+        self.robot, self.model = setup.robot, setup.loaded_model
 
-    def _at_grid(self, spline: PathSpline) -> PathTorques:
-        return self.dynamics.coefficients(*(spline(grid(), order) for order in range(3)))
+    in_law = True
 
-    def rows(self, spline: PathSpline) -> PathRows | None:
+    def rows(self, path: OnGrid) -> PathRows | None:
         """Rows on a path at the points of `grid`; None if gravity alone exceeds a limit: then no time law helps,
         and the certificate says where."""
-        along = self._along(spline)
+        along = self.dynamics.coefficients(*path)
         return None if self._too_heavy(along.c) else PathRows.both(along.a, along.b, along.c, (1 - MARGIN) * self.limit)
+
+    def slopes(self, path: OnGrid, binding: Binding) -> OnGrid:
+        """Return the derivatives of the duration by q, q' and q'' through rows of this limit that bind: with the torque
+        τ(q, q̇, q̈) of q̇ = q' u̇ and q̈ = q' ü + q'' u̇²."""
+        found, n, data = OnGrid(*np.zeros((3, *path.q.shape))), path.q.shape[1], self.model.createData()
+        q, speed = self.robot.pin_q(path.q), np.sqrt(binding.square)
+        factors = np.where(binding.row < n, -1.0, 1.0) * binding.multiplier
+        for k, point in enumerate(binding.point.tolist()):
+            slope, joint = path.slope[point], binding.row[k] % n
+            acceleration = slope * binding.push[k] + path.bend[point] * binding.square[k]
+            by_q, by_v, _ = pin.computeRNEADerivatives(self.model, data, q[point], slope * speed[k], acceleration)
+            mass = np.concatenate([data.M[:joint, joint], data.M[joint, joint:]])  # its upper triangle is filled
+            found.q[point] += factors[k] * by_q[joint]
+            found.slope[point] += factors[k] * (by_v[joint] * speed[k] + mass * binding.push[k])
+            found.bend[point] += factors[k] * mass * binding.square[k]
+        return found
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from samples at the rows and between them."""

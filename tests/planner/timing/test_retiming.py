@@ -20,7 +20,8 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.retiming import Retimer, smooth
+from hdplan.planner.timing.path_spline import smooth
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.limits import Limits

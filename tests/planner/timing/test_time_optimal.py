@@ -13,9 +13,8 @@ from toppra.interpolator import AbstractGeometricPath
 from hdplan.distance.compiled.loops import library
 from hdplan.planner.timing import time_optimal as module
 from hdplan.planner.timing.limits import RateLimit
-from hdplan.planner.timing.path_spline import PathSpline
-from hdplan.planner.timing.retiming import smooth
-from hdplan.planner.timing.time_optimal import GRID, PathRows, grid, time_optimal
+from hdplan.planner.timing.path_spline import PathSpline, smooth
+from hdplan.planner.timing.time_optimal import GRID, OnGrid, PathRows, grid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
@@ -82,7 +81,7 @@ def test_it_is_toppras_law_within_the_limits() -> None:
         velocity, acceleration = rng.uniform(0.5, 3.0, n), rng.uniform(0.5, 15.0, n)
         both = [np.stack([-each, each], axis=1) for each in (velocity, acceleration)]
         theirs = [constraint.JointVelocityConstraint(both[0]), constraint.JointAccelerationConstraint(both[1])]
-        ours = [RateLimit(order, each).rows(spline) for order, each in ((1, velocity), (2, acceleration))]
+        ours = [RateLimit(order, each).rows(OnGrid.of(spline)) for order, each in ((1, velocity), (2, acceleration))]
         if trial % 2:
             ours.append(as_torques(rng, spline))
             theirs.append(AsRows(ours[-1], n))
@@ -106,7 +105,7 @@ def test_loop_and_twin_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None
     for trial in range(12):
         spline = any_path(rng, trial)
         n = len(spline(0.0))
-        given = [RateLimit(order, rng.uniform(0.5, 15.0, n)).rows(spline) for order in (1, 2)]
+        given = [RateLimit(order, rng.uniform(0.5, 15.0, n)).rows(OnGrid.of(spline)) for order in (1, 2)]
         given += [as_torques(rng, spline)] * (trial % 2)
         rows = [each for each in given if each is not None]
         if trial % 4 == 3:  # hardly any law
@@ -142,7 +141,7 @@ def test_where_there_is_no_law_it_is_said(monkeypatch: pytest.MonkeyPatch, loops
 def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
     """The squares of such path_speeds are 0: dividing by them would warn, or give a motion that never ends."""
     spline = smooth(np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 0.3], [1.0, 1.0]]))
-    rows = RateLimit(1, np.array([1e-200, 1.0])).rows(spline)
+    rows = RateLimit(1, np.array([1e-200, 1.0])).rows(OnGrid.of(spline))
     assert rows is not None
     with pytest.raises(HdplanError, match="no time law"):
         time_optimal([rows])
@@ -155,7 +154,7 @@ def test_limits_hold_where_a_path_turns_back_or_stands() -> None:
         path = rng.normal(size=(2, int(rng.integers(1, 8))))
         spline = smooth(np.repeat(np.vstack([path, path[::-1]]), 7, axis=0))
         limits = 10.0 ** rng.uniform(-3.0, 3.0, (2, path.shape[1]))
-        given = [RateLimit(order, each).rows(spline) for order, each in zip((1, 2), limits, strict=True)]
+        given = [RateLimit(order, each).rows(OnGrid.of(spline)) for order, each in zip((1, 2), limits, strict=True)]
         law = time_optimal([rows for rows in given if rows is not None])
         change = np.diff(law.path_speeds**2)[:, None] * GRID / 2
         for end in (slice(-1), slice(1, None)):
