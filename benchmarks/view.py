@@ -154,6 +154,7 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         "latency median / p95 [ms]": f"{1e3 * median:.0f} / {1e3 * p95:.0f}",
         "the slider's frames a second": f"{shown.frames / spent:.0f}",
         "processor of the server [s/s]": f"{processor / spent:.2f}",
+        "of it for each certified motion [ms]": f"{1e3 * processor / max(len(shown.waits), 1):.0f}",
     }
 
 

@@ -3,7 +3,8 @@
     python benchmarks/view_endures.py [--first SCENE ...] [--drags N] [--runs N]
 
 With --first, for each scene: from the command's start to the address that it writes, to the panel with its words in a
-browser that waits for it, and to the first picture with the robot in it; medians of a few runs. The page does all it
+browser that waits for it, and to the first picture with the robot in it; and the command's processor time, which does
+not depend on what else the machine does as the others do; medians of a few runs. The page does all it
 does but fill triangles, which a graphics card does elsewhere. It needs chromium and playwright.
 
 With --drags, one scene is dragged so often (each a press, three movements and a release, with the motion that follows),
@@ -38,6 +39,13 @@ from hdplan.scenes.yaml_format.reader import load_scene
 SCENES = ("panda_cage", "ur5_table", "panda_camera")
 DRAGGED = ("panda_cage", "bar4")  # scene and obstacle
 MOVES, WAY = 3, 0.02  # movements of a drag, and [m] of them
+FIRST = (
+    "address written [s]",
+    "panel says something [s]",
+    "robot drawn [s]",
+    "processor time of the command until the address [s]",
+    "until the robot [s]",
+)
 SHARE = 10  # the first and the last of so many parts are compared
 RUNS = 3
 ROBOT = 1500  # indices of a mesh that is one of the robot's, and not a grid or a label
@@ -48,8 +56,15 @@ for (const name of ["drawArrays", "drawArraysInstanced"]) WebGL2RenderingContext
 """.replace("LEAST", str(ROBOT))
 
 
-def first(name: str, browser: Any) -> tuple[float, float, float]:
-    """Return how long after the command [s] the address is written, the panel says something, the robot is drawn."""
+def processor(process: int) -> float:
+    """Return the processor time that a process has taken [s]."""
+    user, system = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def first(name: str, browser: Any) -> tuple[float, ...]:
+    """Return how long after the command [s] the address is written, the panel says something, the robot is drawn; and
+    the command's processor time [s] until the address is written, and until the robot is drawn."""
     page = browser.new_page(viewport={"width": 1400, "height": 820})
     page.add_init_script(SEEN)
     command = [sys.executable, "-m", "hdplan.cli", "view", name, "--port", "8390"]
@@ -57,17 +72,17 @@ def first(name: str, browser: Any) -> tuple[float, float, float]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         address = re.search(r"http://\S+(?<!,)", child.stdout.readline())
-        served = time.time() - began
+        served, to_serve = time.time() - began, processor(child.pid)
         assert address is not None
         page.goto(address[0], wait_until="commit")
         page.locator(".hd-two").first.wait_for(state="attached")
         said = time.time() - began
         page.wait_for_function("window.seen")
-        drawn = page.evaluate("window.seen") / 1e3 - began
+        drawn, to_draw = page.evaluate("window.seen") / 1e3 - began, processor(child.pid)
         page.close()
         child.terminate()  # Ctrl-C is not heard by what a shell runs in the background
         child.wait()
-    return served, said, drawn
+    return served, said, drawn, to_serve, to_draw
 
 
 def firsts(names: list[str], runs: int) -> list[dict[str, str]]:
@@ -76,9 +91,8 @@ def firsts(names: list[str], runs: int) -> list[dict[str, str]]:
     with browser() as opened:
         for name in names:
             found = [first(name, opened) for _ in range(runs)]
-            served, said, drawn = (statistics.median(column) for column in zip(*found, strict=True))
-            words = ("address written [s]", "panel says something [s]", "robot drawn [s]")
-            rows.append({"scene": name} | {w: f"{v:.2f}" for w, v in zip(words, (served, said, drawn), strict=True)})
+            medians = [statistics.median(column) for column in zip(*found, strict=True)]
+            rows.append({"scene": name} | {words: f"{value:.2f}" for words, value in zip(FIRST, medians, strict=True)})
     return rows
 
 

@@ -31,7 +31,7 @@ def job_badge(edited: EditedJob, planning: bool = False) -> str:
         return badge_of("", "… planning" if planning else "… no motion in this scene yet")
     certificate, count = edited.shown.certificate, len(edited.shown.certificate.stages)
     if edited.certified:
-        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, 0)}"
+        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, few=True)}"
         return badge_of("good", f"✓ certified{clear}, all {count} stages")
     if (stage := certificate.failed) is not None:
         return badge_of("bad", f"✕ {shortened(stage.name, LONGEST)}: {SHORT[stage.certificate.status]}")

@@ -123,7 +123,7 @@ def badge(edited: Edited, active: ShownMotion | None, holds: bool) -> str:
         return badge_of("", "… not checked in this scene yet")
     certificate = active.certificate
     if certificate.certified:
-        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, 0)}"
+        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, few=True)}"
         return badge_of("good", f"✓ certified{clear}")
     if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE) and certificate.failures:
         worst = min(certificate.failures, key=lambda place: place.distance)

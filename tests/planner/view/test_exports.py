@@ -55,7 +55,7 @@ def test_all_of_it_is_of_the_scene_when_it_was_asked_for(
     """The ball goes into the motion while it is being made: what was asked for comes, and no verdict is said of what is
     shown by then."""
     viewer, go_on, made = opened(scene, found=trajectory), threading.Event(), archive
-    monkeypatch.setattr(exports, "archive", lambda *given: (go_on.wait(60), made(*given))[1])
+    monkeypatch.setattr("hdplan.planner.page.archive.archive", lambda *given: (go_on.wait(60), made(*given))[1])
     browser = asked(viewer, exports.ARCHIVE)
     assert "being made" in said(viewer)
     asked(viewer, "page")

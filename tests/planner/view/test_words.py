@@ -79,9 +79,10 @@ def test_every_verdict_has_a_short_name() -> None:
 def test_no_more_is_claimed_than_was_proven() -> None:
     rng = np.random.default_rng(5)
     for distance in [*(10 ** rng.uniform(-5.0, 0.0, 200)).tolist(), 0.0175, 0.02099999]:
-        for digits in (0, 1):
-            said = float(proven_millimetres(distance, digits).removesuffix(" mm"))
-            assert said <= 1e3 * distance < said + 10.0**-digits
+        for few in (False, True):
+            said = float(proven_millimetres(distance, few).removesuffix(" mm"))
+            assert said <= 1e3 * distance * (1.0 + 1e-12) < said + (1.0 if few and distance >= 0.01 else 0.1) + 1e-9
+    assert proven_millimetres(0.00071, few=True) == "0.7 mm"
 
 
 def test_the_badge_says_the_verdict_in_a_few_words(edited: Edited, trajectory: Trajectory, scene: Scene) -> None:
