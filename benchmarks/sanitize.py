@@ -25,6 +25,7 @@ SUITES = (
     "tests/planner/collision/test_broad_phase.py",
     "tests/planner/collision/test_exact.py",
     "tests/planner/collision/test_hdsdf.py",
+    "tests/planner/search/test_arms.py",
     "tests/planner/search/test_trees.py",
     "tests/planner/timing/test_time_optimal.py",
     "tests/planner/kinematics/test_closed_form.py",

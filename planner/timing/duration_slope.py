@@ -1,4 +1,4 @@
-"""How the duration of the fastest law along a path changes with the path.
+"""Slope of the duration of the fastest law along a path by the path.
 
 Each squared path speed x of the law T is what one line lets it be: a row of the limits, from the x before it, or what
 bounds its set from above, of the next set. Backwards along these, by the chain rule, ∂T/∂x becomes a multiplier μ of
