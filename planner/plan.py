@@ -23,7 +23,7 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
-from hdplan.planner.search.hopeless import Hopeless
+from hdplan.planner.search.infeasible import InfeasibilityCheck
 from hdplan.planner.search.polish import Stages, Ways, first_motion, polish
 from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
 from hdplan.planner.solvers import solver_named
@@ -145,7 +145,7 @@ def plan(
             if scene.objective == "time" and scene.polish and guess is None:
                 first_motion(searches, stages, seed, ways)
             if not alone:
-                search_in_turn(searches, seed, warm, Hopeless(searches, goals).refuse)
+                search_in_turn(searches, seed, warm, InfeasibilityCheck(searches, goals).refuse)
             attempts = _attempts(searches)
             if (taken := _best(searches)) is not None and searches[taken].certified and not searches[taken].settled:
                 polish(searches, taken, stages, seed, ways)

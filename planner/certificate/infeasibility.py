@@ -45,6 +45,10 @@ class Region(NamedTuple):
     center: Array  # (3,) in the world
     radius: float  # [m]
 
+    def excludes(self, point: Array) -> bool:
+        """True if a point (3,) is outside it."""
+        return float(np.linalg.norm(point - self.center)) > self.radius
+
 
 def looks(
     certifier: Certifier, required: float, tried: Mapping[str, Sequence[Array]], suspects: Collection[str] = ()
@@ -60,10 +64,11 @@ def looks(
     open_, words = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[str]()
     balls = inscribed_balls(certifier.robot)
     for ball in sorted(balls, key=lambda ball: certifier.sweep.bodies.names[ball.body] not in suspects):
-        ends = [(target, region) for target in open_ if (region := _region(certifier, ball, target)) is not None]
+        start = _centers(certifier, ball, _start(certifier)[None])[0]
+        regions = [(target, _region(certifier, ball, target)) for target in open_]
+        ends = [(target, region) for target, region in regions if region is not None and region.excludes(start)]
         if not ends:
             continue
-        start = _centers(certifier, ball, _start(certifier)[None])[0]
         around = np.stack([start, *(region.center for _, region in ends)])
         if (cage := Cage.of(certifier, ball, required, around)) is not None:
             for target, region in ends:

@@ -50,7 +50,10 @@ class Barrier:
     def seal(self, start: Array, goal: Array, off: float) -> Rows | None:
         """Return the points (m,) of a seal between centres (3,) at start and goal, from which the ball's may be `off`
         by so much [m]; None if none was found."""
-        surfaces = [self._boundary(end) for end in (start, goal)]
+        try:
+            surfaces = [self._boundary(end) for end in (start, goal)]
+        except scipy.spatial.QhullError:  # fewer than five points, or all in one plane
+            return None
         for surface in sorted(surfaces, key=len):
             if self.separates(surface, start, goal, off):
                 return np.unique(surface)

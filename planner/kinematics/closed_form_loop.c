@@ -21,7 +21,7 @@ static const double LEAST_SLACK = 1e-5, SLACK_PER_GAP = 50.0;
 static const double EXACT = 1e-10;    /* [m] and [rad] by which a configuration may miss the pose */
 static const double SAME = 1e-6;      /* [rad] between two configurations that are one */
 static const double FAR = 0.3;         /* [rad] beyond a limit of what the last steps need not bring back */
-static const double HOPELESS = 1e-3;   /* [m] and [rad] still missed after half of the steps */
+static const double LOST = 1e-3;   /* [m] and [rad] still missed after half of the steps */
 static const double SINGULAR = 0.02;   /* [m] and [rad] for 1 rad, least: below it two configurations may be close by */
 static const double AT_LIMIT = 1e-9;  /* [rad or m] beyond a limit that is rounding */
 static const double DAMPING = 1e-12;  /* λ² of the last steps */
@@ -637,7 +637,7 @@ static int refine(const axis* axes, const double* tip, const double* wanted, int
     look(axes, tip, wanted, q, at, link, error);
     const double missed = missed_by(error);
     if (!(missed < 4.0) || step == steps || missed <= 1e-14) return missed <= EXACT;
-    if (2 * step >= steps && missed > HOPELESS) return 0;
+    if (2 * step >= steps && missed > LOST) return 0;
     slope_at(axes, at, link, jacobian);
     square_of(jacobian, square);
     if (!solved(SIX, SIX, square, error)) return missed <= EXACT;

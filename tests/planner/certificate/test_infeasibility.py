@@ -225,3 +225,25 @@ def test_a_forged_seal_is_refused() -> None:
     wide = Barrier(points, np.full(6, 0.8))
     assert not wide.separates(faces, middle, outside, 0.0)
     assert wide.seal(middle, outside, 0.0) is None
+
+
+def test_few_points_seal_nothing() -> None:
+    for points in (np.zeros((1, 3)), np.eye(3), np.eye(3)[[0, 1, 2, 0, 1, 2]] * np.arange(6)[:, None]):
+        ends = np.full(3, -1.0), np.full(3, 2.0)
+        assert Barrier(points, np.ones(len(points))).seal(*ends, 0.0) is None
+
+
+def test_a_ball_that_stays_in_place_proves_nothing(tmp_path: Path) -> None:
+    """A hub that turns about its own axis, close to a box that its arm can go around."""
+    (tmp_path / "crane.urdf").write_text(
+        '<robot name="crane"><link name="root"/><link name="hub"><collision><geometry>'
+        '<cylinder radius="0.05" length="0.2"/></geometry></collision></link><link name="arm"><collision>'
+        '<origin xyz="0.3 0 0.2"/><geometry><box size="0.6 0.06 0.06"/></geometry></collision></link>'
+        '<joint name="turn" type="continuous"><parent link="root"/><child link="hub"/><axis xyz="0 0 1"/></joint>'
+        '<joint name="tilt" type="revolute"><parent link="hub"/><child link="arm"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>',
+        encoding="utf-8",
+    )
+    box = hdplan.Obstacle("box", hdplan.Box([0.05, 0.05, 0.05]), hdplan.Pose([0.1, 0.0, 0.0]))
+    robot = hdplan.RobotSpec(urdf=str(tmp_path / "crane.urdf"))
+    assert not proven(Scene(name="crane", robot=robot, obstacles=(box,), start=[1.5, 0.0], goal=[-1.5, 0.0]))

@@ -200,7 +200,7 @@ WILD_MOTIONS: dict[str, dict[str, Any]] = {
     "denormal": {"positions": np.array([[0.0, 0.0], [5e-324, 5e-324]]), "velocities": REST + 5e-324},
     "jerky": {"times": np.array([0.0, 1e-3]), "accelerations": REST + 9e11},
 }
-HOPELESS = {"far", "turned often", "slid far", "at once", "gaps of one digit", "jerky"}
+UNCERTIFIABLE = {"far", "turned often", "slid far", "at once", "gaps of one digit", "jerky"}
 WILD_OBSTACLES: dict[str, Callable[[], Obstacle]] = {
     "standing": lambda: ball((1.0, 1.0, 1.0)),
     "far": lambda: ball((1e12, 0.0, 0.0)),
@@ -237,14 +237,14 @@ def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing:
     except InputError as error:
         refused = str(error)
     if refused:
-        assert wild in HOPELESS or thing != "standing", refused
+        assert wild in UNCERTIFIABLE or thing != "standing", refused
         assert "\n" not in refused
         assert "nan" not in refused
         return
     assert thing in ("standing", "turning", "waiting") or (wild, thing) == ("at once", "hurled"), found.text
     for value in (found.clearance, *(use.share for use in found.uses), *(kept.worst for kept in found.path)):
         assert value is None or not np.isnan(value)
-    assert not (found.certified and wild in HOPELESS)
+    assert not (found.certified and wild in UNCERTIFIABLE)
 
 
 def test_a_stretch_of_time_changes_no_verdict_about_places(slide: Scene) -> None:

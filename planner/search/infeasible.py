@@ -16,9 +16,9 @@ LIMIT_SHARE = 0.2  # of the time that there is, if that is less
 SHARE = 0.1  # of the time that guesses took
 
 
-class Hopeless:
-    """The question whether the searches to all goals of one scene are without hope: no clock decides anything but
-    how soon that is known."""
+class InfeasibilityCheck:
+    """The question whether any motion leads to a goal of the scene: no clock decides anything but how soon the answer
+    is known."""
 
     def __init__(self, searches: Sequence[Search], goals: Sequence[JointTarget]) -> None:
         """Take them as they begin."""
