@@ -269,7 +269,10 @@ def _sooner(
     if rated or len(units) < len(group):
         return
     pairs = zip(runs, itertools.pairwise(units), strict=False)
-    overlaps = [_overlap(worlds[run[-1] - group[0]], run[-1], *pair, limited=False) for run, pair in pairs]
+    try:
+        overlaps = [_overlap(worlds[run[-1] - group[0]], run[-1], *pair, limited=False) for run, pair in pairs]
+    except HdplanError:  # motions that are not slowed are within a radius for less than a row
+        return
     added = [_added(units, [share * each for each in overlaps]) for share in SHARES[:2]]
     for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:

@@ -74,8 +74,11 @@ class Proven:
 
     def of(self, world: World, part: Trajectory) -> tuple[StageCertificate, World] | None:
         """Return the same of a stage of a job, at its own times; None where anything that it follows from is not equal
-        to the last bit: the scene, what there is before it, and its curve but for the time at which that begins."""
-        if not self.stage.certificate.certified or self.before != world:
+        to the last bit: the scene, what there is before it, and its curve but for the time at which that begins. Nor is
+        it the same where torques are limited, as its words say when they are largest."""
+        certificate = self.stage.certificate
+        timeless = all(use.quantity != "torque" for use in certificate.uses)
+        if not certificate.certified or not timeless or self.before != world:
             return None
         robot = load_scene_robot(self.stage.scene)
         with naming(f"stage '{self.stage.name}'"):
@@ -89,7 +92,6 @@ class Proven:
             and (self.after.rates is None or ends[0] == ends[1])
         ):
             return None
-        certificate = self.stage.certificate
         worst, self_worst = (
             each and replace(each, seconds=float(curve.time_of(each.parameter)))
             for each in (certificate.worst, certificate.self_worst)

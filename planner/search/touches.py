@@ -49,7 +49,7 @@ def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
     if min(before, best) > wide and not search.reconsidered:
         search.reconsidered = True
         times = min(before, best) / least if least > 0.0 else 1.0
-        gently = search.tried(problem, problem.polyline(), FIRST_WEIGHT, solver=gentle(round(times * GENTLE_STEPS)))
+        gently = search.tried(problem, problem.polyline(), FIRST_WEIGHT, solver=gentle(times * GENTLE_STEPS))
         if gently.status in (SolverStatus.CLEAR, SolverStatus.ITERATIONS):
             found.append(nearer(gently))
         if gently.status in (SolverStatus.CLEAR, SolverStatus.STALLED):
@@ -68,8 +68,7 @@ def once_more(search: Search, path: Array) -> Solution | None:
     return search.clear(near, path, DETOUR_WEIGHT, CONVERGED)
 
 
-def gentle(steps: int) -> Solver:
-    """CHOMP, for so many steps, but MOST_STEPS."""
-    return Solver(
-        lambda problem, guess, budget: chomp.solve(problem, guess, replace(budget, iterations=min(steps, MOST_STEPS)))
-    )
+def gentle(steps: float) -> Solver:
+    """CHOMP, for so many steps, but MOST_STEPS at most."""
+    most = round(min(steps, MOST_STEPS))  # of what costs nothing along the straight line, without end
+    return Solver(lambda problem, guess, budget: chomp.solve(problem, guess, replace(budget, iterations=most)))

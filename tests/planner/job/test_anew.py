@@ -49,6 +49,17 @@ def test_a_path_timed_anew_stays_and_keeps_limits(seed: int) -> None:
         assert abs(gone[0] - gone[1]) < 0.1 * np.linalg.norm(ends[2] - ends[0])
 
 
+def test_rows_too_far_apart_for_a_path_timed_anew_leave_the_blend_of_a_slower_move() -> None:
+    """At its own pace the move is within the radius for less than a row."""
+    there = hdplan.Pose.from_rpy([0.45, 0.2, 0.5], [np.pi, 0.0, 0.0])
+    move = hdplan.Move(hdplan.PoseTarget("panda_hand_tcp", there, free_rotation="z"), blend=0.01)
+    job = hdplan.Job([move, hdplan.Line(by=[0.0, 0.0, -0.1], speed=0.3)])
+    limits, timing = hdplan.Limits(acceleration=7.5, jerk=500.0), hdplan.Timing(rate=15.0)
+    result = hdplan.plan_job(hdplan.Scene(robot="panda", start="default", limits=limits, timing=timing, job=job))
+    assert result.certified, result.text
+    assert "1 of them blended" in result.text
+
+
 def _up_to(motion: Trajectory, there: float, whole: Trajectory, middle: float) -> list[np.ndarray]:
     """Configurations of both up to the mark."""
     pairs = ((motion, there), (whole, middle))

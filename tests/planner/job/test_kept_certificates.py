@@ -93,3 +93,13 @@ def test_kept_certificates_are_those_made_anew(monkeypatch: pytest.MonkeyPatch) 
     stages = [*scene.job.stages]
     stages[4] = hdplan.Line(by=[0.0, 0.1, 0.0], position_tolerance=5e-4, name=scene.job.names[4])
     assert made_anew(replace(scene, goal=None, job=hdplan.Job(stages)), motion)[0] == 0
+
+
+def test_what_is_said_of_torques_has_the_times_of_the_job() -> None:
+    limits = hdplan.Limits(acceleration=5.0, torque="urdf")
+    job = hdplan.Job([hdplan.Wait(0.5), hdplan.Line(by=[0.0, 0.0, -0.05]), hdplan.Wait(0.1)])
+    result = hdplan.plan_job(hdplan.Scene(robot="panda", start="default", limits=limits, job=job))
+    assert result.certified, result.text
+    assert told(hdplan.certify_job(result.scene, result.trajectory)) == told(result.certificate)
+    line = result.certificate.stages[1]
+    assert line.begins <= float(line.certificate.text.rpartition(" at ")[2].split()[0]) <= line.ends
