@@ -105,7 +105,7 @@ class JobViewer(Served):
                 Key("P", "P", "Plan, or stop", lambda _: self.toggle()),
                 Key("Z", "Z", "Undo", lambda _: self.go_back("undo")),
                 Key("shift Z", "Z", "Redo", lambda _: self.go_back("redo"), "shift"),
-                Key("esc", "escape", "Select nothing", lambda _: self.handles.deselect()),
+                Key("esc", "escape", "Select nothing, or close this list", lambda _: self.handles.deselect()),
                 Key("F", "F", "Look at what is selected", self.looking.frame),
             ),
         )

@@ -68,14 +68,23 @@ class Keys:
             modifier: Any = each.modifier
             hotkey: Any = each.key  # viser's list lacks the question mark
             command = gui.add_command(each.does, hotkey=hotkey, modifier=modifier)
-            command.on_trigger(lambda event, act=each.act: act(event.client))
+            command.on_trigger(lambda event, key=each: self._pressed(key, event.client))
+
+    def _pressed(self, key: Key, client: Any) -> None:
+        """Do what a key does, but let escape close the list first."""
+        if key.key != "escape" or not self._closed(client):
+            key.act(client)
+
+    def _closed(self, client: Any) -> bool:
+        """Close the list in one browser; whether it was there."""
+        shown = None if client is None else self._lists.pop(client.client_id, None)
+        if shown is not None:
+            shown.close()
+        return shown is not None
 
     def _list(self, client: Any) -> None:
         """Show the list to one browser, or close it there."""
-        if client is None:
-            return
-        if (shown := self._lists.pop(client.client_id, None)) is not None:
-            shown.close()
+        if client is None or self._closed(client):
             return
         rows = "\n".join(dict.fromkeys(f"| `{each.shown}` | {each.does} |" for each in self._keys))
         with client.gui.add_modal("Keys") as modal:
@@ -106,7 +115,7 @@ def keys_of(viewer: Viewer) -> tuple[Key, ...]:
         Key("del", "delete", "Delete the obstacles that are selected", ask("delete")),
         Key("ctrl D", "D", "Duplicate them", ask("duplicate"), "cmd/ctrl"),
         Key("ctrl C, V", "", "Copy them as a scene writes them; paste obstacles", lambda _: None),
-        Key("esc", "escape", "Select nothing", lambda _: viewer.panel.handles.deselect()),
+        Key("esc", "escape", "Select nothing, or close this list", lambda _: viewer.panel.handles.deselect()),
         Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
         *layers,
     )

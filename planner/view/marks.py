@@ -12,7 +12,7 @@ import viser
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import INK, START
 from hdplan.planner.view.drawing.motion import ShownMotion, shortened
-from hdplan.planner.view.drawing.nodes import ObstacleNode, wxyz_of
+from hdplan.planner.view.drawing.nodes import LABELS, ObstacleNode, wxyz_of
 from hdplan.planner.view.drawing.skins import collision_skins
 from hdplan.scenes.array_types import Array
 
@@ -127,7 +127,7 @@ class Names:
         for name, node in wanted.items():
             text = shortened(node.obstacle.name, LONGEST)
             if name not in self.labels:
-                add = self._scene.add_label
-                self.labels[name] = add(f"{name}/name", text, font_screen_scale=0.8), node
+                label = self._scene.add_label(f"{name}/name", text, **LABELS | {"font_screen_scale": 0.8})
+                self.labels[name] = label, node
             elif self.labels[name][0].text != text:
                 self.labels[name][0].text = text

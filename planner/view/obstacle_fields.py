@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 from hdplan.planner.view import groups, scene_edits
 from hdplan.planner.view.edit_steps import Editing, Fields, number_in, numbers_in, optional, spaced
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.page_script import LONGEST_TEXT
 from hdplan.planner.view.things import Thing, obstacle_of
 from hdplan.planner.view.uploads import MESHES
 from hdplan.scenes.errors import InputError
@@ -84,6 +85,8 @@ class ObstacleFields:
 
     def paste(self, text: str) -> None:
         """Add obstacles that are written as in a scene, and select them. Raises InputError for any other text."""
+        if len(text) > LONGEST_TEXT:
+            raise InputError(f"what is pasted has more than {LONGEST_TEXT} characters: open it as a scene's file")
         file = self._viewer.uploads.take(PASTED, as_section(text).encode(), (PASTED,))
         edited, added = scene_edits.pasted(self._viewer.edited, read_obstacles(file))
         self._editing.apply("paste", lambda _: edited)

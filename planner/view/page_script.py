@@ -24,6 +24,7 @@ Handler = Callable[[viser.ClientHandle, Told], object]
 
 WIDTH, NARROWEST = 360, 250  # [px] of the panel
 DRAGGED = 8  # [px] by which the mouse moves at least in a plot to zoom
+LONGEST_TEXT = 250_000  # characters that are pasted: in a message at most six bytes each, less than the gate allows
 SHEET = 700  # [px] of a window's width up to which the panel lies below the scene; viser's own does up to 576
 LOW = 45  # [%] of the window's height that it takes there
 SHARE = 0.4  # of a window's width that the panel takes at most
@@ -148,8 +149,9 @@ if (!window.hdplan) {
     event.preventDefault();
   });
   document.addEventListener('paste', (event) => {
-    const text = event.clipboardData.getData('text/plain');
-    if (!typing(event) && text) tell({do: 'paste', text});
+    const text = event.clipboardData.getData('text/plain'), long = text.length > PASTED;
+    if (long) event.preventDefault();  // in a field, too: a message of that size would end the connection
+    if (text && (long || !typing(event))) tell({do: 'paste', text: text.slice(0, PASTED + 1)});
   });
   const share = (plot, x) => { const box = plot.getBoundingClientRect(); return (x - box.left) / box.width; };
   let pressed;  // in a plot: it and where
@@ -211,6 +213,7 @@ document.documentElement.classList.toggle('hdplan-watches', location.pathname.st
     .replace("MOST", str(MOST_BYTES))
     .replace("ALIVE", ALIVE)
     .replace("DRAGGED", str(DRAGGED))
+    .replace("PASTED", str(LONGEST_TEXT))
 )
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"

@@ -138,8 +138,8 @@ def pose_turned(pose: Pose, degrees: tuple[float, float, float]) -> Pose:
 
 def pose_oriented(pose: Pose, quaternion: Sequence[float]) -> Pose:
     """Return a pose turned as a quaternion x y z w says, which is normalized. Raises InputError for any other."""
-    length = float(np.linalg.norm(quaternion)) if len(quaternion) == 4 else 0.0
-    if not 1e-6 < length < np.inf:
+    length = float(np.linalg.norm(quaternion))
+    if len(quaternion) != 4 or not 1e-6 < length < np.inf:
         raise InputError(f"quaternion: must be four numbers, not all 0, found {len(quaternion)} of length {length:g}")
     x, y, z, w = (np.asarray(quaternion) / length).tolist()
     return replace(pose, quaternion_xyzw=(x, y, z, w))

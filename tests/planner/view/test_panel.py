@@ -97,6 +97,19 @@ def test_esc_selects_nothing_also_while_something_is_dragged(viewer: Viewer) -> 
     assert viewer.edited.scene.obstacles
 
 
+def test_esc_closes_the_list_of_keys_before_it_selects_nothing(viewer: Viewer) -> None:
+    keys, client = viewer.panel.keys, SimpleNamespace(client_id=7, gui=viewer.server.gui)
+    escape = next(each for each in keys._keys if each.key == "escape")
+    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
+    keys._list(client)
+    listed = keys._lists[7]
+    for left in (BALL, None):
+        keys._pressed(escape, client)
+        assert viewer.worker.settle(20)
+        assert listed.closed
+        assert viewer.panel.handles.selected == left
+
+
 @pytest.mark.parametrize("angle", np.linspace(0.0, 2 * np.pi, 7)[:-1])
 def test_new_shapes_stand_on_the_eyes_side_where_there_is_room(angle: float) -> None:
     empty = Edited.of(Setup.of(load_scene("planar_arm"))).changed(obstacles=())

@@ -16,8 +16,10 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view import scene_edits
+from hdplan.planner.view.gate import MOST_MESSAGE
 from hdplan.planner.view.layers import FRAMES, NAMES, TRAIL
 from hdplan.planner.view.marks import POSTURES
+from hdplan.planner.view.page_script import LONGEST_TEXT
 from hdplan.planner.view.things import START, Thing, obstacle_of
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.viewer import Viewer
@@ -125,10 +127,11 @@ def test_a_paste_is_a_step_and_takes_other_names(viewer: Viewer) -> None:
     names = [each.name for each in viewer.scene.obstacles]
     assert names == ["ball", "prism", "ball2", "far"]
     assert viewer.panel.handles.selected == Thing("obstacle", "far")
+    assert 6 * LONGEST_TEXT < MOST_MESSAGE  # or the gate would end the connection, and nothing be said
     negative = "- {name: a, shape: {type: box, size: [1, 1, -1]}}"
-    for wrong in ("", "- 1", negative, "- {name: x", "- !!python/object:os {}"):
+    for wrong in ("", "- 1", negative, "- {name: x", "- !!python/object:os {}", "x" * (LONGEST_TEXT + 1)):
         tell(viewer, do="paste", text=wrong)
-        assert "not done: " in viewer.panel.editing.said, wrong
+        assert "not done: " in viewer.panel.editing.said, wrong[:40]
         assert "hdplan-view-" not in viewer.panel.editing.said
         assert [each.name for each in viewer.scene.obstacles] == names
     for _ in range(2):
