@@ -9,19 +9,19 @@ of the problem as it is.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hdplan.planner.causes import CAUSES, cause_of_refusal, cause_of_verdict
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.verdict import Place, Status
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.plan import plan
 from hdplan.planner.result import CUT_SHORT, PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import may_end
-from hdplan.scenes.errors import HdplanError, TimeLimitError
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
@@ -36,6 +36,7 @@ MOST_TOGETHER = 240.0  # [s] for all of them
 LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
 AROUND, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
 REFUSALS = ("too_hurried", "bad_input", "goal_not_reached", "internal")  # and what begins with `end_`
+MEASURED = ("time", "disconnected")  # refusals of which a trial that helps tells more
 SAID = {Status.OFF_PATH, Status.TOO_FAST, Status.OVERLOADED}  # verdicts that name their cause
 
 require_fields(
@@ -85,21 +86,17 @@ def diagnose(
     Raises nothing of its own: a trial that is refused does not help.
     """
     if isinstance(failure, HdplanError):
-        cause, text, place = cause_of_refusal(failure), str(failure), None
+        cause, text, blamed = cause_of_refusal(failure), str(failure), getattr(failure, "by", ())
     else:
         certificate = failure.certificate
         cause, text = cause_of_verdict(certificate, CUT_SHORT in failure.notes), certificate.text
-        place = min(
-            (each for each in (certificate.worst, certificate.self_worst) if each),
-            key=lambda each: each.distance,
-            default=None,
-        )
-    out_of_time = isinstance(failure, TimeLimitError)
-    named = failure.certificate.status in SAID if isinstance(failure, PlanResult) else not out_of_time
+        places = [each for each in (certificate.worst, certificate.self_worst) if each]
+        blamed = tuple(each.other for each in sorted(places, key=lambda each: each.distance)[:1])
+    named = failure.certificate.status in SAID if isinstance(failure, PlanResult) else cause not in MEASURED
     if (near := _free_nearby(scene)) and cause in ("end_in_contact", "end_overloaded", "end_off_path"):
         return Diagnosis(cause, f"{CAUSES[cause]}: {text}", near)
     tried = []
-    for trial in _trials(scene, cause, place, time_limit):
+    for trial in _trials(scene, cause, blamed, time_limit):
         tried.append(trial.setting)
         try:
             result = plan(trial.scene, solver=solver, seed=seed, time_limit=trial.seconds)
@@ -119,10 +116,11 @@ def _measured(result: PlanResult) -> str:
     return f"{result.certificate.text}{lasts}"
 
 
-def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) -> Iterator[_Trial]:
-    """Yield what may help, the most telling first."""
+def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) -> Iterator[_Trial]:
+    """Yield what may help, the most telling first: `blamed` is what stands in the way."""
     seconds = min(time_limit, MOST_SECONDS)
     searched = cause not in REFUSALS and not cause.startswith("end_")  # a motion was looked for
+    shut = cause == "disconnected"  # whatever time, torques and paths there are
     most = min(max(LONGER * time_limit, MOST_SECONDS), LONGEST)
     longer = _Trial("time", f"a time limit of {most:g} s", scene, most)
     if cause == "time":
@@ -133,10 +131,10 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
             setting = f"timing.duration: {slower.duration:.4g}"
             yield _Trial("too_hurried", setting, dataclasses.replace(scene, timing=slower), seconds)
     for name in (name for name, quantity in QUANTITIES.items() if quantity.order is None):  # rates: with more time
-        if searched and getattr(scene.limits, name) is not None:
+        if searched and not shut and getattr(scene.limits, name) is not None:
             limits = dataclasses.replace(scene.limits, **{name: None})  # type: ignore[arg-type]
             yield _Trial("torque", f"without limits.{name}", dataclasses.replace(scene, limits=limits), seconds)
-    if (searched or cause == "end_off_path") and scene.path != PathConstraints():
+    if ((searched and not shut) or cause == "end_off_path") and scene.path != PathConstraints():
         yield _Trial("path_constraint", "without path", dataclasses.replace(scene, path=PathConstraints()), seconds)
     if searched or cause == "end_too_close":
         for share in CLOSER:
@@ -155,12 +153,13 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
         yield _Trial("joint_limit", setting, dataclasses.replace(scene, limits=limits), seconds)
     if cause == "goal_not_reached" and (turned := _turning(scene)) is not None:
         yield _Trial(cause, "goal.pose.free_rotation: all", turned, seconds)
-    if searched and cause not in ("time", "disconnected"):
+    if searched and cause not in MEASURED:
         yield longer
-    if searched and place is not None and any(each.name == place.other for each in scene.obstacles):
-        others = tuple(each for each in scene.obstacles if each.name != place.other)
-        without = dataclasses.replace(scene, obstacles=others)
-        yield _Trial("local_minimum", f"without obstacle {place.other}", without, seconds)
+    for name in blamed if searched else ():
+        others = tuple(each for each in scene.obstacles if each.name != name)
+        if len(others) < len(scene.obstacles):
+            without = dataclasses.replace(scene, obstacles=others)
+            yield _Trial("disconnected" if shut else "local_minimum", f"without obstacle {name}", without, seconds)
 
 
 def _closer(scene: Scene, share: float) -> Scene:

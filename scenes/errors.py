@@ -29,16 +29,16 @@ class InputError(HdplanError):
 
 class UnsolvableError(InputError):
     """A problem that is well written and cannot be solved as it stands: `cause` is a word for why, such as
-    "end_in_contact"."""
+    "end_in_contact", and `by` are names of what shuts a goal off."""
 
-    def __init__(self, text: str, cause: str) -> None:
-        """Take the message and the cause."""
+    def __init__(self, text: str, cause: str, by: tuple[str, ...] = ()) -> None:
+        """Take the message, the cause and the names."""
         super().__init__(text)
-        self.cause = cause
+        self.cause, self.by = cause, by
 
-    def __reduce__(self) -> tuple[type, tuple[str, str]]:
-        """Pickle both."""
-        return type(self), (self.args[0], self.cause)
+    def __reduce__(self) -> tuple[type, tuple[str, str, tuple[str, ...]]]:
+        """Pickle all of them."""
+        return type(self), (self.args[0], self.cause, self.by)
 
 
 class MisplacedError(InputError):
@@ -112,7 +112,7 @@ def naming(where: object) -> Iterator[None]:
     try:
         yield
     except UnsolvableError as error:
-        raise UnsolvableError(f"{where}: {error}", error.cause) from None
+        raise UnsolvableError(f"{where}: {error}", error.cause, error.by) from None
     except MisplacedError as error:
         raise MisplacedError(f"{where}: {error}") from None
     except InputError as error:

@@ -50,18 +50,25 @@ class Region(NamedTuple):
         return float(np.linalg.norm(point - self.center)) > self.radius
 
 
+class Shut(NamedTuple):
+    """What shuts a ball off from a goal."""
+
+    words: str
+    by: tuple[str, ...]  # the obstacles or links that the words name, those with most points of the seal first
+
+
 def looks(
     certifier: Certifier, required: float, tried: Mapping[str, Sequence[Array]], suspects: Collection[str] = ()
-) -> Iterator[str]:
-    """Look at one ball after another; yield each time why no motion of the scene that keeps `required` [m] exists, if
-    that is proven by then, or nothing.
+) -> Iterator[tuple[Shut, ...]]:
+    """Look at one ball after another; yield each time what shuts off the goals if no motion of the scene that keeps
+    `required` [m] exists, and that is proven by then, or nothing.
 
     tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them brings to the goal
     without doubt is not looked at.
     suspects: links whose balls are looked at first.
     """
     goal = certifier.scene.goal
-    open_, words = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[str]()
+    open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()
     balls = inscribed_balls(certifier.robot)
     for ball in sorted(balls, key=lambda ball: certifier.sweep.bodies.names[ball.body] not in suspects):
         start = _centers(certifier, ball, _start(certifier)[None])[0]
@@ -77,8 +84,8 @@ def looks(
                     continue
                 if (seal := cage.barrier.seal(start, region.center, region.radius)) is not None:
                     open_.remove(target)
-                    words.append(cage.words(seal, target.field))
-        yield "" if open_ else "; ".join(words)
+                    found.append(cage.shut(seal, target.field))
+        yield () if open_ else tuple(found)
         if not open_:
             return
 
@@ -138,7 +145,7 @@ class Cage:
             for center, rows in zip(centers, near, strict=True)
         )
 
-    def words(self, seal: Rows, field: str) -> str:
+    def shut(self, seal: Rows, field: str) -> Shut:
         """Say what shuts the ball off from a goal."""
         counts = np.bincount(self.owner[seal], minlength=len(self.names))
         rows = [row for row in np.argsort(-counts, kind="stable").tolist() if counts[row]]
@@ -146,7 +153,7 @@ class Cage:
         by = ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
         across = f"a ball {2e3 * self.ball.radius:.3g} mm across inside {self.link}"
         kept = ", with the clearance that it must keep," * bool(self.keeps[rows].any())
-        return f"{across}{kept} cannot get from start to {field}, shut off by {by}"
+        return Shut(f"{across}{kept} cannot get from start to {field}, shut off by {by}", tuple(names[:NAMED]))
 
 
 def _stands(body: Body) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 
-from hdplan.planner.certificate.infeasibility import looks
+from hdplan.planner.certificate.infeasibility import Shut, looks
 from hdplan.planner.search.search import Search
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import UnsolvableError
@@ -25,7 +25,7 @@ class InfeasibilityCheck:
         self._searches, self._goals = searches, goals
         self._began = time.perf_counter()
         self._spent = 0.0  # [s]
-        self._looks: Iterator[str] | None = None
+        self._looks: Iterator[tuple[Shut, ...]] | None = None
 
     def refuse(self) -> None:
         """Raise UnsolvableError if it is proven that no motion exists."""
@@ -37,14 +37,16 @@ class InfeasibilityCheck:
             self._looks = self._begun()
         while not first.over and self._spent <= SHARE * passed:
             before = time.perf_counter()
-            why = next(self._looks, None)
+            found = next(self._looks, None)
             self._spent += time.perf_counter() - before
-            if why is None:
+            if found is None:
                 return
-            if why:
-                raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected")
+            if found:
+                why = "; ".join(each.words for each in found)
+                by = tuple(dict.fromkeys(name for each in found for name in each.by))
+                raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected", by)
 
-    def _begun(self) -> Iterator[str]:
+    def _begun(self) -> Iterator[tuple[Shut, ...]]:
         tried: dict[str, list[Array]] = {}
         suspects = set()
         for search, goal in zip(self._searches, self._goals, strict=True):

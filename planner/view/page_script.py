@@ -204,6 +204,9 @@ if (!window.hdplan) {
     for (const details of document.querySelectorAll('details:not([open])'))
       if (unfolded.has(line(details))) details.open = true;
   }).observe(document.body, {childList: true, subtree: true});
+  new MutationObserver((changes) => {  // where a curve has no value under the mouse
+    for (const {target} of changes) if (target.data === 'NaN') target.data = '–';
+  }).observe(document.body, {characterData: true, subtree: true});
   window.hdplan = {theme};
 }
 setTimeout(window.hdplan.theme);

@@ -9,11 +9,12 @@ from collections.abc import Collection
 from pathlib import Path
 
 from hdplan.planner.geometry.mesh_files import FORMATS
+from hdplan.planner.view.drawing.motion import shortened
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import MOST_BYTES
 
 MESHES = tuple(f".{ending}" for ending in FORMATS)
-LONGEST_NAME = 100  # characters of a name
+LONGEST_NAME = 100  # bytes of a name
 _UNSAFE = re.compile(r"[^\w .()+-]")
 
 
@@ -32,22 +33,18 @@ class Uploads:
     def take(self, name: str, content: bytes, endings: Collection[str]) -> Path:
         """Write a file under its own name, in place of an earlier one, and return where. Raises InputError for a name
         without one of the endings, and for a file that is empty or too large."""
-        bare = _UNSAFE.sub("_", Path(name.replace("\\", "/")).name)[-LONGEST_NAME:].lstrip(".")
-        if not bare.lower().endswith(tuple(endings)):
-            raise InputError(f"{name}: a file that ends with one of {', '.join(endings)} is needed")
-        if not content:
-            raise InputError(f"{name}: is empty")
-        check_size(name, len(content))
-        path = self.folder / bare
+        path = self.folder / _checked(name, content, endings)
         path.write_bytes(content)
         return path
 
     def take_mesh(self, name: str, content: bytes) -> Path:
         """Write a mesh file, as `take`; numbered if another one has its name, as obstacles may be made of that."""
-        bare, number = Path(name), 2
-        while (there := self.folder / bare.name).exists() and there.read_bytes() != content:
-            bare, number = Path(f"{Path(name).stem}_{number}{Path(name).suffix}"), number + 1
-        return self.take(bare.name, content, MESHES)
+        bare, number = Path(_checked(name, content, MESHES)), 2
+        path = self.folder / bare
+        while path.exists() and path.read_bytes() != content:
+            path, number = self.folder / _short(f"{bare.stem}_{number}{bare.suffix}"), number + 1
+        path.write_bytes(content)
+        return path
 
     def of(self, paths: Collection[Path]) -> tuple[Path, ...]:
         """Return those of some files that were sent by browsers, each once."""
@@ -56,6 +53,23 @@ class Uploads:
     def close(self) -> None:
         """Delete them."""
         self._folder.cleanup()
+
+
+def _checked(name: str, content: bytes, endings: Collection[str]) -> str:
+    """Return the name under which a file is written."""
+    bare = _short(_UNSAFE.sub("_", Path(name.replace("\\", "/")).name))
+    said = shortened(name, LONGEST_NAME)
+    if not bare.lower().endswith(tuple(endings)):
+        raise InputError(f"{said}: a file that ends with one of {', '.join(endings)} is needed")
+    if not content:
+        raise InputError(f"{said}: is empty")
+    check_size(said, len(content))
+    return bare
+
+
+def _short(name: str) -> str:
+    """Return the end of a name, no longer than a file's may be, which counts in bytes."""
+    return name.encode()[-LONGEST_NAME:].decode(errors="ignore").lstrip(".")
 
 
 def check_size(name: str, size: float) -> None:

@@ -63,6 +63,11 @@ def post(across: float) -> hdplan.Obstacle:
     return hdplan.Obstacle("post", hdplan.Cylinder(0.05, 0.4), hdplan.Pose([0.85, across, HEIGHT]))
 
 
+def column() -> hdplan.Obstacle:
+    """A column in the way of the upper arm, around whose middle a ball would find a way."""
+    return hdplan.Obstacle("column", hdplan.Cylinder(0.05, 0.4), hdplan.Pose([0.4, 0.0, HEIGHT]))
+
+
 def settings(**values: Any) -> hdplan.PlannerSettings:
     return hdplan.PlannerSettings(polish=0, **values)
 
@@ -87,7 +92,8 @@ def planted(cause: str, seed: int) -> Scene:
         "torque": lambda: change(scene, timing=wanted, limits=weak),
         "clearance": lambda: change(scene, obstacles=(lintel(size),), planner=settings(clearance=size + 0.002)),
         "joint_limit": lambda: change(scene, obstacles=(post(2 * size),), limits=stiff),
-        "local_minimum": lambda: change(scene, obstacles=(lintel(-size),)),
+        "disconnected": lambda: change(scene, obstacles=(lintel(-0.012 - 0.3 * size),)),
+        "local_minimum": lambda: change(scene, obstacles=(column(),)),
         "time": lambda: change(scene, obstacles=ARM.obstacles, planner=settings(waypoints=200)),
         "end_off_path": lambda: change(scene, path=kept_within(0.15)),
         "path_constraint": lambda: change(scene, path=kept_within(0.46)),
@@ -99,7 +105,7 @@ def planted(cause: str, seed: int) -> Scene:
 KINDS = (
     *("end_in_contact", "end_too_close", "end_beyond_limits", "goal_not_reached", "too_hurried", "torque"),
     *("clearance", "joint_limit", "local_minimum", "bad_input", "time", "end_off_path"),
-    "path_constraint",
+    *("path_constraint", "disconnected"),
 )
 
 
@@ -129,6 +135,8 @@ def test_a_planted_cause_is_named(cause: str) -> None:
     assert found.cause == cause, found
     assert found.text.startswith(CAUSES[cause])
     assert "\n" not in found.text + found.advice
+    if cause == "disconnected":
+        assert found.advice.startswith("without obstacle beam: certified")
     if cause == "clearance":
         assert "of the clearance (planner.clearance: 0.0" in found.advice
 
@@ -157,12 +165,12 @@ def test_causes_are_listed_and_survive() -> None:
                 if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "UnsolvableError":
                     raised |= {each.value for each in node.args[1:] if isinstance(each, ast.Constant)}
     assert {"end_in_contact", "too_hurried"} <= raised <= set(CAUSES)
-    error = UnsolvableError("no way", "torque")
+    error = UnsolvableError("no way", "torque", ("post",))
     for again in (pickle.loads(pickle.dumps(error)), copy.copy(error)):
-        assert (str(again), again.cause) == ("no way", "torque")
+        assert (str(again), again.cause, again.by) == ("no way", "torque", ("post",))
     with pytest.raises(UnsolvableError, match=r"^a\.yaml: no way$") as caught, naming("a.yaml"):
         raise error
-    assert caught.value.cause == "torque"
+    assert (caught.value.cause, caught.value.by) == ("torque", ("post",))
     assert issubclass(UnsolvableError, InputError)
 
 

@@ -371,14 +371,21 @@ def test_files_that_cannot_be_opened_change_nothing(viewer: Viewer, trajectory: 
 
 def test_uploads_stay_in_their_folder() -> None:
     uploads = Uploads()
+    plain = ["../up.obj", "/etc/up.obj", "a\\b\\up.obj", "\n.obj", "a b(1).OBJ", "x" * 300 + ".obj", "腕" * 90 + ".obj"]
     try:
-        for name in ("../up.obj", "/etc/up.obj", "a\\b\\up.obj", "..obj", "\n.obj", "ü" * 300 + ".obj", "a b(1).OBJ"):
-            try:
-                path = uploads.take(name, b"o", (".obj",))
-            except InputError:
-                continue
-            assert path.parent == uploads.folder
-            assert path.exists()
+        for take in (lambda name: uploads.take(name, b"o", (".obj",)), lambda name: uploads.take_mesh(name, b"o")):
+            for name in plain:
+                path = take(name)
+                assert path.parent == uploads.folder
+                assert path.read_bytes() == b"o"
+            for name in ("", "..", "..obj", "/"):
+                with pytest.raises(InputError, match="a file that ends with"):
+                    take(name)
+        long = "腕" * 90 + ".obj"
+        every = {
+            uploads.take_mesh(name, name.encode()) for name in (long, f"b{long}", "c:d.obj", "c*d.obj", "x/c?d.obj")
+        }
+        assert len(every) == 5  # a mesh is never another one's, however their names are written
         assert uploads.take_mesh("up.obj", b"o") == uploads.folder / "up.obj"
         assert uploads.take_mesh("up.obj", b"p") == uploads.folder / "up_2.obj"
         assert uploads.take_mesh("up.obj", b"p") == uploads.folder / "up_2.obj"
