@@ -87,7 +87,7 @@ class Proven:
         assert known.times is not None
         ends = _rates_at_end(curve, robot, part), _rates_at_end(known, robot, self.stage.trajectory)
         if not (
-            np.array_equal(curve.control, known.control)
+            all(map(np.array_equal, (curve.control, *curve.given), (known.control, *known.given)))
             and np.array_equal(curve.times - curve.times[0], known.times - known.times[0])
             and (self.after.rates is None or ends[0] == ends[1])
         ):

@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 
-from hdplan.planner.certificate.rate_check import slope_of_steps
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
@@ -72,16 +71,6 @@ class RateLimit:
         """Compute it from a bound on the whole curve, not from samples."""
         share = float((curve.over_time(self.order).largest() / self.limit).max())
         return float(((1 + MARGIN) * share) ** (1 / self.order))
-
-    def rounding(self, curve: Curve) -> float:
-        """Return by how much a curve from rest to rest must be stretched for the limit to hold as the certificate
-        proves it, with the stairs that rounding makes of the derivative below."""
-        if self.order == 1:
-            return self.stretch(curve)
-        below = curve.over_time(self.order - 1)
-        times = np.concatenate([[0.0], np.cumsum(below.widths)])
-        share = (below.derivative().largest() + slope_of_steps(below.steps(), times)) / self.limit
-        return float(((1 + MARGIN) * share.max()) ** (1 / self.order))
 
 
 def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:

@@ -262,7 +262,7 @@ class Retimer:
         law, duration, count, _ = quickest
         for _ in range(ROUNDINGS):
             timed = self._timed(path, spline, law, duration, count)
-            over = max(each.rounding(timed.trajectory.curve) for each in self.limits if isinstance(each, RateLimit))
+            over = max(each.stretch(timed.trajectory.curve) for each in self.limits if isinstance(each, RateLimit))
             if over <= 1.0 + 0.1 * MARGIN:
                 return timed
             duration *= over
