@@ -28,10 +28,9 @@ FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that
 
 def free_space(problem: Problem, required: float) -> Record | None:
     """Return the C struct `space` of a problem with exact distances, whose motion has to keep a clearance [m]; None
-    where more counts than which configurations are free, as with path constraints or moving obstacles, and without a C
-    compiler."""
+    where obstacles move, and without a C compiler. It knows of no path constraints."""
     terms, robot, linkage = problem.terms, problem.robot, problem.robot.linkage
-    if not library() or not problem.exact or terms.path or terms.moving_obstacles:
+    if not library() or not problem.exact or terms.moving_obstacles:
         return None
     less = problem.scene.planner.clearance - required
     chain, travel = Chain.of(robot.model), robot.unfolded.inner.T

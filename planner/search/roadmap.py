@@ -57,13 +57,13 @@ def seeds(problem: Problem, seed: int) -> Iterator[Array]:
         yield problem.polyline(between if roadmap is roadmaps[0] else np.vstack([first, between, last]))
 
 
-def onto_path(problem: Problem, q: Array) -> Array:
-    """Move configurations (B, n) onto the path constraints, by up to PULLS steps of damped least squares: random ones
-    almost never satisfy them."""
+def onto_path(problem: Problem, q: Array, pulls: int = PULLS) -> Array:
+    """Move configurations (B, n) onto the path constraints, by so many steps of damped least squares at most: random
+    ones almost never satisfy them."""
     from hdplan.planner.kinematics.inverse import damped_step  # imported here, as few scenes have path constraints
     from hdplan.planner.problem.path_terms import to_path
 
-    for _ in range(PULLS):
+    for _ in range(pulls):
         missing, slope = to_path(problem.terms.path, problem.placed(q))
         if not missing.any():
             break

@@ -21,6 +21,7 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.held_trees import held_ways
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
@@ -79,6 +80,7 @@ class Guess(NamedTuple):
     weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
     as_it_is: bool = False  # whether it may be the motion itself
     last: float = math.inf  # what the motion cost that it comes from, if it is a warm start
+    way: Array | None = None  # (C, n) what it goes along more finely, which may be the motion itself, timed or not
 
 
 class Best(NamedTuple):
@@ -159,6 +161,8 @@ class Search:
             if solution.status is SolverStatus.INTERRUPTED or self.over or (certificate.certified and not left):
                 return True
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
+                return True
+            if turn == 0 and first.way is not None and self.keep(guess, self.timed(guess, math.inf, first.way)):
                 return True
             if solution.status is SolverStatus.STALLED or not certificate.unproven:
                 break
@@ -285,10 +289,11 @@ class Search:
         self.last = replace(solution, steps=())
         return solution.trajectory.positions, solution.status
 
-    def timed(self, path: Array, value: float) -> Sequence[Trajectory]:
-        """Give times to a path (N, n) where the scene asks for them, the quickest motion first; none if it can have
-        none, or costs `value` or more."""
-        along = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+    def timed(self, path: Array, value: float, way: Array | None = None) -> Sequence[Trajectory]:
+        """Give times to a path (N, n), or to a way (C, n) that it goes along, where the scene asks for them, the
+        quickest motion first; none if it can have none, or costs `value` or more."""
+        rows = path if way is None else way
+        along = Trajectory(self.problem.robot.joint_names, rows, self.problem.robot.locked)
         found = [] if self.retimer else [along]
         if self.retimer is not None:
             with contextlib.suppress(HdplanError):  # there is no time law, or there are too many rows
@@ -326,9 +331,12 @@ class Search:
 
     @property
     def is_tight(self) -> bool:
-        """True if the best motion fails by what it comes too close to: the bodies and their distance may be too loose
-        for the place."""
-        return self.best is not None and self.best.certificate.status in CONTACTS
+        """True if the best motion fails by what it comes too close to, or leaves its path for: the bodies and their
+        distance may be too loose for the place."""
+        if self.best is None:
+            return False
+        status = self.best.certificate.status
+        return status in CONTACTS or (status is Status.OFF_PATH and bool(self.problem.terms.path))
 
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
@@ -416,8 +424,8 @@ def search_in_turn(
 
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
-    by contacts, trees of lines that are free by exact distances grow in turn with further guesses, and what they find
-    is a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies
+    by contacts, or by path constraints, trees of lines that are free by exact distances grow in turn with further
+    guesses, and what they find is a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies
     overlap at an end, these alone, else, as the HD-SDF has no kinks, after EXACT_AFTER more, and in turn."""
     if warm is not None:
         yield warm
@@ -430,16 +438,25 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     exact = exactly(loose) if search.is_tight else loose
     if exact is loose:
         yield from map(Guess, ways)
-    grown, exactly_so = tree_ways(exact, search.required, seed, lambda: search.over), _exact_guesses(exact, seed)
+    grown, exactly_so = _tree_guesses(exact, search, seed), _exact_guesses(exact, seed)
     for turn in itertools.count():
         search.problem = exact
-        if (way := next(grown, None)) is not None:
-            yield Guess(way, as_it_is=True)
+        if (guess := next(grown, None)) is not None:
+            yield guess
         if overlap or turn >= EXACT_AFTER:
             yield next(exactly_so)
         if not overlap:
             search.problem = loose
             yield Guess(next(ways))
+
+
+def _tree_guesses(problem: Problem, search: Search, seed: int) -> Iterator[Guess | None]:
+    """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
+    if problem.terms.path:
+        for way in held_ways(problem, search.required, seed, lambda: search.over):
+            yield None if way is None else Guess(problem.polyline(way[1:-1]), way=way)
+    for way in tree_ways(problem, search.required, seed, lambda: search.over):
+        yield None if way is None else Guess(way, as_it_is=True)
 
 
 def _exact_guesses(problem: Problem, seed: int) -> Iterator[Guess]:

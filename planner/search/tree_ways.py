@@ -26,9 +26,10 @@ def tree_ways(
     problem: Problem, required: float, seed: int, over: Callable[[], bool] = lambda: False
 ) -> Iterator[Array | None]:
     """Yield a way (N, n) as waypoints of a problem with exact distances, each time that two trees meet, and None after
-    each TURN targets by which they did not, or once it is over. None at all where there is no free space to be had."""
+    each TURN targets by which they did not, or once it is over. None at all where there is no free space to be had, and
+    on path constraints, which have trees of their own (`held_trees`)."""
     space = free_space(problem, required)
-    if space is None:
+    if space is None or problem.terms.path:
         return
     roots = [free_part(space, way) for way in ways_back(problem)]
     for again in itertools.count():
