@@ -1,4 +1,4 @@
-"""Plan problems in narrow places with other bodies, distances, solvers, guesses and rounds of polish, one at a time.
+"""Plan problems in narrow places with other bodies, distances, guesses, solvers and rounds of polish, one at a time.
 
     python benchmarks/narrow_steps.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--give-up N]
         [--processor-time] [--csv F]
@@ -6,6 +6,7 @@
 DIR is that of `narrow.py`; the set `fetch_cage` are MotionBenchMaker's cages for Fetch, the slowest of its problems,
 from mbm/ beside DIR. Prints, for each set, a row per setting: of the problems with free ends how many are certified by
 1, 4 and 16 guesses and by any number, and the processor time of those plans; to the error stream, a line per plan.
+With another distance than the HD-SDF the search has neither its exact distances nor its trees.
 A setting that certifies none of the first --give-up problems of a set gets no more of them, as its row says.
 
 With --csv each plan is written as soon as it is done, and what the file already holds is not planned again: a run can
@@ -15,15 +16,17 @@ be made in shares, such as --every 100 --from 9, then --from 59. The table is of
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import math
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import yaml
@@ -33,10 +36,13 @@ from processor_time import ProcessorTime
 from resumed import kept, read
 
 import hdplan
+from hdplan.planner.search import search
 from hdplan.planner.studies.report import Cell, markdown_text
 
-STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver
+STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search does without
     "defaults": {},
+    "no trees": {"without": "trees"},
+    "no trees, no exact distance": {"without": "exact distance"},
     "capsules": {"link_bodies": "capsule"},
     "exact hulls": {"link_bodies": "hull"},
     "more normals": {"normals": "sphere"},
@@ -47,9 +53,13 @@ STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the 
     "no polish": {"polish": 0},
     "three rounds of polish": {"polish": 3},
 }
+WITHOUT: dict[str, tuple[str, Callable[..., Any]]] = {  # a name in the search, and what stands in its place
+    "trees": ("tree_ways", lambda *_: iter(())),
+    "exact distance": ("exactly", lambda problem: problem),  # nor do trees grow then
+}
 GUESSES = (1, 4, 16)
 FETCH_CAGE = "fetch_cage"
-WARM_UP = 0.5  # [s] of a plan that is not counted, in which what is read and fitted once is
+WARM_UP = 0.5  # [s] of a plan that is not counted, in which the bodies of a setting are fitted
 
 
 @dataclass(frozen=True)
@@ -79,12 +89,12 @@ def problems(folder: Path, kind: str, every: int, first: int, scratch: Path) -> 
 def run(kind: str, step: str, number: str, scene: hdplan.Scene, time_limit: float) -> Outcome | None:
     """Plan with the settings of a step; None where an end is not free."""
     settings = dict(STEPS[step])
-    solver = settings.pop("solver", "gauss_newton")
+    solver, without = settings.pop("solver", "gauss_newton"), settings.pop("without", None)
+    scene = replace(scene, planner=replace(scene.planner, **settings))
     began = time.process_time()
     try:
-        found = hdplan.plan(
-            replace(scene, planner=replace(scene.planner, **settings)), solver=solver, time_limit=time_limit
-        )
+        with mock.patch.object(search, *WITHOUT[without]) if without else contextlib.nullcontext():
+            found = hdplan.plan(scene, solver=solver, time_limit=time_limit)
     except hdplan.UnsolvableError:
         return None
     return Outcome(kind, step, number, found.certified, found.attempts, time.process_time() - began)
@@ -102,12 +112,13 @@ def planned(options: argparse.Namespace, known: list[Outcome], scratch: Path) ->
                     continue
                 outcome = done.get((kind, step, number))
                 if outcome is None:
-                    if step not in warm:
-                        run(kind, step, number, scene, WARM_UP)
+                    if step not in warm:  # the first reads and computes all that settings share, in a plan not counted
+                        if run(kind, step, number, scene, WARM_UP if warm else options.time_limit) is None:
+                            break  # with other settings the end is no freer
                         warm.add(step)
                     outcome = run(kind, step, number, scene, options.time_limit)
                     if outcome is None:
-                        break  # with other settings the end is no freer
+                        break
                     yield outcome
                 certified.append(outcome.certified)
 

@@ -116,15 +116,15 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a setting that is given up, and an end that is not free; only the first of a set's plans is made twice."""
+    """With a setting that is given up, and ends that are not free; the first with free ends is planned twice."""
     draw, scene = np.random.default_rng(7), hdplan.load_scene("panda_cage")
-    steps, numbers, planned = list(narrow_steps.STEPS), [f"{i:03}" for i in range(6)], []
+    steps, numbers, planned = list(narrow_steps.STEPS), [f"{i:03}" for i in range(7)], []
     certified = {(step, number): bool(draw.random() < 0.4) for step in steps for number in numbers}
-    certified |= {(steps[1], number): number == "004" for number in numbers}  # too late
+    certified |= {(steps[1], number): number == "005" for number in numbers}  # too late
 
     def run(kind: str, step: str, number: str, _: hdplan.Scene, limit: float) -> narrow_steps.Outcome | None:
         planned.append((step, number, limit))
-        if number == "002":
+        if number in ("000", "002"):
             return None
         return narrow_steps.Outcome(kind, step, number, certified[step, number], 3, 1.5)
 
@@ -135,14 +135,16 @@ def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monke
     monkeypatch.setattr(narrow_steps, "problems", problems)
     asked = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
     whole = list(narrow_steps.planned(asked, [], tmp_path))
-    assert [limit for _, _, limit in planned].count(narrow_steps.WARM_UP) == len(steps)
-    assert {each.number for each in whole} == set(numbers) - {"002"}
-    assert [each.number for each in whole if each.step == steps[1]] == ["000", "001", "003"]
+    warm_ups = [(step, number) for step, number, limit in planned if limit == narrow_steps.WARM_UP]
+    assert warm_ups == [(step, "001") for step in steps[1:]]
+    assert planned[:3] == [(steps[0], number, 10.0) for number in ("000", "001", "001")]
+    assert {each.number for each in whole} == set(numbers) - {"000", "002"}
+    assert [each.number for each in whole if each.step == steps[1]] == ["001", "003", "004"]
     for cut in range(len(whole) + 1):
         planned.clear()
         rest = list(narrow_steps.planned(asked, whole[:cut], tmp_path))
         assert whole[:cut] + rest == whole
-        again = {(step, number) for step, number, limit in planned if limit != narrow_steps.WARM_UP}
+        again = {(step, number) for step, number, _ in planned}
         assert not again & {(each.step, each.number) for each in whole[:cut]}
     assert f"| cage | {steps[1]} | 0 of 3 |" in narrow_steps.table(whole)
 
