@@ -1,7 +1,7 @@
 """Random requests within limits of torque, with a link upright, or with a point in a box: all that can be done?
 
     python benchmarks/constrained.py [--requests N] [--from J] [--kinds torque upright position] [--limit S] [--dense S]
-    [--csv F]
+    [--processor-time] [--csv F]
 
 Each request has a robot (Panda, UR5) among random boxes, ends that are free and allowed, a tolerance, a box or a load
 and torque limits of its own, and is drawn with its number as the seed. Half of the goals are poses, and half of the
@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from dense_search import DenseSearch
+from processor_time import ProcessorTime
 from resumed import kept, read
 from scipy.spatial.transform import Rotation
 
@@ -218,6 +219,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--limit", type=float, default=5.0, help="[s] of planning")
     parser.add_argument("--dense", type=float, default=60.0, help="[s] of a dense search")
+    parser.add_argument("--processor-time", action=ProcessorTime)
     parser.add_argument("--csv", type=Path, help="where each request is written, and what was done is read from")
     options = parser.parse_args()
     numbers = range(options.first, options.first + options.requests)

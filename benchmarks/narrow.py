@@ -1,7 +1,7 @@
 """Plan the problems in narrow places: a gripper that holds a cube in a cage, goals among cans, two arms under a table.
 
     python benchmarks/narrow.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--proofs]
-        [--ompl RRTConnect BITstar ...] [--roboplan STEP] [--csv F]
+        [--ompl RRTConnect BITstar ...] [--roboplan STEP] [--processor-time] [--csv F]
 
 DIR holds cage/ (UR5), bookshelf/ (Fetch) and table/ (Baxter, both arms), meshes/ and the robots' folders, and beside it
 mbm/baxter with Baxter's description. The places of our own (`narrow_places.py`) need none of it: three are planned with
@@ -29,6 +29,7 @@ import numpy as np
 import yaml
 from narrow_places import RANDOM, places, random_place
 from peer_task import Task
+from processor_time import ProcessorTime
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
@@ -44,6 +45,7 @@ PLACES = places()
 SEEDS = 10  # of each place of our own
 SCENES = 100  # of each random kind
 SCENE = "scene.yaml"
+BUSY = 20  # of time by the clock, at most so many times a limit of processor time
 Planner = Callable[[hdplan.Scene, float], tuple[str, float]]  # scene, time limit -> status, seconds
 
 
@@ -147,7 +149,7 @@ def by_ompl(planner: str) -> Planner:
     return lambda scene, time_limit: solve(scene, planner, 1, time_limit)
 
 
-def by_roboplan(step: float) -> Planner:
+def by_roboplan(step: float, processor_time: bool) -> Planner:
     """Return roboplan, which checks edges every `step` [rad]. Raises ImportError without it."""
     from peer_process import Peer
 
@@ -156,7 +158,10 @@ def by_roboplan(step: float) -> Planner:
     def solve(scene: hdplan.Scene, time_limit: float) -> tuple[str, float]:
         task = Task.of(scene)
         try:
-            answer = peer.plan(task, time_limit, step=step)
+            if processor_time:
+                answer = peer.plan(task, BUSY * time_limit, step=step, of_processor=time_limit)
+            else:
+                answer = peer.plan(task, time_limit, step=step)
         except RuntimeError as error:
             return f"refused: {error}", np.nan
         if answer.path is None:
@@ -224,12 +229,13 @@ def main() -> None:
         "--roboplan", type=float, metavar="STEP", help="roboplan beside hdplan, edges checked every STEP"
     )
     parser.add_argument("--time-limit", type=float, default=10.0)
+    parser.add_argument("--processor-time", action=ProcessorTime)
     parser.add_argument("--proofs", action="store_true")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     others = {planner: by_ompl(planner) for planner in options.ompl}
     if options.roboplan:
-        others[f"roboplan, every {options.roboplan:g} rad"] = by_roboplan(options.roboplan)
+        others[f"roboplan, every {options.roboplan:g} rad"] = by_roboplan(options.roboplan, options.processor_time)
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         for kind in options.set:

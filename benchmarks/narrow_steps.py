@@ -1,33 +1,48 @@
-"""Plan problems in narrow places with other bodies, distances, solvers, guesses and rounds of polish, one at a time.
+"""Plan problems in narrow places with other bodies, distances, guesses, solvers and rounds of polish, one at a time.
 
-    python benchmarks/narrow_steps.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S]
+    python benchmarks/narrow_steps.py DIR [--set cage ...] [--every K] [--from J] [--time-limit S] [--give-up N]
+        [--processor-time] [--csv F]
 
 DIR is that of `narrow.py`; the set `fetch_cage` are MotionBenchMaker's cages for Fetch, the slowest of its problems,
 from mbm/ beside DIR. Prints, for each set, a row per setting: of the problems with free ends how many are certified by
 1, 4 and 16 guesses and by any number, and the processor time of those plans; to the error stream, a line per plan.
+With another distance than the HD-SDF the search has neither its exact distances nor its trees.
+A setting that certifies none of the first --give-up problems of a set gets no more of them, as its row says.
+
+With --csv each plan is written as soon as it is done, and what the file already holds is not planned again: a run can
+be made in shares, such as --every 100 --from 9, then --from 59. The table is of all that the file holds.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import itertools
+import math
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import yaml
 from narrow import SCENE, SETS, scenes
 from problems import real_problems
+from processor_time import ProcessorTime
+from resumed import kept, read
 
 import hdplan
+from hdplan.planner.search import search
 from hdplan.planner.studies.report import Cell, markdown_text
 
-STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver
+STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search does without
     "defaults": {},
+    "no trees": {"without": "trees"},
+    "no trees, no exact distance": {"without": "exact distance"},
     "capsules": {"link_bodies": "capsule"},
     "exact hulls": {"link_bodies": "hull"},
     "more normals": {"normals": "sphere"},
@@ -38,8 +53,13 @@ STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the 
     "no polish": {"polish": 0},
     "three rounds of polish": {"polish": 3},
 }
+WITHOUT: dict[str, tuple[str, Callable[..., Any]]] = {  # a name in the search, and what stands in its place
+    "trees": ("tree_ways", lambda *_: iter(())),
+    "exact distance": ("exactly", lambda problem: problem),  # nor do trees grow then
+}
 GUESSES = (1, 4, 16)
 FETCH_CAGE = "fetch_cage"
+WARM_UP = 0.5  # [s] of a plan that is not counted, in which the bodies of a setting are fitted
 
 
 @dataclass(frozen=True)
@@ -69,22 +89,47 @@ def problems(folder: Path, kind: str, every: int, first: int, scratch: Path) -> 
 def run(kind: str, step: str, number: str, scene: hdplan.Scene, time_limit: float) -> Outcome | None:
     """Plan with the settings of a step; None where an end is not free."""
     settings = dict(STEPS[step])
-    solver = settings.pop("solver", "gauss_newton")
+    solver, without = settings.pop("solver", "gauss_newton"), settings.pop("without", None)
+    scene = replace(scene, planner=replace(scene.planner, **settings))
     began = time.process_time()
     try:
-        found = hdplan.plan(
-            replace(scene, planner=replace(scene.planner, **settings)), solver=solver, time_limit=time_limit
-        )
+        with mock.patch.object(search, *WITHOUT[without]) if without else contextlib.nullcontext():
+            found = hdplan.plan(scene, solver=solver, time_limit=time_limit)
     except hdplan.UnsolvableError:
         return None
     return Outcome(kind, step, number, found.certified, found.attempts, time.process_time() - began)
 
 
+def planned(options: argparse.Namespace, known: list[Outcome], scratch: Path) -> Iterator[Outcome]:
+    """Yield a plan of every problem with every setting, without those that are known."""
+    done = {(each.set, each.step, each.number): each for each in known}
+    for kind in options.set:
+        by_step: dict[str, list[bool]] = {step: [] for step in STEPS}  # of each plan whether it was certified
+        warm = set()
+        for number, scene in problems(options.folder.absolute(), kind, options.every, options.first, scratch):
+            for step, certified in by_step.items():
+                if len(certified) >= options.give_up and not any(certified):
+                    continue
+                outcome = done.get((kind, step, number))
+                if outcome is None:
+                    if step not in warm:  # the first reads and computes all that settings share, in a plan not counted
+                        if run(kind, step, number, scene, WARM_UP if warm else options.time_limit) is None:
+                            break  # with other settings the end is no freer
+                        warm.add(step)
+                    outcome = run(kind, step, number, scene, options.time_limit)
+                    if outcome is None:
+                        break
+                    yield outcome
+                certified.append(outcome.certified)
+
+
 def table(outcomes: list[Outcome]) -> str:
     """Markdown: one row per set and step."""
     rows: list[dict[str, Cell]] = []
-    for kind, step in dict.fromkeys((each.set, each.step) for each in outcomes):
+    for kind, step in itertools.product(dict.fromkeys(each.set for each in outcomes), STEPS):
         group = [each for each in outcomes if (each.set, each.step) == (kind, step)]
+        if not group:
+            continue
         good = [each for each in group if each.certified]
         times = [each.seconds for each in good]
         row: dict[str, Cell] = {"set": kind, "setting": step, "certified": f"{len(good)} of {len(group)}"}
@@ -103,21 +148,19 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--from", type=int, default=0, dest="first", help="the first problem of a set")
     parser.add_argument("--time-limit", type=float, default=10.0)
+    parser.add_argument(
+        "--give-up", type=int, default=math.inf, metavar="N", help="problems of a set without any proof"
+    )
+    parser.add_argument("--processor-time", action=ProcessorTime)
+    parser.add_argument("--csv", type=Path, help="where each plan is written, and what was done is read from")
     options = parser.parse_args()
-    outcomes = []
+    known = read(options.csv, Outcome)
     with tempfile.TemporaryDirectory() as scratch:
-        for kind in options.set:
-            by_step: dict[str, list[Outcome]] = {step: [] for step in STEPS}
-            folder = options.folder.absolute()
-            for number, scene in problems(folder, kind, options.every, options.first, Path(scratch)):
-                for step, found in by_step.items():
-                    if not found:  # what is read and fitted once is not counted
-                        run(kind, step, number, scene, options.time_limit)
-                    if outcome := run(kind, step, number, scene, options.time_limit):
-                        print(outcome, file=sys.stderr, flush=True)
-                        found.append(outcome)
-            outcomes += [each for found in by_step.values() for each in found]
-    print(table(outcomes))
+        new = kept(options.csv, Outcome, known, planned(options, known, Path(scratch)))
+        for outcome in new:
+            print(outcome, file=sys.stderr, flush=True)
+            known.append(outcome)
+    print(table(known))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
 """roboplan for `peers`: its RRT-Connect, then its shortcuts, both with collisions looked at every `step` [rad].
 
 A pose as the goal is reached by one configuration, that of its simple inverse kinematics, which is tried until it is
-free. Its collision test is coal's, as ours; it keeps no margin.
+free. Its collision test is coal's, as ours; it keeps no margin. Its time limit is by the clock; a limit of processor
+time beside it ends the process.
 """
 
 from __future__ import annotations
 
+import signal
 import time
 from typing import Any
 
@@ -30,11 +32,13 @@ CLOSE = 5e-4  # [m], [rad] half of hdplan's tolerance of a pose, in metres
 
 def solve(request: dict[str, Any]) -> dict[str, Any]:
     """Plan one task."""
+    signal.setitimer(signal.ITIMER_PROF, 0.0)  # the last task's ends
     began = time.process_time()
     scene = Scene("task", loadUrdfSceneDescriptionFromXml(request["urdf"]))
     scene.importSrdf(request["srdf"])
     group, step = request["group"], request["step"]
     ready = time.process_time()
+    signal.setitimer(signal.ITIMER_PROF, request.get("of_processor", 0.0))  # 0: no limit
     options = RRTOptions(
         group,
         max_nodes=NODES,

@@ -1,8 +1,12 @@
-"""What the peers of hdplan are given is the same problem, and a run of `quality` that was cut off goes on."""
+"""Benchmarks: what the peers of hdplan are given is the same problem, a run that was cut off goes on, and waiting takes
+nothing from processor time."""
 
 from __future__ import annotations
 
+import argparse
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +16,11 @@ import pytest
 import hdplan
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "benchmarks"))
+import narrow_steps
 import quality
 from peer_task import Task, evenly
 from peer_urdf import describe
+from processor_time import ProcessorTime
 from resumed import kept, read
 
 RNG = np.random.default_rng(16)
@@ -107,3 +113,60 @@ def test_another_file_is_refused(tmp_path: Path) -> None:
     file.write_text("robot,goals\npanda,pose\n", encoding="utf-8")
     with pytest.raises(SystemExit, match="not a file of this benchmark"):
         read(file, quality.Outcome)
+
+
+def test_steps_that_were_cut_off_go_on_as_if_they_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a setting that is given up, and ends that are not free; the first with free ends is planned twice."""
+    draw, scene = np.random.default_rng(7), hdplan.load_scene("panda_cage")
+    steps, numbers, planned = list(narrow_steps.STEPS), [f"{i:03}" for i in range(7)], []
+    certified = {(step, number): bool(draw.random() < 0.4) for step in steps for number in numbers}
+    certified |= {(steps[1], number): number == "005" for number in numbers}  # too late
+
+    def run(kind: str, step: str, number: str, _: hdplan.Scene, limit: float) -> narrow_steps.Outcome | None:
+        planned.append((step, number, limit))
+        if number in ("000", "002"):
+            return None
+        return narrow_steps.Outcome(kind, step, number, certified[step, number], 3, 1.5)
+
+    def problems(*_: object) -> Iterator[tuple[str, hdplan.Scene]]:
+        yield from ((number, scene) for number in numbers)
+
+    monkeypatch.setattr(narrow_steps, "run", run)
+    monkeypatch.setattr(narrow_steps, "problems", problems)
+    asked = argparse.Namespace(folder=tmp_path, set=["cage"], every=1, first=0, give_up=3, time_limit=10.0)
+    whole = list(narrow_steps.planned(asked, [], tmp_path))
+    warm_ups = [(step, number) for step, number, limit in planned if limit == narrow_steps.WARM_UP]
+    assert warm_ups == [(step, "001") for step in steps[1:]]
+    assert planned[:3] == [(steps[0], number, 10.0) for number in ("000", "001", "001")]
+    assert {each.number for each in whole} == set(numbers) - {"000", "002"}
+    assert [each.number for each in whole if each.step == steps[1]] == ["001", "003", "004"]
+    for cut in range(len(whole) + 1):
+        planned.clear()
+        rest = list(narrow_steps.planned(asked, whole[:cut], tmp_path))
+        assert whole[:cut] + rest == whole
+        again = {(step, number) for step, number, _ in planned}
+        assert not again & {(each.step, each.number) for each in whole[:cut]}
+    assert f"| cage | {steps[1]} | 0 of 3 |" in narrow_steps.table(whole)
+
+
+def test_a_limit_of_processor_time_is_not_spent_by_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "perf_counter", time.perf_counter)  # put back at the end
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--processor-time", action=ProcessorTime)
+    scene = hdplan.load_scene("panda_cage")
+    limit = 0.5
+
+    def wait() -> bool:
+        """Wait for longer than the limit, once."""
+        nonlocal waited
+        time.sleep(0.0 if waited else 1.5 * limit)
+        waited = True
+        return False
+
+    for words, certified in (([], False), (["--processor-time"], True)):
+        waited = False
+        assert parser.parse_args(words).processor_time is bool(words)
+        found = hdplan.plan(scene, time_limit=limit, stop=wait)
+        assert waited
+        assert found.certified is certified
+        assert bool(found.ended) is not certified
