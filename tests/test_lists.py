@@ -438,6 +438,7 @@ NAMED = {  # files that name one of them, and why no other one is passed over th
     "scenes/limits.py": "the table",
     "scenes/moveit/planning_scene.py": "words of MoveIt's messages",
     "scenes/scene.py": "what one section needs of another",
+    "planner/job/certify.py": "a torque's words say when it is largest: kept ones would say another time",
 }
 
 

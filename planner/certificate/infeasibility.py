@@ -51,7 +51,7 @@ class Region(NamedTuple):
 
 
 class Shut(NamedTuple):
-    """What shuts a ball off from a goal."""
+    """The seal that shuts a ball off from a goal."""
 
     words: str
     by: tuple[str, ...]  # the obstacles or links that the words name, those with most points of the seal first
