@@ -55,9 +55,11 @@ class Rates:
     @classmethod
     def of(cls, limits: Mapping[str, Array], period: float, rise: float, farthest: Array) -> Rates:
         """Return the rates that `limits` name, less what the rounding of positions up to `farthest` (n,) adds to them
-        (half of them at most), so that the motion in a file keeps them. Without a limit of acceleration the greatest velocity is reached in
-        `rise` [s] at the soonest, without one of jerk the greatest acceleration in JERK_TIME of the time that the
-        velocity takes; in one period if `rise` is 0."""
+        (half of them at most), so that the motion in a file keeps them.
+
+        Without a limit of acceleration the greatest velocity is reached in `rise` [s] at the soonest, without one of
+        jerk the greatest acceleration in JERK_TIME of the time that the velocity takes; in one period if `rise` is 0.
+        """
         velocity = limits["velocity"]
         # what takes the joint from one end to the other in one period is no limit
         acceleration = np.minimum(
