@@ -26,6 +26,7 @@ from hdplan.scenes.array_types import Array
 
 REST = 1e-12  # [rad/s or m/s] that a joint at rest may still move, by rounding
 USED_SHARE = 1.0 - 1e-6  # share of each limit that is used, so that rounding exceeds none
+ROUNDED = {2: 32.0, 3: 128.0}  # times ulp/Tᵏ of the positions: what their rounding adds to accelerations and jerks
 JERK_TIME = 0.1  # share of the time in which the greatest velocity is reached, for the greatest acceleration
 
 
@@ -52,17 +53,26 @@ class Rates:
     period: float  # T [s]
 
     @classmethod
-    def of(cls, limits: Mapping[str, Array], period: float, rise: float) -> Rates:
-        """Return the rates that `limits` name. Without a limit of acceleration the greatest velocity is reached in
-        `rise` [s] at the soonest, without one of jerk the greatest acceleration in JERK_TIME of the time that the
-        velocity takes; in one period if `rise` is 0."""
+    def of(cls, limits: Mapping[str, Array], period: float, rise: float, farthest: Array) -> Rates:
+        """Return the rates that `limits` name, less what the rounding of positions up to `farthest` (n,) adds to them
+        (half of them at most), so that the motion in a file keeps them.
+
+        Without a limit of acceleration the greatest velocity is reached in `rise` [s] at the soonest, without one of
+        jerk the greatest acceleration in JERK_TIME of the time that the velocity takes; in one period if `rise` is 0.
+        """
         velocity = limits["velocity"]
         # what takes the joint from one end to the other in one period is no limit
         acceleration = np.minimum(
             limits.get("acceleration", velocity / max(rise, period / 2.0)), 2.0 * velocity / period
         )
         jerk = np.minimum(limits.get("jerk", acceleration**2 / (JERK_TIME * velocity)), 2.0 * acceleration / period)
-        return cls(USED_SHARE * velocity, USED_SHARE * acceleration, USED_SHARE * jerk, period)
+        ulp = np.spacing(farthest)
+
+        def used(limit: Array, order: int) -> Array:
+            most, lost = USED_SHARE * limit, ROUNDED[order] * ulp / period**order
+            return np.maximum(most - lost, 0.5 * most)
+
+        return cls(USED_SHARE * velocity, used(acceleration, 2), used(jerk, 3), period)
 
     @property
     def step(self) -> Array:

@@ -66,6 +66,7 @@ from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.values import Number, checked, instance, require_fields
 
+FAR = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
 MISSED_BARRIER = 1e-4  # [m/s] by which a barrier is violated before it is reported
 
 require_fields(
@@ -134,7 +135,9 @@ class Controller:
             for name in DERIVATIVES.keys() & found.keys()
         }
         found["velocity"] = settings.speed * found["velocity"]
-        self.rates = Rates.of(found, settings.period, 0.0 if settings.as_published else settings.rise)
+        farthest = np.maximum(np.abs(robot.inner[0]), np.abs(robot.inner[1]))
+        rise = 0.0 if settings.as_published else settings.rise
+        self.rates = Rates.of(found, settings.period, rise, np.minimum(farthest, FAR))
 
     def __repr__(self) -> str:
         """Say for which robot it is, and what it keeps apart."""

@@ -59,15 +59,19 @@ class Run:
             r_k = (q_{k−2} + 4 q_{k−1} + q_k)/6,   ṙ_k = (u_{k−2} + u_{k−1})/2,   r̈_k = (u_{k−1} − u_{k−2})/T
 
         with the first and last q repeated and u = 0 beyond them: the quintics between rows are that spline, exactly.
-        After the last period the robot brakes.
+        After the last period the robot brakes. An interval that differs from the next, or a position, by a rounding
+        counts as jerk: T is rounded so that all times are exact, and each row takes one rounding.
         """
         way = np.concatenate([self.positions, self.after.reshape(-1, self.positions.shape[1])])
         q = np.concatenate([way[:1], way[:1], way, *2 * [way[-1:]]])
-        u = np.diff(q, axis=0) / self.period
-        times = self.begin + np.arange(len(q) - 2, dtype=np.float64) * self.period
-        rows = (q[:-2] + 4.0 * q[1:-1] + q[2:]) / 6.0
+        grid = np.spacing(abs(self.begin) + len(q) * self.period)
+        period, begin = (float(np.rint(each / grid) * grid) for each in (self.period, self.begin))
+        steps = np.diff(q, axis=0)
+        u = steps / period
+        rows = q[1:-1] + np.diff(steps, axis=0) / 6.0
         rows[[0, -1]] = way[[0, -1]]  # to the last bit
-        return Trajectory(joint_names, rows, locked, times, 0.5 * (u[:-1] + u[1:]), np.diff(u, axis=0) / self.period)
+        times = begin + np.arange(len(rows), dtype=np.float64) * period
+        return Trajectory(joint_names, rows, locked, times, 0.5 * (u[:-1] + u[1:]), np.diff(u, axis=0) / period)
 
     @property
     def step_seconds(self) -> Array:

@@ -250,6 +250,7 @@ class Retimer:
         count = fewest if count is None else count
         parameter, rows = _rows(spline, law, duration, count)
         parts = -(-(fewest - 1) // (count - 1))
+        self._check_rows(duration, parts * (count - 1.0))
         if parts > 1:
             parameter, rows = _divided(parameter, rows, duration, parts)
         times = duration * np.linspace(0.0, 1.0, len(parameter))
@@ -340,13 +341,14 @@ class Retimer:
         asked = [limit.rows(path) for limit in self.limits]
         return time_optimal([rows for rows in asked if rows is not None])
 
-    def _check_rows(self, duration: float) -> None:
-        """Refuse a motion with more rows than are allowed, before computing them."""
-        rate = self.rate
-        if not duration * rate <= MOST_ROWS:
+    def _check_rows(self, duration: float, rows: float = 0.0) -> None:
+        """Refuse a motion with more rows than are allowed, those that the rate asks for or more, before computing
+        them."""
+        rate, rows = self.rate, max(rows, duration * self.rate)
+        if not rows < MOST_ROWS:
             raise InputError(
                 f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
-                f"1/s (timing.rate) makes {duration * rate:.4g} rows; at most {MOST_ROWS} are allowed: give a lower "
+                f"1/s (timing.rate) makes {rows:.4g} rows; at most {MOST_ROWS} are allowed: give a lower "
                 "rate, or wider limits"
             )
 

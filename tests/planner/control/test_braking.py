@@ -3,6 +3,7 @@ who brakes for one period brakes on as before; and an arm driven at walls and jo
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.control.braking import Command, Rates
 from hdplan.planner.control.controller import Controller
-from hdplan.planner.control.rollout import simulate
+from hdplan.planner.control.rollout import Run, simulate
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.control.window import Window
@@ -37,7 +38,7 @@ def random_rates(rng: np.random.Generator, n: int = 7) -> Rates:
         "jerk": 10.0 ** rng.uniform(0.0, 6.0, n),
     }
     named = {name: value for name, value in limits.items() if name == "velocity" or rng.random() < 0.7}
-    return Rates.of(named, float(rng.choice([0.001, 0.005, 0.02])), float(rng.choice([0.0, 0.2])))
+    return Rates.of(named, float(rng.choice([0.001, 0.005, 0.02])), float(rng.choice([0.0, 0.2])), np.full(n, 3.0))
 
 
 @pytest.mark.core
@@ -87,7 +88,7 @@ def test_joints_driven_at_their_limits_stop_before_them() -> None:
 def test_without_limits_of_acceleration_the_box_is_the_papers() -> None:
     rng = np.random.default_rng(2)
     for _ in range(20):
-        rates = Rates.of({"velocity": rng.uniform(0.5, 3.0, 5)}, 0.01, 0.0)
+        rates = Rates.of({"velocity": rng.uniform(0.5, 3.0, 5)}, 0.01, 0.0, np.zeros(5))
         q, last = rng.uniform(-1.0, 1.0, 5), Command(*rng.uniform(-0.5, 0.5, (2, 5)))
         window = Window(q, last, rates, -np.ones(5), np.ones(5), 5.0)
         np.testing.assert_array_equal(window.stopping, q[None])
@@ -139,3 +140,31 @@ def test_a_robot_that_moves_already_is_braked_from_there(robot: Robot) -> None:
         assert (np.abs(step.velocity - last.velocity) <= 0.005 * most + 1e-9).all()
         assert step.slack >= -1e-9
         q, last = q + 0.005 * step.velocity, step.command
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_executed_of_commands_at_the_limits_keeps_them_however_close_its_rows(seed: int) -> None:
+    """Commands at the ends of their windows, 1,000 to 10,000 a second, as the file has them and the certificate."""
+    rng = np.random.default_rng(seed)
+    period, far = float(10.0 ** -rng.uniform(3.0, 4.0)), np.array([3.0, 1.5, 7.9])
+    limits = {"velocity": rng.uniform(0.5, 3.0, 3), "acceleration": rng.uniform(1.0, 10.0, 3)}
+    limits["jerk"] = 10.0 ** rng.uniform(-0.5, 3.0, 3)
+    rates = Rates.of(limits, period, 0.2, far)
+    q, last = rng.uniform(-0.3, 0.3, 3) * far, Command.rest(3)
+    positions, turns, begin = [q], rng.uniform(0.5, 3.0, 3), float(rng.choice([0.0, 0.1, 7.3]))
+    for k in range(1500):
+        low, high = rates.window(last)
+        u = np.where(np.sin(2 * np.pi * k * period * turns) * -np.sign(q) > 0.0, high, low)
+        last, q = Command(u, (u - last.velocity) / period), q + period * u
+        positions.append(q)
+    after = q + period * rates.braked(last.velocity, last.acceleration).cumsum(axis=0)
+    nothing = np.zeros((1, 3)), (), np.zeros(1), None, np.zeros(1), np.zeros(1), None, Counter[tuple[str, str]]()
+    executed = Run(period, np.array(positions), *nothing, begin, after).executed(("a", "b", "c"), {})
+    assert (np.abs(executed.positions) <= far).all()
+    for order, name in enumerate(limits, 1):
+        assert (executed.curve.over_time(order).largest() <= limits[name] * (1.0 + 1e-9)).all(), name
+    assert not executed.curve.over_time(1).jumps().any()
+    assert executed.curve.over_time(2).jumps().max() < 1e-6
+    assert executed.times is not None
+    assert np.ptp(np.diff(executed.times)) == 0.0
+    assert executed.times[-1] - begin == pytest.approx((len(executed.times) - 1) * period, rel=1e-9)

@@ -109,6 +109,19 @@ def test_jumps_are_told() -> None:
     np.testing.assert_allclose(broken[1:-1], np.abs(np.diff(slopes, axis=0)), atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_rows_say_does_not_jump_however_close_they_lie(seed: int) -> None:
+    times, *values = rows(seed)
+    close = times[0] + (times - times[0]) * 1e-4
+    rated = [value * scale for value, scale in zip(values, (1.0, 1e4, 1e8), strict=True)]
+    for held in (1, 2):
+        curve = Curve.through(rated[0], close, *rated[1 : held + 1])
+        for order in range(1, held + 1):
+            rate = curve.over_time(order).columns([2, 0])
+            assert not rate.steps()[1:-1].any()
+            np.testing.assert_array_equal(rate.rows, rated[order][:, [2, 0]])
+
+
 @pytest.mark.parametrize("ending", [".json", ".csv", ".npz"])
 @pytest.mark.parametrize("held", [0, 1, 2, 3])
 def test_a_controller_that_samples_the_file_finds_the_curve(ending: str, held: int, tmp_path: Path) -> None:

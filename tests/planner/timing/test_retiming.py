@@ -362,7 +362,7 @@ def crowded(seed: int, rate: float) -> tuple[Scene, Robot, Trajectory]:
     return scene, robot, Trajectory(robot.joint_names, np.linspace(start, goal, 8), {})
 
 
-@pytest.mark.parametrize(("seed", "rate"), [(0, 1000.0), (1, 2000.0)])
+@pytest.mark.parametrize(("seed", "rate"), [(0, 1000.0), (1, 2000.0), (8, 5000.0), (3, 7000.0)])
 def test_limits_hold_where_rows_are_so_close_that_their_rounding_is_seen(seed: int, rate: float) -> None:
     scene, robot, path = crowded(seed, rate)
     timed = Retimer(Setup.of(scene, robot))(path)
