@@ -13,7 +13,7 @@ from hdplan.scenes.targets import JointTarget
 
 AFTER = 1.0  # [s] of guesses that failed, or
 LIMIT_SHARE = 0.2  # of the time that there is, if that is less
-SHARE = 0.1  # of the time that guesses took
+SHARE = 0.05  # of the time that guesses took
 
 
 class InfeasibilityCheck:
