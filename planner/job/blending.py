@@ -52,7 +52,7 @@ SHARES = (1.0, 0.6, 0.3, 0.1)  # of the longest overlap of two motions
 SLOWER = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5)  # times as long as they would take, of moves
 FINER = (1, 4, 12)  # times as many configurations along curves
 ROUNDING = 1e-9  # of a limit
-SNAP = 2e-3  # of an interval between rows: closer to a row than that, none is put in
+SNAP = 1e-4  # [s] from a row, within which none is put in: rounding would count in accelerations there
 BEYOND = 0.2  # share of half a blend for which a pace is planned beyond its middle
 STEPS = 8  # of looking for a row
 
@@ -370,9 +370,9 @@ def _with_row(motion: Trajectory, time: float) -> tuple[Trajectory, int]:
     assert motion.velocities is not None
     assert motion.accelerations is not None
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
-    fraction = (time - times[after - 1]) / (times[after] - times[after - 1])
-    if fraction < SNAP or fraction > 1.0 - SNAP:
-        return motion, after - (fraction < SNAP)
+    nearest = after - int(time - times[after - 1] < times[after] - time)
+    if abs(time - times[nearest]) < SNAP:
+        return motion, nearest
     at = motion.at_time(time)
     rows = (
         np.insert(kept, after, put, axis=0)

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.job.anew import COUNTS, timed_anew
+from hdplan.planner.job.blending import SNAP, _with_row
 from hdplan.planner.job.overlap import overlapped
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
@@ -58,6 +60,27 @@ def test_rows_too_far_apart_for_a_path_timed_anew_leave_the_blend_of_a_slower_mo
     result = hdplan.plan_job(hdplan.Scene(robot="panda", start="default", limits=limits, timing=timing, job=job))
     assert result.certified, result.text
     assert "1 of them blended" in result.text
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_no_mark_is_so_close_to_a_row_that_accelerations_there_are_rounding(seed: int) -> None:
+    """Both sides of a mark have the accelerations of its row, as far as a certificate distinguishes them."""
+    rng = np.random.default_rng(seed)
+    limits = hdplan.Limits(acceleration=3.0, jerk=60.0)
+    setup = Setup.of(hdplan.Scene(robot="panda", start="default", goal="default", limits=limits))
+    start = setup.robot.configuration(setup.scene.start)
+    path = np.linspace(start, start + rng.uniform(-0.5, 0.5, setup.robot.n), 8)
+    motion = Retimer(setup)(Trajectory(setup.robot.joint_names, path, setup.robot.locked)).trajectory
+    assert motion.times is not None
+    for away in np.outer(np.logspace(-7.0, -3.0, 30), (1.0, -1.0)).ravel():
+        time = float(motion.times[rng.integers(2, len(motion) - 2)] + away)
+        whole, row = _with_row(motion, time)
+        assert whole.times is not None
+        assert whole.accelerations is not None
+        assert abs(whole.times[row] - time) <= SNAP
+        for part, end in ((whole.between(0, row), -1), (whole.between(row, len(whole) - 1), 0)):
+            there = part.curve.over_time(2).rows[end]
+            np.testing.assert_allclose(there, whole.accelerations[row], rtol=0.0, atol=SAME_END)
 
 
 def _up_to(motion: Trajectory, there: float, whole: Trajectory, middle: float) -> list[np.ndarray]:
