@@ -21,7 +21,7 @@ from hdplan.planner.view.document import Document
 from hdplan.planner.view.drawing.colors import CONTACT, START, clearance_colors
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import PATH_WIDTH, PathNode, RobotNodes
+from hdplan.planner.view.drawing.nodes import INSET, PATH_WIDTH, PathNode, RobotNodes
 from hdplan.planner.view.drawing.skins import Skin
 from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.words import SHORT
@@ -67,7 +67,14 @@ class MotionNodes:
             self._sent += 1
             name = f"robot{self._sent}"
             robot = RobotNodes(
-                self._server, name, self._robot, self._skins, color=shown.color, opacity=THROUGH, visible=False
+                self._server,
+                name,
+                self._robot,
+                self._skins,
+                color=shown.color,
+                opacity=THROUGH,
+                visible=False,
+                inset=3.0 * INSET,
             )
             path = PathNode(self._server, f"path/{self._sent}", shown.motion.tip, FAINT)
             self._drawn[shown.number] = Drawn(robot, path)

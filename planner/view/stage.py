@@ -12,7 +12,15 @@ from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip, shortened
-from hdplan.planner.view.drawing.nodes import LABELS, ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
+from hdplan.planner.view.drawing.nodes import (
+    INSET,
+    LABELS,
+    ClosestNodes,
+    ObstacleNode,
+    RobotNodes,
+    draw_left_out,
+    draw_region,
+)
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_scene import Edited
@@ -38,8 +46,8 @@ class Stage:
         regions = edited.scene.path.regions  # where a point of a link is to stay
         self.region = draw_region(server, *regions) if regions else None
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
-        self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
-        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)
+        self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST, inset=INSET)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, inset=2.0 * INSET)
         self.labels = [server.scene.add_label(f"/label of {name}", name, **LABELS) for name in ("start", "goal")]
         self.robot = RobotNodes(server, "robot", robot, skins)  # where it says it is, the active motion, or the start
         self.report_label = server.scene.add_label("/label of robot", "", visible=False, **LABELS)

@@ -39,6 +39,9 @@ from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
+# [m] by which robots that are seen through are smaller, and twice and three times it: what stands, and links that turn
+# about their own axes, are in one place in all of them, and would flicker
+INSET = 0.0015
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
@@ -58,8 +61,9 @@ class RobotNodes:
         color: Color | None = None,
         opacity: float | None = None,
         visible: bool = True,
+        inset: float = 0.0,
     ) -> None:
-        """Send the meshes; `color` replaces the skins' own."""
+        """Send the meshes, smaller by `inset` [m] on each side; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -71,7 +75,7 @@ class RobotNodes:
                 skin,
                 server.scene.add_mesh_simple(
                     f"/{name}/{skin.joint}/{index}",
-                    skin.vertices,
+                    smaller(skin.vertices, inset),
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
@@ -124,6 +128,13 @@ class RobotNodes:
     def remove(self) -> None:
         """Take it out of the scene."""
         self.root.remove()
+
+
+def smaller(vertices: NDArray[Any], inset: float) -> NDArray[Any]:
+    """Return vertices (v, 3) drawn together by `inset` [m] on each side, but never by more than half of the width."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    half = 0.5 * (high - low)
+    return np.asarray(vertices - np.minimum(inset, 0.5 * half) * (vertices - low - half) / np.maximum(half, 1e-9))
 
 
 class ObstacleNode:

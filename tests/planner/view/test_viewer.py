@@ -20,7 +20,7 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.view.drawing.nodes import RobotNodes, pose_of
+from hdplan.planner.view.drawing.nodes import INSET, RobotNodes, pose_of, smaller
 from hdplan.planner.view.drawing.skins import ENDLESS
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.planning import NAME
@@ -208,6 +208,17 @@ def test_layers_come_and_go(viewer: Viewer) -> None:
         viewer.stage.closest.root,
     ]
     assert not any(node.visible for node in hidden)
+
+
+def test_ghosts_are_smaller_than_the_robot_and_than_each_other(viewer: Viewer) -> None:
+    """Surfaces in one place flicker, as those of a link do that turns about its own axis."""
+    for start, goal in zip(viewer.stage.start.meshes, viewer.stage.goal.meshes, strict=True):
+        skin, edges = start[0].vertices, [np.ptp(mesh.vertices, axis=0) for _, mesh in (start, goal)]
+        for edge, inset in zip(edges, (INSET, 2 * INSET), strict=True):
+            np.testing.assert_allclose(np.ptp(skin, axis=0) - edge, 2 * inset, atol=1e-5)
+    flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1e-4], [0.0, 1.0, 0.0]])
+    np.testing.assert_allclose(np.ptp(smaller(flat, 0.01), axis=0), [0.98, 0.98, 5e-5])
+    np.testing.assert_array_equal(smaller(flat, 0.0), flat)
 
 
 def test_a_ghost_makes_room_for_the_robot(viewer: Viewer) -> None:
