@@ -425,8 +425,9 @@ def search_in_turn(
 def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
     by contacts, or by path constraints, trees of lines that are free by exact distances grow in turn with further
-    guesses, and what they find is a motion already. Guesses are solved with exact distances, too, from the straight line again: where bodies
-    overlap at an end, these alone, else, as the HD-SDF has no kinks, after EXACT_AFTER more, and in turn."""
+    guesses, and what they find is a motion already. Guesses are solved with exact distances, too, from the straight
+    line again: where bodies overlap at an end, these alone, else, as the HD-SDF has no kinks, after EXACT_AFTER more,
+    and in turn."""
     if warm is not None:
         yield warm
     problem, ways = search.problem, seeds(search.problem, seed)
