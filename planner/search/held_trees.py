@@ -2,8 +2,9 @@
 
 What keeps an axis upright or a point in a box is a thin layer of joint space, in which hardly any straight line stays.
 So each step towards a target is moved back onto the constraints (D. Berenson et al., "Manipulation planning on
-constraint manifolds", 2009), for many targets at once. Lines are so short that they bend off the layer by little, which their
-middles tell; that nothing is met along them is proven (`free_space`). The certificate judges what comes of it.
+constraint manifolds", 2009), for many targets at once. Lines are so short that they bend off the layer by little,
+which their middles tell; that nothing is met along them is proven (`free_space`). The certificate judges what comes of
+it.
 
 One seeded generator makes all random draws: the same seed gives the same ways. Without a C compiler there are none.
 """
