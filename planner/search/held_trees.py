@@ -129,7 +129,7 @@ class HeldTrees:
         return way if self._lines(way[:-1], way[1:], ends).all() else None
 
     def _lines(self, first: Array, last: Array, given: Mask) -> Mask:
-        """The straight lines (k, n) that may be taken, as a mask; the ends of some are `given`, as good as they are."""
+        """The straight lines (k, n) that may be taken, as a mask; the ends of some are `given`, which are good."""
         short = np.linalg.norm(last - first, axis=1) <= STRETCHED * self.step
         found = short & (given | (self._used(last) <= USED)) & (self._used(0.5 * (first + last)) <= USED)
         for row in np.flatnonzero(found).tolist():
