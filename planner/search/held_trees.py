@@ -2,8 +2,9 @@
 
 What keeps an axis upright or a point in a box is a thin layer of joint space, in which hardly any straight line stays.
 So each step towards a target is moved back onto the constraints (D. Berenson et al., "Manipulation planning on
-constraint manifolds", 2009), for many targets at once. Lines are so short that they bend off the layer by little, which their
-middles tell; that nothing is met along them is proven (`free_space`). The certificate judges what comes of it.
+constraint manifolds", 2009), for many targets at once. Lines are so short that they bend off the layer by little,
+which their middles tell; that nothing is met along them is proven (`free_space`). The certificate judges what comes of
+it.
 
 One seeded generator makes all random draws: the same seed gives the same ways. Without a C compiler there are none.
 """
@@ -98,8 +99,8 @@ class HeldTrees:
         return np.vstack([*rows, way[-1:]])
 
     def _extended(self, side: int, targets: Array) -> tuple[Rows, Mask]:
-        """Step from the nearest nodes towards targets (k, n) as far as it goes; return the last node (k,) of each
-        branch, and which arrived."""
+        """Return the last node (k,) of each branch, and which arrived, once steps from the nearest nodes towards targets
+        (k, n) went as far as they do."""
         at, going = self._nearest(side, targets), np.arange(len(targets))
         held, arrived = self._used(targets) <= 1.0, np.zeros(len(targets), np.bool_)
         while len(going):
@@ -128,7 +129,7 @@ class HeldTrees:
         return way if self._lines(way[:-1], way[1:], ends).all() else None
 
     def _lines(self, first: Array, last: Array, given: Mask) -> Mask:
-        """Which straight lines (k, n) may be taken; the ends of some are `given`, as good as they are."""
+        """The straight lines (k, n) that may be taken, as a mask; the ends of some are `given`, which are good."""
         short = np.linalg.norm(last - first, axis=1) <= STRETCHED * self.step
         found = short & (given | (self._used(last) <= USED)) & (self._used(0.5 * (first + last)) <= USED)
         for row in np.flatnonzero(found).tolist():

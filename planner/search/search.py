@@ -21,7 +21,6 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.search.held_trees import held_ways
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
@@ -454,6 +453,8 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
 def _tree_guesses(problem: Problem, search: Search, seed: int) -> Iterator[Guess | None]:
     """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
     if problem.terms.path:
+        from hdplan.planner.search.held_trees import held_ways  # imported here, as few scenes have path constraints
+
         for way in held_ways(problem, search.required, seed, lambda: search.over):
             yield None if way is None else Guess(problem.polyline(way[1:-1]), way=way)
     for way in tree_ways(problem, search.required, seed, lambda: search.over):
