@@ -99,8 +99,8 @@ class HeldTrees:
         return np.vstack([*rows, way[-1:]])
 
     def _extended(self, side: int, targets: Array) -> tuple[Rows, Mask]:
-        """Return the last node (k,) of each branch, and which arrived, once steps from the nearest nodes towards targets
-        (k, n) went as far as they do."""
+        """Return the last node (k,) of each branch, and which arrived, after steps from the nearest nodes towards
+        targets (k, n) that go as far as they can."""
         at, going = self._nearest(side, targets), np.arange(len(targets))
         held, arrived = self._used(targets) <= 1.0, np.zeros(len(targets), np.bool_)
         while len(going):
