@@ -15,7 +15,8 @@ import numpy as np
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.retiming import Retimer, smooth
+from hdplan.planner.timing.path_spline import smooth
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
