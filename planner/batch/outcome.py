@@ -25,6 +25,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import CUT_SHORT, PlanResult
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.idle_core import one_core
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, debugging
 from hdplan.scenes.scene import Scene
@@ -73,7 +74,7 @@ def solve(job: Job, options: Options) -> Outcome:
     began = time.perf_counter()
     files: dict[str, bytes] = {}
     scene = None
-    with _ended_from_outside(options.longest):
+    with _ended_from_outside(options.longest), one_core():
         try:
             with limited(options.time_limit):
                 scene = job.load()

@@ -9,6 +9,7 @@ outer bodies at samples, and neither relies on the other.
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
 import math
 import time
@@ -21,6 +22,7 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly, more_closely
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 TIGHT, LOOSE = 2, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
+AHEAD_AFTER = 2  # guesses that failed before trees begin to grow on an idle core; one where bodies overlap at an end
 EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
@@ -407,21 +410,22 @@ def search_in_turn(
     up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
     `warm` holds a guess per goal, or None, that is tried before all others; where it leads to a motion like the one
     that it comes from, there is no need for any. `failed` is called where guesses led to none."""
-    lines = [(search, _guesses(search, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
-    lines.sort(key=lambda line: warm[searches.index(line[0])] is None)
-    while not any(search.certified for search in searches):
-        for search, guesses in lines:
-            value = min((other.value for other in searches if other.certified), default=math.inf)
-            if value < search.objective.least(search.problem):
-                continue
-            over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
-            if search.settled or (over and not search.certified and not search.passed):
-                return
-            if not search.certified:
-                failed()
+    with IdleCore(max(search.deadline for search in searches)) as core:
+        lines = [(search, _guesses(search, seed, begin, core)) for search, begin in zip(searches, warm, strict=True)]
+        lines.sort(key=lambda line: warm[searches.index(line[0])] is None)
+        while not any(search.certified for search in searches):
+            for search, guesses in lines:
+                value = min((other.value for other in searches if other.certified), default=math.inf)
+                if value < search.objective.least(search.problem):
+                    continue
+                over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
+                if search.settled or (over and not search.certified and not search.passed):
+                    return
+                if not search.certified:
+                    failed()
 
 
-def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
+def _guesses(search: Search, seed: int, warm: Guess | None, core: IdleCore) -> Iterator[Guess]:
     """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
     by contacts, or by path constraints, trees of lines that are free by exact distances grow in turn with further
     guesses, and what they find is a motion already. Guesses are solved with exact distances, too, from the straight
@@ -434,14 +438,19 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
     if search.problem is not problem:
         ways = itertools.islice(seeds(search.problem, seed), 1, None)
     loose, overlap = search.problem, ends_overlap(search.problem)
-    yield from map(Guess, itertools.islice(ways, (TIGHT if overlap else LOOSE) - 1))
-    exact = exactly(loose) if search.is_tight else loose
+    tightly = functools.cache(lambda: exactly(loose))
+    grown = core.ahead(lambda over: _tree_guesses(tightly(), search.required, seed, over), lambda: search.over)
+    for turn in range(1, TIGHT if overlap else LOOSE):
+        if (overlap or turn >= AHEAD_AFTER) and search.is_tight:
+            grown.begin()
+        yield Guess(next(ways))
+    exact = tightly() if search.is_tight else loose
     if exact is loose:
         yield from map(Guess, ways)
-    grown, exactly_so = _tree_guesses(exact, search, seed), _exact_guesses(exact, seed)
+    exactly_so = _exact_guesses(exact, seed)
     for turn in itertools.count():
         search.problem = exact
-        if (guess := next(grown, None)) is not None:
+        if (guess := grown.take()) is not None:
             yield guess
         if overlap or turn >= EXACT_AFTER:
             yield next(exactly_so)
@@ -450,14 +459,16 @@ def _guesses(search: Search, seed: int, warm: Guess | None) -> Iterator[Guess]:
             yield Guess(next(ways))
 
 
-def _tree_guesses(problem: Problem, search: Search, seed: int) -> Iterator[Guess | None]:
+def _tree_guesses(problem: Problem, required: float, seed: int, over: Callable[[], bool]) -> Iterator[Guess | None]:
     """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
+    if not problem.exact:
+        return
     if problem.terms.path:
         from hdplan.planner.search.held_trees import held_ways  # imported here, as few scenes have path constraints
 
-        for way in held_ways(problem, search.required, seed, lambda: search.over):
+        for way in held_ways(problem, required, seed, over):
             yield None if way is None else Guess(problem.polyline(way[1:-1]), way=way)
-    for way in tree_ways(problem, search.required, seed, lambda: search.over):
+    for way in tree_ways(problem, required, seed, over):
         yield None if way is None else Guess(way, as_it_is=True)
 
 

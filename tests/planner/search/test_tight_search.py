@@ -21,6 +21,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.assemble import closer, exactly
 from hdplan.planner.search import search as searching
 from hdplan.planner.search.escape import escapes
+from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.search.search import EXACT_AFTER, LOOSE, TIGHT, Search, _guesses
 from hdplan.planner.solvers import solver_named
@@ -53,7 +54,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
     monkeypatch.setattr(searching, "tree_ways", lambda *given: itertools.cycle([None, found]))
     under_way = search(load_scene("panda_cage"))
     ever, problem = seeds(under_way.problem, 5), under_way.problem
-    guesses = _guesses(under_way, 5, None)
+    guesses = _guesses(under_way, 5, None, IdleCore(math.inf))
     under_way.best = failing(Status.IN_CONTACT)
     for _ in range(TIGHT if overlap else LOOSE):
         np.testing.assert_array_equal(next(guesses).positions, next(ever))
@@ -77,7 +78,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
 def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(searching, "ends_overlap", lambda problem: True)
     under_way = search(load_scene("panda_corridor"))
-    problem, guesses = under_way.problem, _guesses(under_way, 0, None)
+    problem, guesses = under_way.problem, _guesses(under_way, 0, None, IdleCore(math.inf))
     under_way.best = failing(status)
     for _ in range(LOOSE + 2):
         next(guesses)
