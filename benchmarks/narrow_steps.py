@@ -105,7 +105,7 @@ def planned(options: argparse.Namespace, known: list[Outcome], scratch: Path) ->
     done = {(each.set, each.step, each.number): each for each in known}
     for kind in options.set:
         by_step: dict[str, list[bool]] = {step: [] for step in STEPS}  # of each plan whether it was certified
-        warm = set()
+        warm: set[str] = set()
         for number, scene in problems(options.folder.absolute(), kind, options.every, options.first, scratch):
             for step, certified in by_step.items():
                 if len(certified) >= options.give_up and not any(certified):
