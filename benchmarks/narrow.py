@@ -165,7 +165,7 @@ def by_roboplan(step: float, processor_time: bool) -> Planner:
         except RuntimeError as error:
             return f"refused: {error}", np.nan
         if answer.path is None:
-            return "no way", answer.seconds
+            return "no way", time_limit
         certificate = task.certifier.certify(Trajectory(task.robot.joint_names, answer.path, task.robot.locked))
         return "certified" if certificate.certified else f"not certified: {certificate.text}", answer.seconds
 
