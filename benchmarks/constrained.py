@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from dense_search import DenseSearch
-from processor_time import ProcessorTime
+from processor_time import add_processor_time, set_clock
 from resumed import kept, read
 from scipy.spatial.transform import Rotation
 
@@ -219,9 +219,10 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--limit", type=float, default=5.0, help="[s] of planning")
     parser.add_argument("--dense", type=float, default=60.0, help="[s] of a dense search")
-    parser.add_argument("--processor-time", action=ProcessorTime)
+    add_processor_time(parser)
     parser.add_argument("--csv", type=Path, help="where each request is written, and what was done is read from")
     options = parser.parse_args()
+    set_clock(options)
     numbers = range(options.first, options.first + options.requests)
     asked = [(kind, number) for kind in options.kinds for number in numbers]
     known = {(outcome.kind, outcome.number): outcome for outcome in read(options.csv, Outcome)}

@@ -29,7 +29,7 @@ import numpy as np
 import yaml
 from narrow_places import RANDOM, places, random_place
 from peer_task import Task
-from processor_time import ProcessorTime
+from processor_time import add_processor_time, set_clock
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
@@ -229,10 +229,11 @@ def main() -> None:
         "--roboplan", type=float, metavar="STEP", help="roboplan beside hdplan, edges checked every STEP"
     )
     parser.add_argument("--time-limit", type=float, default=10.0)
-    parser.add_argument("--processor-time", action=ProcessorTime)
+    add_processor_time(parser)
     parser.add_argument("--proofs", action="store_true")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
+    set_clock(options)
     others = {planner: by_ompl(planner) for planner in options.ompl}
     if options.roboplan:
         others[f"roboplan, every {options.roboplan:g} rad"] = by_roboplan(options.roboplan, options.processor_time)

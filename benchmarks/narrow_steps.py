@@ -32,7 +32,7 @@ import numpy as np
 import yaml
 from narrow import SCENE, SETS, scenes
 from problems import real_problems
-from processor_time import ProcessorTime
+from processor_time import add_processor_time, set_clock
 from resumed import kept, read
 
 import hdplan
@@ -151,9 +151,10 @@ def main() -> None:
     parser.add_argument(
         "--give-up", type=int, default=math.inf, metavar="N", help="problems of a set without any proof"
     )
-    parser.add_argument("--processor-time", action=ProcessorTime)
+    add_processor_time(parser)
     parser.add_argument("--csv", type=Path, help="where each plan is written, and what was done is read from")
     options = parser.parse_args()
+    set_clock(options)
     known = read(options.csv, Outcome)
     with tempfile.TemporaryDirectory() as scratch:
         new = kept(options.csv, Outcome, known, planned(options, known, Path(scratch)))

@@ -10,14 +10,12 @@ import argparse
 import time
 
 
-class ProcessorTime(argparse.Action):
-    """The option `--processor-time`: `time.perf_counter`, hdplan's clock, is the process's from here on."""
+def add_processor_time(parser: argparse.ArgumentParser) -> None:
+    """Add the option `--processor-time`, which `set_clock` heeds."""
+    parser.add_argument("--processor-time", action="store_true", help="limits and times by the process's clock")
 
-    def __init__(self, option_strings: list[str], dest: str) -> None:
-        """Take no value, and be False unless given."""
-        super().__init__(option_strings, dest, nargs=0, default=False, help="limits and times by the process's clock")
 
-    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, *_: object) -> None:
-        """Set the clock."""
-        setattr(namespace, self.dest, True)
+def set_clock(options: argparse.Namespace) -> None:
+    """Let `time.perf_counter`, hdplan's clock, be the process's from here on, where the options say so."""
+    if options.processor_time:
         time.perf_counter = time.process_time
