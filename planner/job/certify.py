@@ -178,7 +178,8 @@ def certify_job(scene: Scene, trajectory: Trajectory) -> JobCertificate:
 
 def certified_job(scene: Scene, trajectory: Trajectory, known: Sequence[Proven | None]) -> JobCertificate:
     """Certify the motion of a job as `certify_job` does. What was proven of its first stages, as they were planned, is
-    kept where it is about the same: a certificate is a function of what there is before a stage and of the curve."""
+    kept where these are equal to the last bit: a certificate is a function of what there is before a stage and of the
+    curve."""
     instance(scene, Scene, "scene")
     instance(trajectory, Trajectory, "trajectory")
     world = World.at_first(scene)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.free_space import is_free
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 SHORTCUTS = 24  # lines that are tried between two places of a way
 
@@ -51,11 +53,16 @@ def at(way: Array, length: Array, places: Array) -> Array:
 def through(problem: Problem, way: Array) -> Array:
     """Return a way (C, n) as waypoints (N, n), its corners among them, the more on a line the longer it is; at equal
     steps where there are more corners than waypoints."""
-    lines, spare = len(way) - 1, problem.waypoints - len(way)
+    spare = problem.waypoints - len(way)
     if spare < 0:
         return problem.polyline(way[1:-1])
     length = np.linalg.norm(np.diff(way, axis=0), axis=1)
     ends = np.round(np.cumsum(length) / length.sum() * spare).astype(np.int64)
-    parts = 1 + np.diff(ends, prepend=0)
-    rows = [way[k] + np.arange(parts[k])[:, None] / parts[k] * (way[k + 1] - way[k]) for k in range(lines)]
-    return problem.clip(np.vstack([*rows, way[-1:]]))
+    return problem.clip(cut(way, 1 + np.diff(ends, prepend=0)))
+
+
+def cut(way: Array, parts: Rows) -> Array:
+    """Return a way (C, n) whose lines are cut into so many equal parts (C − 1,)."""
+    lines = zip(itertools.pairwise(way), parts.tolist(), strict=True)
+    rows = [first + np.arange(count)[:, None] / count * (last - first) for (first, last), count in lines]
+    return np.vstack([*rows, way[-1:]])

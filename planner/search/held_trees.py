@@ -20,9 +20,10 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.problem.path_terms import RelativeMeasure
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.search.corners import lengths
+from hdplan.planner.search.corners import cut, lengths
 from hdplan.planner.search.free_space import free_space, is_free
 from hdplan.planner.search.roadmap import around_line, onto_path
+from hdplan.planner.search.trees import to_root
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 TURN, AT_ONCE = 256, 32  # targets of the trees, before another guess has its turn, and at once
@@ -74,7 +75,10 @@ class HeldTrees:
             reached = np.unique(reached)
             met, arrived = self._extended(1 - side, self.nodes[side][reached])
             for one, other in zip(reached[arrived][:1].tolist(), met[arrived][:1].tolist(), strict=True):
-                ways = [self._to(side, one)[::-1], self._to(1 - side, other)[1:]]
+                ways = [
+                    to_root(self.nodes[side], self.parents[side], one)[::-1],
+                    to_root(self.nodes[1 - side], self.parents[1 - side], other)[1:],
+                ]
                 return np.vstack(ways) if side == 0 else np.vstack(ways)[::-1]
         return None
 
@@ -92,11 +96,7 @@ class HeldTrees:
     def finely(self, way: Array) -> Array:
         """Return the same way (C, n) with further nodes on long lines."""
         counts = np.ceil(2.0 * np.linalg.norm(np.diff(way, axis=0), axis=1) / self.step).astype(np.int64)
-        rows = [
-            first + np.arange(count)[:, None] / count * (last - first)
-            for (first, last), count in zip(itertools.pairwise(way), np.maximum(counts, 1).tolist(), strict=True)
-        ]
-        return np.vstack([*rows, way[-1:]])
+        return cut(way, np.maximum(counts, 1))
 
     def _extended(self, side: int, targets: Array) -> tuple[Rows, Mask]:
         """Return the last node (k,) of each branch, and which arrived, after steps from the nearest nodes towards
@@ -155,10 +155,3 @@ class HeldTrees:
         self.nodes[side] = np.vstack([self.nodes[side], nodes])
         self.parents[side] = np.append(self.parents[side], before)
         return np.asarray(first + np.arange(len(nodes)))
-
-    def _to(self, side: int, row: int) -> Array:
-        """The nodes from one back to its root."""
-        rows = [row]
-        while (parent := int(self.parents[side][rows[-1]])) >= 0:
-            rows.append(parent)
-        return self.nodes[side][rows]

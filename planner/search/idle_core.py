@@ -91,8 +91,7 @@ class Ahead(Generic[Item]):
     def take(self) -> Item | None:
         """Return the next item, None at the end, and have the one after it made."""
         found = self._taken()
-        if self._next is None:
-            self.begin()
+        self.begin()
         return found
 
     def _taken(self) -> Item | None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from hdplan.planner.certificate.infeasibility import Shut, looks
 from hdplan.planner.search.search import Search
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import UnsolvableError
 from hdplan.scenes.targets import JointTarget
+
+if TYPE_CHECKING:
+    from hdplan.planner.certificate.infeasibility import Shut
 
 AFTER = 1.0  # [s] of guesses that failed, or
 LIMIT_SHARE = 0.2  # of the time that there is, if that is less
@@ -47,6 +50,8 @@ class InfeasibilityCheck:
                 raise UnsolvableError(f"{first.certifier.scene.source}: no motion exists: {why}", "disconnected", by)
 
     def _begun(self) -> Iterator[tuple[Shut, ...]]:
+        from hdplan.planner.certificate.infeasibility import looks  # few searches ask
+
         tried: dict[str, list[Array]] = {}
         suspects = set()
         for search, goal in zip(self._searches, self._goals, strict=True):

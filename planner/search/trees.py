@@ -15,7 +15,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import around_line
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 
 LONGEST = 0.5  # of a line between two nodes [rad or m]
 AT_ONCE = 4  # targets between two looks at whether time is up; even, as the trees grow in turn
@@ -60,11 +60,15 @@ class Trees:
         loops.grow_trees(self.space.struct, LONGEST, targets, counts, room[0], rows[0], room[1], rows[1], joint)
         self.nodes = [nodes[:count] for nodes, count in zip(room, counts, strict=True)]
         self.parents = [parents[:count] for parents, count in zip(rows, counts, strict=True)]
-        return np.vstack([self._to(0, joint[0])[::-1], self._to(1, joint[1])]) if joint[0] >= 0 else None
+        if joint[0] < 0:
+            return None
+        first, last = map(to_root, self.nodes, self.parents, joint.tolist())
+        return np.vstack([first[::-1], last])
 
-    def _to(self, side: int, row: int) -> Array:
-        """The nodes from one back to its root."""
-        rows = [row]
-        while (parent := int(self.parents[side][rows[-1]])) >= 0:
-            rows.append(parent)
-        return self.nodes[side][rows]
+
+def to_root(nodes: Array, parents: Rows, row: int) -> Array:
+    """Return the nodes (k, n) of a tree from one back to its root, whose parent is -1."""
+    rows = [row]
+    while (parent := int(parents[rows[-1]])) >= 0:
+        rows.append(parent)
+    return nodes[rows]
