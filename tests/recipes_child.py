@@ -99,6 +99,21 @@ def solve(problem, guess, budget):
     return Progress(problem, budget, 1).solution(problem.clip(guess))
 
 '''
+WORDS = '''"""One line for each waypoint."""
+import numpy as np
+from hdplan.scenes.errors import InputError
+
+def write_words(trajectory, verdict):
+    if trajectory.times is not None:
+        raise InputError("no times: write .json")
+    rows = [" ".join(map(repr, row)) for row in trajectory.positions.tolist()]
+    return "\\n".join([" ".join(trajectory.joint_names), *rows]).encode()
+
+def read_words(data):
+    names, *rows = data.decode().splitlines()
+    values = np.array([[float(value) for value in row.split()] for row in rows])
+    return {"joint_names": tuple(names.split()), "positions": values}
+'''
 UNION = "Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh\n"
 LIMIT = "planner/certificate/limit_checks.py"
 RECIPES: dict[str, list[tuple[str, Edits]]] = {
@@ -159,6 +174,20 @@ RECIPES: dict[str, list[tuple[str, Edits]]] = {
                     "    Points: lambda points",
                     "    Octahedron: lambda radii: (hull_piece(np.concatenate([np.diag(radii), -np.diag(radii)])),),\n",
                 ),
+            ],
+        ),
+    ],
+    "A trajectory file": [
+        ("planner/motion/words_format.py", [("", WORDS)]),
+        (
+            "planner/motion/trajectory_files.py",
+            [
+                (
+                    "from hdplan.planner.motion.json_format",
+                    "from hdplan.planner.motion.words_format import read_words, write_words\n",
+                ),
+                ('    ".json": write_json,\n', '    ".words": write_words,\n'),
+                ('    ".json": read_json,\n', '    ".words": read_words,\n'),
             ],
         ),
     ],
@@ -253,6 +282,18 @@ def around() -> str:
     return planned(module.Scene(robot=scene.robot, obstacles=[made], start=scene.start, goal=scene.goal))
 
 
+def written() -> str:
+    """The planned motion, written and read again without its times, and its verdict; with times it is refused."""
+    module, whole = importlib.import_module("hdplan"), motion()
+    bare = module.Trajectory(whole.joint_names, whole.positions)
+    bare.save(TREE / "motion.words")
+    again = module.Trajectory.load(TREE / "motion.words")
+    assert (again.joint_names, again.positions.tolist()) == (bare.joint_names, bare.positions.tolist())
+    said = came_of(lambda: str(whole.save(TREE / "timed.words")))
+    assert not (TREE / "timed.words").exists()
+    return said
+
+
 def greeted() -> str:
     said, sys.argv = io.StringIO(), ["hdplan", "hello"]
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -271,6 +312,7 @@ PROBES: dict[str, dict[str, Callable[[], str]]] = {  # what is asked after each 
         "plan": lambda: planned(timed(torque_rate=1e5)),
     },
     "A shape": {"plan": around},
+    "A trajectory file": {"save": written},
     "A solver": {"plan": lambda: planned(timed(), "straight")},
     "A command": {"run": greeted},
 }

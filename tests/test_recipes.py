@@ -1,6 +1,6 @@
 """The recipes of docs/contributing.md, followed in a copy of the tree: what a step leaves undone fails by name.
 
-A child process adds a limit, a shape, a solver and a command, step by step, with a fresh hdplan after each.
+A child process adds a limit, a shape, a trajectory file, a solver and a command, with a fresh hdplan after each step.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 CHILD = Path(__file__).with_name("recipes_child.py")
-NAMES = {"A limit": "torque_rate", "A solver": "straight", "A command": "hello"}
+NAMES = {"A limit": "torque_rate", "A solver": "straight", "A command": "hello", "A trajectory file": "words"}
 Found = dict[tuple[str, tuple[str, ...], str], str]
 
 
@@ -47,7 +47,7 @@ def steps(recipe: str) -> list[str]:
     return [file.replace("NAME", NAMES.get(recipe, "")) for file in files]
 
 
-@pytest.mark.parametrize("recipe", ["A limit", "A shape", "A solver", "A command"])
+@pytest.mark.parametrize("recipe", ["A limit", "A shape", "A trajectory file", "A solver", "A command"])
 def test_the_recipes_are_those_of_the_page(found: Found, recipe: str) -> None:
     whole = max((files for name, files, _ in found if name == recipe), key=len)
     assert list(whole) == steps(recipe)
@@ -86,3 +86,11 @@ def test_a_solver_and_a_command_are_there_at_once(found: Found) -> None:
     module, whole = steps("A command")
     assert found["A command", (module,), "run"].startswith("2: hdplan: No such command 'hello'")
     assert found["A command", (module, whole), "run"] == "0: hello"
+
+
+def test_a_trajectory_file_is_written_and_read_once_it_is_in_the_tables(found: Found) -> None:
+    module, tables = steps("A trajectory file")
+    assert "'.words'" in found["A trajectory file", (module,), "save"]
+    assert found["A trajectory file", (module,), "save"].startswith("InputError: ")
+    assert found["A trajectory file", (module, tables), "save"].startswith("InputError: ")
+    assert found["A trajectory file", (module, tables), "save"].endswith("no times: write .json")
