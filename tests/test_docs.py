@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import typer
 
+import hdplan
 from hdplan import cli
 from hdplan.scenes.yaml_format.reader import shipped_jobs, shipped_scenes
 
@@ -23,6 +24,7 @@ PAGES = {
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+NOTEBOOKS = sorted((ROOT / "docs" / "tutorial").glob("*.ipynb"))
 APP: Any = typer.main.get_command(cli.app)
 OPTION = re.compile(r"(?<![\w-])--?[a-z][a-z-]*")
 
@@ -130,6 +132,16 @@ def test_the_scenes_plan(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
             assert caught.value.code == 0
 
 
+@pytest.mark.parametrize(
+    "door", [hdplan, hdplan.distance, hdplan.control, hdplan.symbolic], ids=lambda door: door.__name__
+)
+def test_every_public_name_is_used_by_code_that_runs(door: Any) -> None:
+    code = [block for page in PAGES for block in blocks(page, "python")]
+    code += [path.read_text(encoding="utf-8") for path in (*EXAMPLES, *NOTEBOOKS)]
+    used = set(re.findall(r"\w+", "\n".join(code)))
+    assert [name for name in door.__all__ if name not in used and name != "__version__"] == []
+
+
 SHORTER = {"many_guesses": ("count = 256", "count = 16")}  # what is replaced; -m slow runs the whole
 
 
@@ -159,7 +171,7 @@ def test_the_examples_run(
         assert (example.parent / picture.name).is_file()
 
 
-@pytest.mark.parametrize("notebook", sorted((ROOT / "docs" / "tutorial").glob("*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_tutorial_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
