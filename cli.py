@@ -1,6 +1,6 @@
-"""The command line: what its commands are, what they take, and what they say of themselves.
+"""The command line: its commands, their arguments and their help.
 
-The work of each is a module of `planner.commands`, loaded when the command runs, so that help comes at once.
+The work of each is a module of `planner.commands`, loaded when the command runs, so that help appears at once.
 """
 
 from __future__ import annotations
@@ -99,14 +99,14 @@ def plan(
     """Plan a motion from start to goal and prove it collision-free.
 
     The motion is smooth in joint space: straight between its waypoints, or with times, velocities and accelerations
-    where the scene asks for them. It is certified over its whole length, not only at samples, against the robot's
+    where the scene needs them. It is certified over its whole length, not only at samples, against the robot's
     collision meshes and the scene's own shapes. Where the proof fails, planning continues from there or from another
     initial guess, until the time limit.
 
-    Of a scene with a job, all stages are planned, one after the other; exit code 1 if one of them cannot be done.
+    In a scene with a job, all stages are planned, one after the other; the exit code is 1 if one of them fails.
 
-    Ctrl-C stops with the best motion found so far. With --view browsers see the optimizer at work, at the address that
-    is written to standard error; files are written when the motion is found, and Ctrl-C ends the server.
+    Ctrl-C stops with the best motion found so far. With --view the optimizer's work appears in the browser, at the
+    address that is written to standard error; files are written once the motion is found, and Ctrl-C ends the server.
     """
     from hdplan.planner.commands.plan import run_plan
     from hdplan.planner.commands.watched import serving
@@ -140,11 +140,12 @@ def check(
     xacro_arg: given.XacroArguments = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """Certify a joint trajectory, ours or another planner's.
+    """Certify a joint trajectory, hdplan's or another planner's.
 
-    Proves that the whole motion is collision-free and keeps the clearance that the scene asks for, or says where it
-    does not. Between its waypoints the motion is straight, or the curve that the file's velocities define. Its ends
-    must be the scene's start and goal; its joints are matched by name. Of a job, every stage is certified.
+    Proves that the whole motion is collision-free and
+    keeps the clearance that the scene requires, or locates the violation. Between its waypoints the motion is
+    straight, or the curve that the file's velocities define. Its ends must be the scene's start and goal; its joints
+    are matched by name. In a job, every stage is certified.
     """
     from hdplan.planner.commands.check import run_check
 
@@ -159,13 +160,13 @@ def prove(
     request: given.Request = None,
     robot: given.RobotFile = None,
 ) -> None:
-    """Write down why a motion is free, for others to check.
+    """Write a proof that a motion is free, for others to check.
 
     Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
-    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan. A job has one
+    `python -m hdplan.verify`, checks the file against scene, robot and motion without any code of hdplan. A job has one
     proof of all its stages.
 
-    Exit code 1 if the motion is not certified, or no planes are found.
+    The exit code is 1 if the motion is not certified, or if no planes are found.
     """
     from hdplan.planner.commands.prove import run_prove
 
@@ -181,13 +182,13 @@ def verify(
     robot: given.RobotFile = None,
     world: given.World = None,
 ) -> None:
-    """Check the proof of a motion with nothing of hdplan.
+    """Check the proof of a motion without any code of hdplan.
 
     The checker reads scene, robot, meshes and motion by itself into a world of plain numbers, which must equal the
-    world of the proof, and then checks the proof in outward-rounded arithmetic. The output says what is proven and what
-    that assumes, or which pair of bodies, where and why not.
+    world of the proof, and then checks the proof in outward-rounded arithmetic. The output lists the proven claims and
+    the assumptions, or the pair of bodies, the place and the reason of a failure.
 
-    Exit code 1 if the proof is rejected, 4 if it is accepted in part: the scene wants more than it proves.
+    The exit code is 1 if the proof is rejected, 4 if it is accepted in part: the scene requires more than it proves.
     """
     from hdplan.planner.commands.verify import run_verify
 
@@ -210,13 +211,13 @@ def follow(
     """Follow a joint trajectory and avoid obstacles on the way.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
-    the trajectory as that allows; the trajectory waits while the robot is held up. The executed motion, with its times,
+    the trajectory as that allows; the trajectory waits while the robot is delayed. The executed motion, with its times,
     is certified against the moving obstacles; `hdplan view` plays it and `hdplan check` reads it.
 
     Commands keep the scene's limits of velocity, acceleration and jerk; without a limit of acceleration, joints reach
     their greatest speed in 0.2 s at the soonest.
 
-    Exit code 1 if the robot does not arrive, or its motion is not proven collision-free.
+    The exit code is 1 if the robot does not arrive, or if its motion is not proven collision-free.
     """
     from hdplan.planner.commands.follow import run_follow
 
@@ -248,15 +249,15 @@ def simulate(
 ) -> None:
     """Replay a joint trajectory, with or without dynamics.
 
-    Without `limits.torque` in the scene the replay is kinematic: the motion is sampled a thousand times a second, as a
-    controller would. With it the robot and its loads are simulated under computed-torque control, with torques clipped
-    at their limits.
+    Without `limits.torque` in the scene the replay is kinematic: the motion is sampled a thousand times a second, as by
+    a controller. With torque limits the robot and its loads are simulated under computed-torque control, with torques
+    clipped at their limits.
 
-    With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. How far it was
-    off is shown as `robot.tracking`, for which a scene can then be proven.
+    With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. The tracking
+    error is shown as `robot.tracking`, and a scene with this section can then be proven.
 
-    Exit code 1 if tracking is lost or worse than the scene's `robot.tracking`, a limit is exceeded, or there is
-    contact.
+    The exit code is 1 if tracking is lost or worse than the scene's `robot.tracking`, if a limit is exceeded, or if
+    there is contact.
     """
     from hdplan.planner.commands.simulate import run_simulate
 
@@ -284,9 +285,9 @@ def plot(
 ) -> None:
     """Draw a joint trajectory on one sheet.
 
-    It may be ours or another planner's. Drawn are the joints with their limits, velocities and accelerations where the
-    file has times, the clearance along the motion with what is proven of it, the solver's progress where the file holds
-    it, and the scene from two sides. The exit code is 0 whatever the verdict.
+    The trajectory may be hdplan's or another planner's. The sheet shows the joints with their limits, velocities and
+    accelerations if the file has times, the clearance along the motion with its proven bound, the solver's progress if
+    the file holds it, and the scene from two sides. The exit code is 0 whatever the verdict.
     """
     from hdplan.planner.commands.plot import run_plot
 
@@ -310,9 +311,9 @@ def view(
     """Show a scene and motions in the browser, and plan there.
 
     Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser (pip install viser).
-    --record and --video write files instead, without it.
+    --record and --video write files instead, without viser.
 
-    Ctrl-C stops it.
+    Ctrl-C stops the server.
     """
     from hdplan.planner.commands.view import run_view
 
@@ -340,7 +341,7 @@ def explain(
     xacro_arg: given.XacroArguments = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """Explain the planning problem that a scene makes.
+    """Explain the planning problem of a scene.
 
     Lists the joints with start, goal and limits; which terms are on and off, and why; the bodies around links and
     obstacles; which pairs are checked and which are excluded; the unknowns; and the settings, with defaults in force.
@@ -389,13 +390,14 @@ def batch(
     """Plan many problems on every core, or on a cluster.
 
     A source is a scene file or a pattern of them, a folder (with MoveIt's pairs scene*.yaml and request*.yaml, and
-    robot.yaml beside or above), or a table whose rows vary one scene (--scene; `hdplan sample` writes one). Results
-    are written as they come; the same command goes on where a run stopped. What crashes or hangs costs itself only.
+    robot.yaml beside or above), or a table whose rows vary one scene (--scene; `hdplan sample` writes one). Results are
+    written as they arrive; the same command resumes an interrupted run. A problem that crashes or hangs does not affect
+    the others.
 
-    Writes results.parquet (a row a problem) and motions.parquet into the folder, and prints a report. Exit code 1 if
-    some problem is not certified.
+    Writes results.parquet (a row per problem) and motions.parquet into the folder, and prints a report. The exit code
+    is 1 if some problem is not certified.
 
-    Ctrl-C stops with what is there.
+    Ctrl-C stops and keeps the results so far.
     """
     from hdplan.planner.commands.batch import run_batch, show_report
 
@@ -430,7 +432,7 @@ def sample(
     scene: given.SceneFile,
     output: given.TableFile,
     count: given.Count = 100,
-    seed: given.Seed = 0,
+    seed: given.ProblemSeed = 0,
     goal: given.GoalKind = "joints",
     jitter: given.Jitter = 0.0,
     resize: given.Resize = 0.0,
@@ -463,15 +465,15 @@ def codegen(
     """
     from hdplan.planner.commands.codegen import run_codegen
 
-    robot_asked = given.robot_with(robot, xacro_arg)
-    raise typer.Exit(run_codegen(scene, request, robot_asked, output=output, as_json=as_json))
+    chosen = given.robot_with(robot, xacro_arg)
+    raise typer.Exit(run_codegen(scene, request, chosen, output=output, as_json=as_json))
 
 
 @app.command()
 def schema() -> None:
     """Print the scene format as a JSON Schema, for editors.
 
-    It says which keys a scene has, and of what types and ranges their values are.
+    The schema lists the keys of a scene, with the types and ranges of their values.
     """
     from hdplan.planner.commands.schema import run_schema
 
@@ -480,9 +482,9 @@ def schema() -> None:
 
 @studies.command()
 def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
-    """Measure what accuracy of the distance costs in time.
+    """Measure the cost in time of an accurate distance.
 
-    For every set of normals, order, shaping length and precision: how often a gap is taken for contact, the error
+    For every set of normals, order, shaping length and precision: the share of gaps reported as contact, the error
     against the exact distance, and the time per value, gradient and Hessian. Writes distance_study.csv, .md and .png,
     and recommends a setting. Takes a while; Ctrl-C stops and keeps the results so far.
     """
@@ -498,12 +500,12 @@ def planning(
     problems: given.Problems = None,
     every: given.Every = 10,
 ) -> None:
-    """Measure what accuracy costs in time when planning.
+    """Measure the cost in time of accuracy in planning.
 
     One setting at a time is changed from the defaults on the shipped scenes: link bodies, normals, gamma, shaping
-    length, waypoints, samples or swept bodies between them, solver. Measured are what is certified, the clearance lost
-    to conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of an hour;
-    Ctrl-C stops and keeps the results so far.
+    length, waypoints, samples or swept bodies between them, solver. The results are the certified problems, the
+    clearance lost to conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of
+    an hour; Ctrl-C stops and keeps the results so far.
     """
     from hdplan.planner.commands.studies import run_planning_study
 

@@ -2,7 +2,7 @@
 
     python benchmarks/start.py DIR [--repeat R]
 
-DIR holds MotionBenchMaker's problems. The checkout's wheel is built twice, the second time without its loops of C, and
+DIR holds MotionBenchMaker's problems. The checkout's wheel is built twice, the second time without its C loops, and
 each is installed in an environment of its own, with the versions of constraints.txt. All times are processor time of
 panda_cage, medians of R runs that take turns, each in a process of its own: a first plan with an empty cache, a plan
 with what the first one left, the imports of that plan (hdplan's modules and all that they import), `import hdplan`.

@@ -2,8 +2,8 @@
 
 Positive = separated, everywhere; of unions (``ConvexBody.union``), too. ``hdsdf`` is the NumPy reference;
 ``hdsdf_compiled`` (CasADi, generated C) and ``hdsdf_batch`` (JAX) evaluate the same for many poses, with gradient and
-Hessian; ``hdsdf_function`` is it as a CasADi Function. Each is loaded, with what it needs of CasADi, JAX and coal, when
-it is asked for.
+Hessian; ``hdsdf_function`` is it as a CasADi Function. Each is loaded, with what it needs of CasADi, JAX and coal, on
+first use.
 """
 
 from __future__ import annotations

@@ -79,9 +79,8 @@ def diagnose(
     Args:
         scene: the problem.
         failure: what `plan` returned, or the error that it raised.
-        solver: that it was planned with.
-        seed: that it was planned with.
-        time_limit: [s] that it was planned with; each trial takes at most MOST_SECONDS of it.
+        solver: that of the plan. seed: that of the plan.
+        time_limit: [s] that of the plan; each trial takes at most MOST_SECONDS of it.
 
     Raises nothing of its own: a trial that is refused does not help.
     """
@@ -163,7 +162,7 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
 
 
 def _closer(scene: Scene, share: float) -> Scene:
-    """Return the scene with so much of every clearance that it asks for."""
+    """Return the scene with a share of every clearance that it requires."""
     obstacles = tuple(
         each if each.clearance is None else dataclasses.replace(each, clearance=share * each.clearance)
         for each in scene.obstacles

@@ -201,7 +201,7 @@ def _ended(searches: Sequence[Search], taken: int, seconds: float) -> str:
         guesses = _attempts(searches)
         return f"{reached} after {guesses} guess{'es' * (guesses != 1)}; more time may help"
     if searches[taken].problem.scene.polish:
-        return f"{reached} while the motion was bettered; more time may better it"
+        return f"{reached} while the motion was improved; more time may improve it"
     return f"{reached} while other goals were tried; more time may find a better one" if len(searches) > 1 else ""
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hdplan.planner.proof.proof import Proof
     from hdplan.planner.search.objective import Achieved
 
-CUT_SHORT = "the time limit passed: what is not proven may only not have been checked finely enough"
+CUT_SHORT = "the time limit passed: unproven parts may only need finer checks"
 """The note on a certificate that the time limit ended."""
 
 _FIGURES = tuple(field.name for field in fields(Iteration))

@@ -1,4 +1,4 @@
-"""Names for the arrays that the code is full of."""
+"""Names for the types of arrays that all modules use."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The time that a command may take: set once around all of its work, and checked wherever the work may take long.
 
-It holds for the thread that set it and is kept in a context variable, so no function in between has to pass it on. A
-library that cannot check it runs in a process of its own, for at most `seconds_left()`.
+It holds for the thread that set it and is kept in a context variable, so no function in between has to take it as an
+argument. A library that cannot check it runs in a process of its own, for at most `seconds_left()`.
 """
 
 from __future__ import annotations

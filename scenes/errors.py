@@ -70,7 +70,7 @@ class FieldError(InputError):
         return FieldError(self.problem, path, self.value, self.kind)
 
     def of(self, owner: str) -> FieldError:
-        """Return the same error, with the name of the class that the field belongs to."""
+        """Return the same error, with the name of the field's class."""
         error = FieldError(self.problem, self.where, self.value, self.kind)
         error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
         return error

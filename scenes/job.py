@@ -52,7 +52,7 @@ class Move(ArmStage):
 
     def _check_whole(self) -> None:
         if isinstance(self.goal, JointTarget) and self.goal.velocity is not None:
-            raise FieldError("is of a single motion: every stage of a job ends at rest", "goal.velocity")
+            raise FieldError("applies to a single motion: every stage of a job ends at rest", "goal.velocity")
 
 
 @dataclass(frozen=True, repr=False)
@@ -196,11 +196,12 @@ def stages_of(value: object) -> tuple[Stage, ...]:
 
 
 def _unblended(stage: Stage, following: Stage | None) -> str:
-    """Say why a stage cannot go over into the one that follows as it asks for; empty if it can, or does not ask."""
+    """Return the reason why a stage cannot be blended into the next one as it specifies; empty if it can, or does not
+    ask."""
     if not isinstance(stage, ArmStage) or not stage.blend:
         return ""
     if following is None:
-        return "is the last one, which ends at rest: nothing follows into which it could be blended"
+        return "is the last stage, which ends at rest: there is no next stage for a blend"
     if not isinstance(following, ArmStage):
         return f"ends at rest: in '{following.kind}', which follows, the arm stands still"
     if stage.limits != following.limits:

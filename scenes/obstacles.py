@@ -34,7 +34,7 @@ def rising_times(value: object) -> tuple[float, ...]:
 @dataclass(frozen=True, repr=False)
 class SteadyMotion(Checked):
     """A body moves with `velocity` [m/s] and turns with `spin` [rad/s] about its origin, both constant and in the
-    world, from its pose at time 0 on."""
+    world, beginning with its pose at time 0."""
 
     velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)
     spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)
@@ -96,7 +96,7 @@ class Obstacle(Checked):
         if isinstance(self.motion, TimedPoses):
             first = self.motion.poses[0]
             if self.pose not in (Pose(), first):
-                raise FieldError("is given twice: motion.poses say where the obstacle is, so leave it out", "pose")
+                raise FieldError("is given twice: motion.poses give the obstacle's poses, so leave it out", "pose")
             object.__setattr__(self, "pose", first)
 
 

@@ -1,6 +1,6 @@
 """Progress of long work, sent to a listener: in a library nobody, on the command line the progress line.
 
-As with the time limit (`deadline`), nothing in between needs to hand it on.
+As with the time limit (`deadline`), nothing in between needs to pass it along.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", def
 
 @contextlib.contextmanager
 def listening(listener: Callable[[str], None]) -> Iterator[None]:
-    """Hand what is told within to a listener."""
+    """Hand all reports within to a listener."""
     token = _listener.set(listener)
     try:
         yield

@@ -35,7 +35,7 @@ def pair(value: object) -> tuple[str, str]:
 
 
 def argument(value: object) -> str:
-    """Return the value of a xacro argument as the text that xacro takes it for: also of a number, or true and false."""
+    """Return the value of a xacro argument as xacro's text: also of a number, or true and false."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
@@ -55,7 +55,7 @@ def group_of(value: object) -> str | tuple[str, ...]:
         raise FieldError("must not be empty")
     for i, name in enumerate(names):
         if name in names[:i]:
-            raise FieldError(f"the joint {name!r} stands there twice", f"[{i}]")
+            raise FieldError(f"the joint {name!r} appears twice", f"[{i}]")
     return names
 
 
@@ -142,7 +142,7 @@ class RobotSpec(Checked):
         ignored = {frozenset(each) for each in self.ignore_pairs}
         for i, each in enumerate(self.check_pairs):
             if frozenset(each) in ignored:
-                raise FieldError(f"{each[0]!r} and {each[1]!r} stand in ignore_pairs too", f"check_pairs[{i}]")
+                raise FieldError(f"{each[0]!r} and {each[1]!r} are in ignore_pairs too", f"check_pairs[{i}]")
 
 
 def robot_spec(value: object) -> RobotSpec:

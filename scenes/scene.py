@@ -1,7 +1,7 @@
 """A scene: one complete planning problem, as frozen data without files or geometry.
 
-Lengths in metres, angles in radians, poses in the world unless said otherwise. Every value is checked when an object is
-made, whether by a file's reader or by a program (`values`); one that is not allowed raises an `InputError`.
+Lengths in metres, angles in radians, poses in the world unless stated otherwise. Every value is checked when an object
+is made, whether by a file's reader or by a program (`values`); one that is not allowed raises an `InputError`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class FileRead(type(Path())):  # type: ignore[misc]  # PosixPath or WindowsPath,
 
 @dataclass(frozen=True, repr=False)
 class Scene(Checked):
-    """One complete planning problem. Scenes with the same content are equal, whatever file they come from.
+    """One complete planning problem. Scenes with the same content are equal, whatever their files.
 
         scene = hdplan.Scene(
             robot="panda",
@@ -124,7 +124,7 @@ class Scene(Checked):
         if self.robot.tracking is not None or self.robot.calibration is not None:
             size = "tracking" if self.robot.tracking is not None else "calibration"
             for name in (*self.path.asked, *(["limits.torque"] if self.limits.torque is not None else [])):
-                raise FieldError(f"is given, and no proof of {name} knows it: leave one of them out", f"robot.{size}")
+                raise FieldError(f"is given, and no proof of {name} covers it: leave one of them out", f"robot.{size}")
         if self.robot.tracking is not None and self.robot.tracking.of_rates and not self.timed:
             raise FieldError(
                 "only matters for a motion with times, but timing and limits are missing", "robot.tracking.velocity"
@@ -137,13 +137,13 @@ class Scene(Checked):
         if self.job is None:
             return
         if self.goal != self.start:
-            raise FieldError("the stages of the job say where it leads: leave it out", "goal")
+            raise FieldError("the stages of the job define the goals: leave it out", "goal")
         if self.start.velocity is not None:
-            raise FieldError("is of a single motion: every stage of a job begins at rest", "start.velocity")
+            raise FieldError("applies to a single motion: every stage of a job begins at rest", "start.velocity")
         if self.path != PathConstraints():
-            raise FieldError("holds in the stages of a job that name it: write it there", "path")
+            raise FieldError("belongs to the stages of a job: write it there", "path")
         if self.timing is not None and self.timing.duration is not None:
-            raise FieldError("is of one motion, and a job has several: leave it out", "timing.duration")
+            raise FieldError("applies to one motion, and a job has several: leave it out", "timing.duration")
         if not self.self_collision.checked:
             raise FieldError(
                 "false is not allowed with a job, whose objects are checked as links are", "self_collision"
@@ -154,20 +154,20 @@ class Scene(Checked):
             )
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None:
-                raise FieldError("moves by the time of one motion, which no job has", f"obstacles[{i}].motion")
+                raise FieldError("depends on the time of a single motion", f"obstacles[{i}].motion")
             self._check_size(self.job, obstacle, f"obstacles[{i}].uncertainty")
         for key in ("tracking", "calibration"):
             if getattr(self.robot, key) is not None:
-                raise FieldError("is of single motions: no proof of a job knows it", f"robot.{key}")
+                raise FieldError("applies to single motions: no proof of a job covers it", f"robot.{key}")
         if self.from_request:
-            raise FieldError("is of MoveIt's requests, which hold no job", "from_request")
+            raise FieldError("belongs to MoveIt's requests, which hold no job", "from_request")
 
     def _check_size(self, job: Job, obstacle: Obstacle, field: str) -> None:
         """Refuse an uncertain place of what a job holds or touches, and one that grows with the time."""
         if obstacle.uncertainty is None or not any(dataclasses.astuple(obstacle.uncertainty)):
             return
         if obstacle.uncertainty.speed:
-            raise FieldError("is of single motions, with a time of their own", f"{field}.speed")
+            raise FieldError("applies to single motions, which have a time of their own", f"{field}.speed")
         if (stage := job.handling(obstacle.name)) is not None:
             raise FieldError(
                 f"is given, and in the stage '{stage}' it is held or touched: its place must be known", field
@@ -225,7 +225,7 @@ class Scene(Checked):
         if self.timed and duration is None and self.limits.acceleration is None:
             given = next((name for name in QUANTITIES if getattr(self.limits, name) is not None), None)
             raise FieldError(
-                "makes the motion timed, and a URDF has no acceleration limits to time it by: timing.duration or "
+                "makes the motion timed, and a URDF has no acceleration limits: timing.duration or "
                 "limits.acceleration is missing",
                 "timing" if self.timing is not None or given is None else f"limits.{given}",
             )

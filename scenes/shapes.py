@@ -160,7 +160,7 @@ def own_fields(shape: Any) -> dict[str, Any]:
 
 
 def files_of(shape: Any) -> list[Path]:
-    """Return the files that a shape is read from."""
+    """Return the files of a shape."""
     return [value for value in own_fields(shape).values() if isinstance(value, Path)]
 
 

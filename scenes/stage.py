@@ -57,4 +57,4 @@ class ArmStage(AnyStage):
     """Common part of every stage that moves the arm."""
 
     blend: Annotated[float, Number(high=1.0, low=0.0, unit="m")] = field(default=0.0, kw_only=True)
-    """Radius around its end within which it goes over into the next stage without a stop [m]; 0: it ends at rest."""
+    """Radius around its end within which it passes into the next stage without a stop [m]; 0: it ends at rest."""

@@ -52,7 +52,7 @@ class Rates:
 @dataclass(frozen=True, repr=False)
 class JointTarget(Checked):
     """A configuration as the scene gives it, by exactly one of `positions`, `by_name` and `state`; and how the robot
-    moves through it: at rest, if nothing else is said."""
+    moves through it: at rest by default."""
 
     field: str = dataclasses.field(
         compare=False, repr=False

@@ -45,7 +45,7 @@ class _UniqueKeyLoader(yaml.CSafeLoader):
             if isinstance(key, yaml.ScalarNode):  # of two merges some readers take the first, and others the last
                 if (key.tag, key.value) in seen:
                     raise yaml.MarkedYAMLError(
-                        problem=f"the key {key.value!r} stands twice", problem_mark=key.start_mark
+                        problem=f"the key {key.value!r} appears twice", problem_mark=key.start_mark
                     )
                 seen.add((key.tag, key.value))
         super().flatten_mapping(node)
@@ -118,7 +118,7 @@ def _built(content: str) -> object:
         elif isinstance(event, yaml.AliasEvent):
             count += sizes.get(event.anchor or "", 0)
             if event.anchor in [name for name, _ in begun]:
-                fault = f"the alias '*{event.anchor}' stands within what it names"
+                fault = f"the alias '*{event.anchor}' lies within its own anchor"
         elif isinstance(event, yaml.DocumentStartEvent) and made[0]:
             fault = "begins a second document ('---'), and a file holds one"
         else:
@@ -184,7 +184,7 @@ def _check_number(word: str, tag: str, event: yaml.ScalarEvent) -> None:
 
 
 def _mapping(parts: list[Any]) -> object:
-    """Return the mapping of keys and values in turn, _MORE if a key stands twice or cannot be one."""
+    """Return the mapping of keys and values in turn, _MORE if a key appears twice or cannot be one."""
     keys = parts[::2]
     if any(isinstance(key, (list, dict)) for key in keys):
         return _MORE

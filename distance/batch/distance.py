@@ -1,6 +1,6 @@
 """The HD-SDF of two bodies for thousands of poses at once, in JAX: value, gradient and Hessian by both bodies' twists.
 
-Runs on whatever device JAX finds. JAX is optional: it is imported when a distance is asked for.
+Runs on whatever device JAX finds. JAX is optional: it is imported on the first use of a distance.
 """
 
 from __future__ import annotations

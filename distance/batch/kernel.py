@@ -250,7 +250,7 @@ def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Arra
 
 def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
     """Return Phi(u) = u s, s = t^gamma/(1 + t^gamma), t = |u|/delta (eq. (1)), for the minimum m and S of
-    ``_weights``, with its factors. s/u is bounded, by 1/delta, also where u is too small to divide by.
+    ``_weights``, with its factors. s/u is bounded, by 1/delta, also where u is too small for a division.
     """
     p = gamma + 1
     above = m > 0

@@ -29,7 +29,7 @@ ORDERS = 2  # of derivatives in closed form
 
 
 class Settings(NamedTuple):
-    """The settings that a function is traced for."""
+    """The settings of a traced function."""
 
     gamma: int
     dtype: str  # in which the kernel computes

@@ -113,7 +113,7 @@ def write_whole(path: Path, data: bytes) -> bool:
 @functools.cache
 def _warn_once(home: Path, why: str) -> None:
     warnings.warn(
-        f"the cache {home} {why}, so what takes long is made again in every run: set HDPLAN_CACHE to a folder that "
-        "you alone can write",
+        f"the cache {home} {why}, so expensive results are computed anew each time: set HDPLAN_CACHE to a folder that "
+        "only you can write",
         stacklevel=4,
     )

@@ -27,7 +27,7 @@ def library() -> ModuleType | None:
         return importlib.import_module("hdplan._loops")
     except ImportError as error:
         warnings.warn(
-            f"hdplan runs without its loops of C, with the same results, but plans take 10 to 30 times as long "
+            f"hdplan runs without its C loops, with the same results, but plans take 10 to 30 times as long "
             f"({error}): install a wheel, or install from source where there is a C compiler",
             stacklevel=2,
         )

@@ -1,4 +1,4 @@
-"""The HD-SDF in NumPy, equation by equation: the reference that the fast versions are tested against.
+"""The HD-SDF in NumPy, equation by equation: the reference for the tests of the fast versions.
 
 In: two bodies and their poses (world from body). Out: numbers in [m], positive = separated. ``hdsdf`` is a lower bound
 of the signed distance in sign, not in value; ``separation`` a lower bound in value; ``separating_axis_distance`` is

@@ -123,7 +123,7 @@ def study(
         plan: how much is measured.
         seed: of the poses.
         report: called with (steps done, all of them, what comes next).
-        stop: asked between the steps; True ends with what was found so far.
+        stop: called between the steps; True ends with what was found so far.
     """
     entries: list[Entry] = []
     steps = list(product(plan.bodies, plan.kernels))

@@ -77,11 +77,11 @@ def conservativeness(
 
     Args:
         configurations: how many, the paper has 500,000.
-        normals: the sets to count for.
+        normals: the sets of normals.
         seed: of the random poses.
         with_fcl: hold some of them against FCL as well, which must be installed.
         report: called with (configurations done, all of them, what comes next).
-        stop: asked between pairs; True ends with what was found so far.
+        stop: called between pairs; True ends with what was found so far.
     """
     rng = np.random.default_rng(seed)
     bodies = [(ConvexBody.platonic(a), ConvexBody.platonic(b)) for a, b in PLATONIC_PAIRS]

@@ -44,7 +44,7 @@ class PairTimes:
     seconds: Mapping[str, float]  # per query, by method
 
     def ratio(self, method: str, to: str) -> float:
-        """Return how many times as long ``method`` takes as ``to``."""
+        """Return the ratio of the times of ``method`` and ``to``."""
         return self.seconds[method] / self.seconds[to]
 
 
@@ -76,7 +76,7 @@ def query_times(
         methods: of METHODS; None takes those whose packages are installed.
         seed: of the random poses.
         report: called with (steps done, all of them, what comes next).
-        stop: asked between the pairs; True ends with those that are done.
+        stop: called between the pairs; True ends with those that are done.
     """
     names = tuple(available_methods() if methods is None else methods)
     ordered = sorted(pairs, key=lambda pair: _complexity(*map(ConvexBody.platonic, pair)))
@@ -106,7 +106,7 @@ def available_methods() -> tuple[str, ...]:
 
 
 def batch_device() -> str:
-    """Return what the JAX batch runs on."""
+    """Return the device of the JAX batch."""
     from hdplan.distance.batch.distance import hdsdf_batch
 
     return hdsdf_batch(ConvexBody.sphere(1.0), ConvexBody.sphere(1.0)).device

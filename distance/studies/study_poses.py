@@ -1,4 +1,4 @@
-"""The body pairs and poses that distances are studied on: like those a planner meets, and some moved close to contact.
+"""The body pairs and poses of the studies of distances: like those a planner meets, and some moved close to contact.
 
 Poses are pairs of arrays (N, 4, 4), world from body [m], with the exact signed distances (N,) [m].
 """

@@ -64,7 +64,7 @@ class Axes:
         object.__setattr__(self, "bounds", ca.if_else(squares > 0, seen, -ca.inf))
 
     def shape(self, gamma: int, order: int) -> AxisShape:
-        """Return the shape that this group's axis function is built for."""
+        """Return the shape of this group's axis function."""
         sizes = self.levels.shape[0], self.along.shape[0]
         return AxisShape(*sizes, gamma, order, self.points_a is not None, self.signs, self.placements)
 

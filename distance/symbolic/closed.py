@@ -46,7 +46,7 @@ def closed_function(name: str, given: Sequence[ca.MX], form: ClosedForm, fixed: 
         name: of the function.
         given: symbols by which it may be differentiated.
         form: what it returns, with its derivatives by all of `given`.
-        fixed: symbols by which it has no derivative: CasADi is told of 0.
+        fixed: symbols by which it has no derivative: CasADi sees 0.
     """
     every = [*given, *fixed]
     sizes = [symbol.numel() for symbol in every]

@@ -41,7 +41,7 @@ class CompiledDistance(BodyDistance[Array]):
         normals: str,
         witness_count: int,
     ) -> None:
-        """Take the settings; the functions are built and compiled when they are first asked for."""
+        """Take the settings; the functions are built and compiled on first use."""
         self._settings = (body_a, body_b, gamma, normals, witness_count)
         self._functions: dict[int, RowFunction] = {}
         self._length = np.array([[shaping_length]])

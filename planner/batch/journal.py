@@ -1,7 +1,7 @@
 """The results of a run as they come: one file, to which every outcome is added whole.
 
 A line is a checksum and an outcome as JSON. What a killed process left half-written at the end has no right checksum
-and is cut off when the run goes on.
+and is cut off when the run resumes.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _lock(file: BinaryIO) -> None:
 
 
 def read_journal(path: Path) -> list[Outcome]:
-    """Return all outcomes so far, without their motions, in the order of their problems; of a run that may be going on.
+    """Return all outcomes so far, without their motions, in the order of their problems; of a finished or running run.
     Raises InputError."""
     try:
         found = {number: json.loads(line[9:]) for number, line in _whole_lines(path)}

@@ -1,6 +1,6 @@
 """The certified motions of a run as a data set for imitation learning: LeRobotDataset v3.0, as lerobot reads it.
 
-An episode is a motion, sampled at a fixed rate from its start on: `observation.state` holds the joints' positions [rad
+An episode is a motion, sampled at a fixed rate from its start: `observation.state` holds the joints' positions [rad
 or m] and `action` those of the next sample, at the end its own. The last sample is the motion's end, also where that
 lies between two. Statistics are over all samples. Of jobs, fingers are joints like others, so an action holds what the
 gripper is to do; `subtask_index` is the stage of each sample, and `meta/subtasks.parquet` has the stages' names.
@@ -90,7 +90,7 @@ class _Episode:
 
 
 def _stages(motion: Trajectory, fps: int, subtasks: dict[str, int]) -> Rows | None:
-    """Return the stage of each sample, by its number among all that there are; None for motions without."""
+    """Return the stage of each sample, by its number among all stages; None for motions without stages."""
     if not motion.stages:
         return None
     assert motion.times is not None

@@ -35,8 +35,8 @@ def plan_many(
             print(outcome.problem, outcome.status, outcome.text)
 
     Bad input, an internal error, a crash or a problem that hangs is an outcome like any other, with its cause; the
-    others go on. A problem's motion is the same whatever the number of workers, unless its time limit ends it. The
-    workers end with the iterator, also if it is closed before its end. How far it has come is told to whoever listens
+    others continue. A problem's motion is the same whatever the number of workers, unless its time limit ends it. The
+    workers end with the iterator, also if it is closed before its end. Its progress is reported to whoever listens
     (`hdplan.scenes.progress.listening`).
 
     Args:

@@ -101,7 +101,7 @@ def solve(job: Job, options: Options) -> Outcome:
 def _diagnosed(
     outcome: Outcome, scene: Scene, failure: PlanResult | HdplanError, job: Job, options: Options
 ) -> Outcome:
-    """Return an outcome with its cause found out and what would help, where that is asked for."""
+    """Return an outcome with a diagnosis of its cause and of what would help, if requested."""
     if not options.diagnose or scene.job is not None:  # whose stages say what failed
         return outcome
     found = diagnose(scene, failure, solver=options.solver, seed=job.seed, time_limit=options.time_limit)

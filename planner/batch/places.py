@@ -16,7 +16,7 @@ def moved_places(scene: Scene, rng: np.random.Generator, jitter: float) -> tuple
     that grips nothing."""
     assert scene.job is not None
     if not any(isinstance(stage, Grip) and stage.object for stage in scene.job.stages):
-        raise InputError(f"{scene.source}: job: grips nothing, so there are no places to be drawn")
+        raise InputError(f"{scene.source}: job: grips nothing, so there are no places to draw")
     fields: dict[str, float] = {}
     drawn, where = scene, {each.name: each.pose.position for each in scene.obstacles}
     for spot in spots_of(scene):

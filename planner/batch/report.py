@@ -1,4 +1,4 @@
-"""The report of a run: success by group, times, clearances, and failures by cause with a problem to look at."""
+"""The report of a run: success by group, times, clearances, and failures by cause, each with an example."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 The folder holds `run.json` (what the run is), `journal` (outcomes as they come) and, once the run ends or is
 interrupted, `results.parquet` (a row a problem) and `motions.parquet` (a row for each joint of each row of a motion).
-Where files are asked for, `motions` holds each problem's scene, motion and proof.
+With `--motions files`, `motions` holds each problem's scene, motion and proof.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Jou
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
     if strange:
-        raise InputError(f"{folder}: holds files that are no run; name a folder that is empty or new")
+        raise InputError(f"{folder}: holds files that do not belong to a run; name an empty or new folder")
     with contextlib.closing(Journal(folder / JOURNAL)) as journal:
         if not about.exists():
             write_output(about, json.dumps(said, indent=1).encode())
@@ -116,7 +116,7 @@ def read_run(folder: FilePath) -> dict[str, Any]:
 
 
 def _identity(jobs: Sequence[Job]) -> str:
-    """SHA-256 of the problems, whose files must not change while a run goes on."""
+    """SHA-256 of the problems, whose files must not change during a run."""
     digest = hashlib.sha256()
     for each in jobs:
         digest.update(f"{each.name}\0{each.hashed}\0{each.seed}\n".encode())

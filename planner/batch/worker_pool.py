@@ -140,7 +140,7 @@ def outcomes(
     for future, result in done:
         number, job, since = given.pop(future.key)
         if future.status == "cancelled":
-            raise InputError("the scheduler went away; what was found by then is kept")
+            raise InputError("the scheduler disappeared; the results so far are kept")
         yield number, result if isinstance(result, Outcome) else _lost(job, result, time.monotonic() - since, options)
         future.release()
         more()

@@ -79,7 +79,7 @@ def certify(
         trajectory: joints by name, in any order.
         robot: the scene's robot, if it is already loaded.
         required: clearance [m] that must be proven between the robot and obstacles without a clearance of their own; 0
-            means free of contact; None means what the scene asks for, `Certifier.asked`.
+            means free of contact; None means the scene's value, `Certifier.asked`.
         check_ends: whether the first and last waypoints must be the scene's start and goal.
 
     Raises:
@@ -92,7 +92,7 @@ def certify(
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
     """Return the contacts at configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with
-    itself and with the obstacles where they are said to be at time 0, whatever the scene's sizes.
+    itself and with the obstacles at their nominal poses at time 0, whatever the scene's sizes.
 
     Raises InputError for a wrong number of values, or one that is not finite.
     """
@@ -167,7 +167,7 @@ class Certifier:
         links, frames = links_of(self.robot), self.robot.model.frames
         carried = [each for each in self.scene.attached if frames[links[each.link]].parentJoint]
         names = ", ".join(each.name for each in carried if each.mass is None)
-        return (f"torques are those without a mass of {names}, as none is given",) if names else ()
+        return (f"torques do not include a mass of {names}, as none is given",) if names else ()
 
     def certify(
         self,
@@ -181,9 +181,9 @@ class Certifier:
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
-        failures are not complete. At ends that are `passing` the robot goes on: the motion itself says where those
-        are, so that no lesser clearance is required for them. What is neither proven nor refuted on the `shortest` part
-        of a waypoint interval is given up as not proven."""
+        failures are not complete. At ends that are `passing` the robot does not stop: the motion itself says where
+        those are, so that no lesser clearance is required for them. What is neither proven nor refuted on the
+        `shortest` part of a waypoint interval is given up as not proven."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")

@@ -1,7 +1,7 @@
 """Coverage of a scene by its certificate: the scene's demands on a motion, against the checks that were made.
 
-What is asked is read off the fields of the scene's own classes, and nothing here knows which checks there are; each
-check names what it looked at. A field that somebody adds is therefore asked at once, whether or not anybody checks it:
+The demands are read off the fields of the scene's own classes, and nothing here knows which checks there are; each
+check names the fields that it covered. A new field is therefore required at once, whether or not anybody checks it:
 there is no certificate until somebody does. Names are those of the scene's fields: "limits.jerk", "obstacles.shelf".
 """
 
@@ -93,7 +93,7 @@ class UncheckedError(RuntimeError):
 
 
 def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
-    """Raise UncheckedError unless all that was asked was checked, and nothing else."""
+    """Raise UncheckedError unless all demands were checked, and nothing else."""
     if asked == checked:
         return
     if missing := sorted(asked - checked):
@@ -114,7 +114,7 @@ def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
     """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
     for what no certificate can cover, as this module has never heard of it."""
     if unknown := sorted(_unknown(scene, "")):
-        raise UncheckedError(f"no certificate: the certificate knows nothing of {', '.join(unknown)}")
+        raise UncheckedError(f"no certificate: the certificate does not know {', '.join(unknown)}")
     return frozenset(_asked(scene, robot))
 
 
@@ -153,7 +153,7 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
 
 
 def _unknown(value: Any, where: str) -> Iterator[str]:
-    """Yield the values and fields within a scene that this module has never heard of. Shapes are their own affair:
+    """Yield the values and fields within a scene that this module does not know. Shapes are their own affair:
     `exact_proximity.PIECES` and `geometry.shapes.TABLE` know all of their fields, or fail."""
     kind: Any = type(value)
     known, names = _known(kind)

@@ -279,7 +279,7 @@ class _Along(WithTolerance):
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
-        """Parts of the motion to begin with."""
+        """First parts of the motion."""
         return self.motion.spans
 
 
@@ -318,7 +318,7 @@ class NearEnd(_Along):
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:
-        """Parts of the motion to begin with."""
+        """First parts of the motion."""
         return spans_between(self.motion.after if self.at_end else self.motion.before)
 
     @property

@@ -63,9 +63,8 @@ def looks(
     """Look at one ball after another; yield each time what shuts off the goals if no motion of the scene that keeps
     `required` [m] exists, and that is proven by then, or nothing.
 
-    tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them brings to the goal
-    without doubt is not looked at.
-    suspects: links whose balls are looked at first.
+    tried: motions (N, n) to a goal, by its field, which were not certified. A ball that one of them certainly brings to
+    the goal is skipped. suspects: links whose balls are looked at first.
     """
     goal = certifier.scene.goal
     open_, found = list(goal.targets if isinstance(goal, Goals) else (goal,)), list[Shut]()

@@ -163,7 +163,7 @@ class Bounds:
         return gaps[0], bound - self.elsewhere(nodes, items) - ROUNDING, travel
 
     def elsewhere(self, nodes: Intervals, items: Items) -> Array | float:
-        """Return how much closer pairs (i,) may be as their bodies are not quite where they are said to be [m]."""
+        """Return how much closer pairs (i,) may be as their bodies are not quite at their nominal poses [m]."""
         sizes = self.bodies.sizes
         return 0.0 if sizes is None else sizes.elsewhere(nodes, self.pairs, items.node, items.pair)
 

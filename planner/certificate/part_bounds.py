@@ -30,7 +30,7 @@ class PartBounds:
 
 
 class PartsOnIntervals:
-    """Items whose parts may be looked at."""
+    """Items whose parts may be examined."""
 
     def __init__(self, bounds: PartBounds, nodes: Intervals, items: Items) -> None:
         """Compute how the bodies move."""

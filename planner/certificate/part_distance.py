@@ -1,7 +1,7 @@
 """Distance of two pieces by their parts, triangles or balls: branch and bound over pairs of nodes of `parts`.
 
 For every pair of nodes that together contain all pairs of parts, and every unit n, gap(n) of `exact_proximity` and the
-bound of `interval_bounds` hold, with the motion of the bodies that the nodes belong to. Each direction that coal
+bound of `interval_bounds` hold, with the motion of the nodes' bodies. Each direction that coal
 proposes for the most critical pair is tried for all others too, in one product: mostly few are enough. Pairs that it
 does not settle are opened, down to single parts. The least over all pairs is a lower bound of the distance; it is
 exact, up to rounding, where coal proposes the best directions.
@@ -61,7 +61,7 @@ class Placed:
         return turned, (ways @ self.origin + _SIGNS[:, None] * self.velocity).T
 
     def shape(self, node: int, turn: Array | None = None) -> tuple[Any, Any]:
-        """Return a part and its place for coal, slightly turned (3, 3) if so told."""
+        """Return a part and its place for coal, slightly turned by a rotation (3, 3) if one is given."""
         shape, origin = (self.piece.shape, None) if self.piece.parts is None else self.piece.parts.shape(node)
         if turn is None and origin is None:
             return shape, self._place
@@ -116,7 +116,7 @@ def part_distance(
     within: float = np.inf,
     enough: float = -np.inf,
 ) -> Found:
-    """Return what can be said about the distance of two pieces' parts. Raises TimeLimitError.
+    """Return what is known about the distance of two pieces' parts. Raises TimeLimitError.
 
     moved: by how much the two move against each other, to first order and beyond it [m] (`Motion`).
     normals: unit directions (k, 3) from b to a to try first.

@@ -20,7 +20,7 @@ the point c of the other link,
 
     ‖p(s) − c(s)‖ ≤ max_{s = ±1} ‖p − c + s (p' − c')‖ + R_A + R_B,    or    ‖p − c‖ + Σ_{A, B} (|δ_j| + ε_j) ρ_j.
 
-Its rotation P is to be C, the other link's times the relative rotation asked for. With the chord d = ‖P − C‖_F/√2 = 2
+Its rotation P is to be C, the other link's times the required relative rotation. With the chord d = ‖P − C‖_F/√2 = 2
 sin(angle/2), P' = [Ω_A]× P, C' = [Ω_B]× C, Ω = Σ δ_j z_j over the revolute joints, and ‖∂²P/∂q_i ∂q_j‖_F = ‖[z_i]×
 [z_j]×‖_F = √(1 + (z_i · z_j)²) ≤ √2,
 
@@ -327,8 +327,8 @@ def spun(omega: Array, rotations: Array) -> Array:
 
 
 def held_by(setup: Setup) -> tuple[Held, ...]:
-    """Return what the scene's path constraints ask for. Raises InputError for a link that the robot lacks or that does
-    not move."""
+    """Return the requirements of the scene's path constraints. Raises InputError for a link that the robot lacks or
+    that does not move."""
     with naming(setup.scene.source):
         return tuple(held for asked in setup.scene.path.asked.values() for held in _held(setup, asked))
 

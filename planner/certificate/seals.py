@@ -38,7 +38,7 @@ FACETS = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, oppos
 
 @dataclass(frozen=True, eq=False)
 class Barrier:
-    """Points that balls must keep away from."""
+    """Points that balls must avoid."""
 
     points: Array  # (n, 3) [m]
     radii: Array  # (n,) [m] how far a ball's centre must be from each

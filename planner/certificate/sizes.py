@@ -9,9 +9,9 @@ counts: with R the smaller of the two greatest distances, the two may be closer 
 
 The robot's base is off by a shift and a turn about its origin, to which the same applies, of the obstacle as it may
 have turned itself. The joints may be off by p_j:
-a deviation like that of a curve from its straight line (`motion_bounds`), up to Σ_j p_j ρ_j. All of it is taken off the
-bounds on the distance of two bodies in the scene as it is said to be. Nor is one solid within another: let what is
-unknown grow from nothing to what it is, and no surfaces meet on the way.
+a deviation like that of a curve from its straight line (`motion_bounds`), up to Σ_j p_j ρ_j. All of it is subtracted
+from the bounds on the distance of two bodies in the nominal scene. Nor is one solid within another: let what is unknown
+grow from nothing to what it is, and no surfaces meet on the way.
 
 Balls about the origin do not turn, so the radius of a ball that sweeps a body is not in its R.
 """
@@ -81,7 +81,7 @@ class Sizes:
 
     def elsewhere(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:
         """Return how much closer pairs (i,) of bodies may be on intervals (i,) because the obstacle, or the robot's
-        base, is not where it is said to be (i,) [m]."""
+        base, is not at its nominal pose (i,) [m]."""
         return np.asarray(UPWARD * self._shares(nodes, pairs, node, pair).sum(axis=0))
 
     def at_middle(self, nodes: Intervals, pairs: Pairs, node: Index, pair: Index) -> Array:

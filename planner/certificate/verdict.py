@@ -40,10 +40,10 @@ class Status(Enum):
         """Advice to the user."""
         return {
             Status.CERTIFIED: "none needed",
-            Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene it was planned for",
+            Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene of its plan",
             Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
             Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
-            Status.TOO_CLOSE: "ask for less clearance, or plan with more",
+            Status.TOO_CLOSE: "require less clearance, or plan with more",
             Status.OFF_PATH: "allow more (path), or plan with this constraint in the scene, or with more waypoints",
             Status.TOO_FAST: "give it more time (timing), or plan with these limits in the scene",
             Status.OVERLOADED: "carry less, give it more time (timing), or plan with limits.torque in the scene",
@@ -112,7 +112,7 @@ class Certificate:
 
     @property
     def proof(self) -> ProofFile:
-        """The certificate of a planned motion as a file that others check (`hdplan.verify`); made when it is asked for.
+        """The certificate of a planned motion as a file that others check (`hdplan.verify`); made on first use.
 
         It is about two files: the scene's, or what `result.asked.save` writes if there is none of this content; and
         what `result.save` writes as JSON. Raises InputError for what a proof cannot hold, and for a certificate of

@@ -59,7 +59,7 @@ class BodyPairs:
 
     @property
     def vertex_slots(self) -> int:
-        """m, the number of vertices that a row of `body_table` has room for."""
+        """m, the capacity of a row of `body_table` in vertices."""
         return (int(self.body_table.shape[1]) - 1) // 4
 
     def enlarged(self, by: float) -> BodyPairs:

@@ -44,7 +44,7 @@ def from_cloud(
 
 
 def pieces_of(name: str, cloud: Cloud, pose: Pose, planes: str, within: Array) -> Pieces:
-    """Enclose a cloud that was read by small cells, to be used once: nothing is kept, nothing is said. Left out is what
+    """Enclose a cloud that was read by small cells, for one use: nothing is cached, nothing is noted. Left out is what
     touches none of the balls (k, 4) in the world [m]."""
     assert isinstance(cloud.points, FixedArray)
     points, radius = cloud.points.array, cloud.radius

@@ -4,7 +4,7 @@ In: the tables of body pairs, and placements of the joints at samples. Out: rows
 `broad_phase` has the same in NumPy, without the planes, for machines without a compiler. Rounding may decide
 differently where a ball only just touches a box; there the distance is positive anyway.
 
-Samples that follow one another lie close together in a motion, so each pair is first asked with balls around GROUP of
+Samples that follow one another lie close together in a motion, so each pair is first tested with balls around GROUP of
 them, and before that with a ball around all.
 """
 

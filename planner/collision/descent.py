@@ -16,7 +16,7 @@ TINY = 1e-300  # against division by zero
 def minimized(objective: Callable[[Array, Rows], tuple[Array, Array]], start: Array, rounds: int) -> Array:
     """Return nearby points (B, n) at which B functions are small, by BFGS, all side by side.
 
-    objective: points (B', n) and which functions are asked, rows (B',) of them -> values (B',), gradients (B', n). In a
+    objective: points (B', n) and the requested functions, rows (B',) of them -> values (B',), gradients (B', n). In a
     round each function is evaluated once; it goes on from there where it fell (Armijo), or else tries a shorter step. A
     function that hardly falls any more is left alone.
     """

@@ -1,7 +1,7 @@
 """The exact Euclidean distance of many body pairs at many samples, by coal (the maintained successor of FCL).
 
-The alternative distance for the obstacle penalty, to compare the HD-SDF with: same bodies, same margin, same pairs. The
-first body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its
+The alternative distance for the obstacle penalty, for comparison with the HD-SDF: same bodies, same margin, same pairs.
+The first body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its
 planes.
 
 coal proposes the normal n of a pair (from the second body to the first); the distance is computed here from supports,

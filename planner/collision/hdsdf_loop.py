@@ -6,7 +6,7 @@ agree but for rounding.
 
 Why it is fast: one plane after another lies in memory, so that every step of the sums runs over planes in the widest
 vectors of the processor; roots are found without `pow`; and numbers of vertices and planes are arguments, so that no
-robot and no obstacle has to be compiled for.
+robot and no obstacle needs a compilation.
 """
 
 from __future__ import annotations

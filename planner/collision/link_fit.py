@@ -105,7 +105,7 @@ class _Rough:
 
 
 class _Link:
-    """A link's surface, its hull, and what it was cut into."""
+    """A link's surface, its hull, and its pieces."""
 
     def __init__(self, triangles: Array) -> None:
         corners, rows = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)

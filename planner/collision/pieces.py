@@ -29,7 +29,7 @@ class Planes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pieces(Sequence[HalfspaceBody]):
-    """B halfspace bodies, each made an object when it is asked for."""
+    """B halfspace bodies, each made an object on first use."""
 
     names: tuple[str, ...]  # (B,) as the fields of `HalfspaceBody`
     joints: Rows  # (B,)

@@ -18,7 +18,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_explain(scene: str, request: Path | None, robot: str | RobotSpec | None, *, as_json: bool) -> int:
-    """Build the problem and print what it is made of. Returns the exit code: 0."""
+    """Build the problem and print its parts. Returns the exit code: 0."""
     problem = load_scene(scene, request=request, robot=robot)
     with waiting("building the problem"):
         with naming(problem.source):

@@ -41,7 +41,7 @@ class Written:
     """The files that are written of a planned job."""
 
     scene: str  # it was read from this file, or is shipped
-    robot: str | None  # in the place of the scene's
+    robot: str | None  # in place of the scene's
     output: Path | None
     plot: Path | None
     proof: Path | None
@@ -51,7 +51,7 @@ class Written:
         if self.output is not None:
             check_stages(self.output)
         if self.proof is not None and (self.output is None or self.output.suffix.lower() != ".json"):
-            raise InputError("--proof: of a job is about the motion's JSON file: write one too, -o FILE.json")
+            raise InputError("--proof: a job's proof refers to the motion's JSON file: write one too, -o FILE.json")
 
     def write(self, result: JobResult) -> list[str]:
         """Write the files; a proof only of a certified job. Return their names. Raises NotProvenError."""
@@ -167,7 +167,7 @@ def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path)
         return 1
     proof.save(output)
     with printing() as show:
-        show(f"proof of: {proof.certificate.text}")
+        show(f"proof: {proof.certificate.text}")
         show(table([("size", f"{len(proof.data) / 1e3:.1f} kB"), ("written", str(output))]))
     return 0
 

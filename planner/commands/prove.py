@@ -15,9 +15,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 
 ENDINGS = (".proof",)
 MOTIONS = (".json", ".csv")  # of which there can be proofs
-WITH_ARGUMENTS = (
-    "--proof: is about files, so that --xacro-arg does not go with it: robot.xacro_args have them in a file"
-)
+WITH_ARGUMENTS = "--proof: a proof refers to files, so --xacro-arg is not allowed: give robot.xacro_args in a file"
 
 
 def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
@@ -32,7 +30,7 @@ def run_prove(scene: str, trajectory: Path, request: Path | None, robot: str | N
     if proof is None:
         return 1
     with printing() as show:
-        show(f"proof of: {proof.certificate.text}")
+        show(f"proof: {proof.certificate.text}")
         size = f"{len(proof.data) / 1e3:.1f} kB"
         show(table([("leaves", str(proof.leaves)), ("size", size), ("written", str(output))]))
     return 0
@@ -42,7 +40,7 @@ def check_proof_of_plan(proof: Path, output: Path | None, robot: str | RobotSpec
     """Raise InputError, before a motion is planned, if no proof of it could be written."""
     check_writable(proof, ENDINGS)
     if output is None or output.suffix.lower() not in MOTIONS:
-        raise InputError(f"--proof: is about a motion's file: write one too, -o FILE with {' or '.join(MOTIONS)}")
+        raise InputError(f"--proof: a proof needs the motion's file: write it too, -o FILE with {' or '.join(MOTIONS)}")
     if isinstance(robot, RobotSpec):
         raise InputError(WITH_ARGUMENTS)
 

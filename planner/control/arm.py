@@ -11,7 +11,7 @@ from hdplan.scenes.array_types import Array
 
 
 class Arm(Protocol):
-    """An arm that is told where to be, once every period."""
+    """An arm that follows references, once every period."""
 
     joint_names: tuple[str, ...]
     """(n,) the order of all values."""

@@ -12,7 +12,7 @@ brakes from it is known (`braking`). Without limits of acceleration the rows are
 ∂Δ/∂q · u + ∂Δ/∂t ≥ −η (Δ − δ).
 
 For obstacles that stand still, η is η / (1 − (D̃_k/R)²) while the separation D̃_k is less than the horizon R, and from
-there on a pair has no row, so that only what is near is looked at. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
+there on a pair has no row, so that only near pairs are examined. Δ_k ≥ δ_k is kept by any rate κ(q) ≥ 0 that is
 bounded near Δ_k = δ_k, as Δ_k − δ_k falls no faster than exp(−∫κ dt) then; there D̃_k is far below R.
 
 If not all constraints can be met, the command is chosen by these priorities (`quadratic_program`):
@@ -33,7 +33,7 @@ Inside a margin the HD-SDF's shaping is inverted (`barrier_safety.straightened`)
 spot. Against a moving obstacle braking may not be enough: then the command that is best is taken.
 
 Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). Such a controller is not a
-planner: it can get stuck short of its target, where no velocity leads on. A `Controller` has no state between its
+planner: it can get stuck short of its target, where no velocity leads closer. A `Controller` has no state between its
 steps, so threads may share one; a task may have a state (`follow.FollowTask`), and then belongs to one thread.
 """
 
@@ -96,7 +96,7 @@ class Step:
     program_seconds: float
 
     def __repr__(self) -> str:
-        """Say what the command is, and how it came about."""
+        """Describe the command and its origin."""
         command = ", ".join(f"{value:.3g}" for value in self.velocity)
         return f"<Step: {self.mode.value} at [{command}]>"
 
@@ -123,7 +123,7 @@ class Controller:
         setup: Setup | None = None,
     ) -> None:
         """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: the greatest
-        velocity, acceleration and jerk (n,), by name; for those that are missing see `braking.Rates.of`; the velocity
+        velocity, acceleration and jerk (n,), by name; `braking.Rates.of` replaces missing ones; the velocity
         is the URDF's by default. setup: whose pairs they are, for `update`. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         self.setup, self._limits = setup, limits
@@ -171,7 +171,7 @@ class Controller:
         velocities that were measured), or other things held; None: as before. The last command goes on from one to the
         other.
 
-        Raises InputError for a controller that was not made of a scene, and as `Controller.of`.
+        Raises InputError for a controller that was not made of a scene, and for all reasons of `Controller.of`.
         """
         if self.setup is None:
             raise InputError("update: this controller was not made of a scene; use Controller.of")

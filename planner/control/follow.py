@@ -116,7 +116,7 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     """
     scene, robot = setup.scene, setup.robot
     setup.refuse_moving_ends("a controller that follows a motion begins and ends at rest")
-    setup.refuse_sizes("a controller takes the world as it is said to be")
+    setup.refuse_sizes("a controller knows only the nominal world")
     settings = settings or follow_settings()
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)

@@ -34,7 +34,7 @@ class MuJoCoArm:
     """A scene's robot in MuJoCo; an `Arm` for loops."""
 
     def __init__(self, setup: Setup, model: str | Path | None = None) -> None:
-        """Take a scene with its robot; see `of`."""
+        """Take a scene with its robot; `of` is the usual way."""
         mujoco = _mujoco()
         self.robot = setup.robot
         self.joint_names = self.robot.joint_names
@@ -128,7 +128,7 @@ class MuJoCoArm:
 def execute_in_mujoco(setup: Setup, curve: Curve, model: str | Path | None = None) -> Execution:
     """Execute a curve of the robot's planned joints, with times, from a place and a speed on it.
 
-    Raises InputError as `MuJoCoArm.of`.
+    Raises InputError for the reasons of `MuJoCoArm.of`.
     """
     assert curve.times is not None
     arm = MuJoCoArm(setup, model)

@@ -5,7 +5,7 @@ A drive with the servo law of industrial ones turns each joint,
     τ = K (q_d − q) + D (q̇_d − q̇) + (the weight that rests on the joint),   K = ω² m,   D = 2 ω m,
 
 where m is the greatest inertia about the joint, of all that it moves, at seeded configurations. What the others do to a
-joint, by their accelerations and speeds, it has to put up with: that is the tracking error. No friction. Bodies have
+joint, by their accelerations and speeds, is a disturbance: that is the tracking error. No friction. Bodies have
 masses and no shapes: what comes close to what is hdplan's to say, by the robot's own meshes.
 """
 

@@ -106,7 +106,7 @@ class Simulation:
         """The verdict in one line."""
         if self.failures:
             return f"failed: {'; '.join(self.failures)}"
-        as_said = f"; in the one world that the scene says, without {', '.join(self.unknown)}" if self.unknown else ""
+        as_said = f"; in the nominal world, without {', '.join(self.unknown)}" if self.unknown else ""
         if self.execution is None:
             return f"replayed: kinematics only, within all limits of the scene{as_said}"
         worst = max(joint.error or 0.0 for joint in self.joints)

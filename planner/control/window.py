@@ -35,7 +35,7 @@ class Window:
 
     @cached_property
     def brake(self) -> Array:
-        """Velocities (K, n) that brake from the last command on: at least one."""
+        """Velocities (K, n) that brake, starting with the last command: at least one."""
         return self.rates.braked(self.last.velocity, self.last.acceleration)
 
     @cached_property

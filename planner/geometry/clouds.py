@@ -87,7 +87,7 @@ def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
 
 
 def left_out_words(asked: Cloud, read: Cloud) -> str:
-    """Say which points of a cloud, as it was asked for and as it was read, were left out in reading: those that are not
+    """Say which points of a cloud, as the scene has it and as it was read, were left out in reading: those that are not
     finite, or of an image those out of its range; empty if none were."""
     count = read.points.left_out if isinstance(read.points, FixedArray) else 0
     if not count:
@@ -114,7 +114,7 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
 
 
 def cloud_words(asked: Cloud, read: Cloud) -> str:
-    """Return what `hdplan explain` says of a cloud, as it was asked for and as it was read."""
+    """Return the words of `hdplan explain` for a cloud, as the scene has it and as it was read."""
     source = asked.points.image if isinstance(asked.points, DepthImage) else asked.points
     file = f" of {source.name}" if isinstance(source, Path) else ""
     balls = balls_in(read)

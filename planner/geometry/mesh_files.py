@@ -108,7 +108,7 @@ def _buffers(path: Path, stamps: Stamps) -> tuple[Path, ...]:
 
 
 def _beside(path: Path) -> Callable[[str], bytes]:
-    """Return what reads the files that a mesh file refers to."""
+    """Return a reader of the files that a mesh file names."""
 
     def read(name: str) -> bytes:
         with naming(f"names the file {shown(name)}, which cannot be used"):
@@ -122,7 +122,7 @@ def _beside(path: Path) -> Callable[[str], bytes]:
 
 def read_scene(data: bytes, path: Path, asked: Callable[[str], object]) -> trimesh.Scene:
     """Return what trimesh reads from a mesh file's content, without warnings: its parts with their placements and
-    colours. `asked` is told the names of the files beside it that hold more, as they are wanted.
+    colours. `asked` is called with the names of the files beside it that hold more, as they are wanted.
 
     Only for drawing a file that `read_mesh_file` has accepted, as trimesh overlooks much damage.
     """

@@ -41,7 +41,7 @@ def seen_parts(shape: Seen) -> Array:
 
 
 def seen_words(asked: Seen, read: Seen) -> str:
-    """Return what `hdplan explain` says of it, as it was asked for and as it was read."""
+    """Return the words of `hdplan explain` for it, as the scene has it and as it was read."""
     match asked:
         case Cloud():
             return cloud_words(asked, cast(Cloud, read))

@@ -44,7 +44,7 @@ def _read_map(shape: Map, stamps: Stamps) -> Map:
 
 
 def map_words(shape: Map) -> str:
-    """Return what `hdplan explain` says of a map, as it was asked for."""
+    """Return the words of `hdplan explain` for a map, as the scene has it."""
     kind, source = _kind_and_source(shape)
     return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
 

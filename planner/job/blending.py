@@ -148,8 +148,8 @@ def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
 
 
 def _unit(worlds: Sequence[World], run: range, pieces: Sequence[Piece], first: int, finer: int) -> _Unit:
-    """Return the motion of one stage as it was planned, or that of several curves; they are those from the `first` of
-    the group on."""
+    """Return the motion of one stage as it was planned, or that of several curves; they begin with the `first` of the
+    group."""
     mine = slice(first, first + len(run))
     if len(run) == 1:
         return _Unit(in_step(pieces[first].motion, _rate(worlds[first])), (0.0,))

@@ -52,7 +52,7 @@ class StageFailedError(Exception):
 
 
 class _LateError(Exception):
-    """Time is up while ways along a curve are looked for."""
+    """The time limit passed during the search for ways along a curve."""
 
 
 @dataclass(eq=False)

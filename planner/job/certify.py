@@ -187,7 +187,7 @@ def certified_job(scene: Scene, trajectory: Trajectory, known: Sequence[Proven |
     names = scene.job.names
     marks = tuple(mark.name for mark in trajectory.stages)
     if not marks:
-        raise InputError("trajectory: has no marks of stages; a job is checked with the JSON file that was planned")
+        raise InputError("trajectory: has no marks of stages; a job is checked with its planned JSON file")
     if marks != names[: len(marks)]:
         wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
         asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
@@ -308,7 +308,7 @@ def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
     link = radius_link(world, number)
 
     def off(target: JointTarget | PoseTarget | AllOf) -> float:
-        """Greatest distance of a goal's links from it [m]; of joint values the link that the radius is about."""
+        """Greatest distance of a goal's links from it [m]; of joint values the link of the radius."""
         if isinstance(target, JointTarget):
             places = [(link, link_pose(robot, robot.configuration(target), link)[:3, 3])]
         else:
@@ -320,7 +320,7 @@ def _beyond_radius(world: World, number: int, robot: Robot, q: Array) -> str:
     away = min(off(each) for each in ((goal,) if isinstance(goal, JointTarget) else goal.targets))
     if away <= stage.blend:
         return ""
-    return f"it goes over into the next stage {away:.4g} m from its goal, {stage.blend:g} m are allowed"
+    return f"it passes into the next stage {away:.4g} m from its goal, {stage.blend:g} m are allowed"
 
 
 def standing(robot: Robot, q: Array, seconds: float) -> Trajectory:
@@ -347,7 +347,7 @@ def _with_the_arm(certificate: Certificate, setup: Setup) -> Certificate:
 
 def _on_touch(world: World, number: int, part: Trajectory) -> tuple[str, ...]:
     """Return notes on pairs that may touch in a stage: those that are far apart at its beginning and at its end, and
-    those that overlap there, which no proof looks at."""
+    those that overlap there, which no proof examines."""
     assert world.scene.job is not None
     stage, name = world.scene.job.stages[number], world.scene.job.names[number]
     if not stage.touch and not (world.held and moves_fingers(stage)):

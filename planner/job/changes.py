@@ -72,7 +72,7 @@ def _taken(world: World, stage: Grip, name: str) -> World:
         if frames[links[other]].parentJoint != frames[links[link]].parentJoint:
             raise InputError(
                 f"grip.link: '{link}' is to carry '{name}', but '{other}', which holds it (`touch`), moves "
-                "relative to that when the arm moves"
+                "relative to that link when the arm moves"
             )
     shape = first.shape if first else shape_of(world.standing(name))
     _check_reach(world, Obstacle(name, shape, there), touching or [link])
@@ -91,7 +91,7 @@ def _taken(world: World, stage: Grip, name: str) -> World:
 
 
 def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
-    """Refuse to take hold of an object that one of the links which are to hold it is not close to."""
+    """Refuse a grip of an object in which one of the holding links is not close to the object."""
     bare = replace(world.scene.robot, locked={**world.scene.robot.locked, **dict(world.hand)})
     scene = derived(
         world.scene,

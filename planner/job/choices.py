@@ -62,8 +62,7 @@ class _Open:
 
 
 class Aims:
-    """Configurations to which a move may lead, the best of each of its goals first: looked for as they are asked for,
-    and kept."""
+    """Configurations to which a move may lead, the best of each of its goals first: searched on request, and kept."""
 
     def __init__(self, goals: Iterable[JointTarget]) -> None:
         self._found: list[JointTarget] = []
@@ -174,7 +173,7 @@ class Search:
 
     def _choices(self, world: World, number: int) -> Iterator[tuple[Piece, bool] | None]:
         """Yield ways to do a stage, the most promising first, and whether there are others; None for one that failed,
-        so that time is looked at."""
+        so that the time limit is checked."""
         stage = self.stages[number]
         if not isinstance(stage, Move):
             if isinstance(found := self._only(world, number), Piece):
@@ -254,7 +253,7 @@ class Search:
                     way = next(ways, None)
             except NotFollowedError as error:
                 name, why = stage_name(self.stages[number + 1], number + 1), self._failed(number + 1, str(error))
-                self._refuse(number, f"given up, as stage '{name}' cannot follow it from wherever it begins: {why}")
+                self._refuse(number, f"rejected, as stage '{name}' cannot follow it from wherever it begins: {why}")
                 continue
             if way is None or (key := (number + 1, way[0].tobytes())) in self.certain.ways:
                 continue
@@ -280,7 +279,7 @@ class Search:
                 found = error
             if isinstance(found, str | MisplacedError):
                 name, why = stage_name(self.stages[following], following), self._failed(following, found)
-                raise StageFailedError(f"given up, as stage '{name}' cannot follow it: {why}")
+                raise StageFailedError(f"rejected, as stage '{name}' cannot follow it: {why}")
             if found is None:
                 return
             there = found.after

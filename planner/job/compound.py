@@ -186,5 +186,5 @@ class Path:
         aim = self._aim.elsewhere(self._target(part, share))
         reached = brought(self.robot, aim, np.clip(q, self.robot.lower, self.robot.upper))
         if isinstance(reached, str):
-            raise NotFollowedError(f"{self.link} cannot be brought along its blended curve: {reached}")
+            raise NotFollowedError(f"{self.link} cannot follow its blended curve: {reached}")
         return reached

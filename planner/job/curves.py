@@ -125,7 +125,7 @@ def leg_of(world: World, number: int) -> tuple[Leg, float]:
 
 
 def _blended_with(stages: Sequence[Stage], number: int) -> list[Curve]:
-    """Return a curve with those that it is blended with."""
+    """Return a curve with its blended neighbours."""
     near = [number, *([number + 1] if stages[number].blend else [])]  # type: ignore[union-attr]
     if number > 0 and getattr(stages[number - 1], "blend", False):
         near.append(number - 1)
@@ -354,7 +354,7 @@ def _around(one: Array, center: Array, other: Array, tolerance: float) -> tuple[
     across = float(np.linalg.norm(normal))
     angle = float(np.arctan2(across, (one - center) @ (other - center)))
     if np.pi - angle < HALF_TURN:
-        raise MisplacedError("circle.center: lies between the two ends, and does not say which way: give 'interim'")
+        raise MisplacedError("circle.center: lies between the two ends, and leaves the direction open: give 'interim'")
     return center, angle, normal / across
 
 

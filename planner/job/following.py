@@ -122,7 +122,7 @@ def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array
         steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
         reached = brought(robot, aim, np.clip(steady, robot.lower, robot.upper))
         if isinstance(reached, str):
-            raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way: {reached}")
+            raise NotFollowedError(f"{follow.link} cannot follow the curve beyond {share:.0%} of the way: {reached}")
         if np.abs(reached - rows[-1]).max() > FARTHEST:
             raise NotFollowedError(TURNED_OVER.format(share))
         rows.append(reached)
@@ -139,7 +139,7 @@ def near_guide(robot: Robot, start: Array, follow: Follow, count: int, guide: Ca
     rows[0] = start
     if not (reached := places.reached(rows)[1:]).all():
         share = float(shares[1 + int((~reached).argmax())])
-        raise NotFollowedError(f"{follow.link} cannot be brought along beyond {share:.0%} of the way")
+        raise NotFollowedError(f"{follow.link} cannot follow the curve beyond {share:.0%} of the way")
     if (far := np.abs(rows - guided).max(axis=1) > FARTHEST).any():
         raise NotFollowedError(TURNED_OVER.format(float(shares[int(far.argmax())])))
     return rows

@@ -6,9 +6,9 @@ values all over their limits, or else by inverse kinematics from those of the pl
 cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can do in a second,
 and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme,
 "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
-configuration is free is asked only once a way leads through it; those near one that is not are left out with it, until
-nothing else leads on. Then the way is evened: the joints' steps are made as small as the poses let them be, where all
-stays free.
+configuration is free is checked only once a way leads through it; those near one that is not are left out with it,
+until nothing else leads further. Then the way is evened: the joints' steps are made as small as the poses let them be,
+where all stays free.
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ def _configurations(
 
 
 def inner_limits(robot: Robot) -> tuple[Array, Array]:
-    """Return the limits of joints (n,), (n,) that ways are to keep to."""
+    """Return the limits of joints (n,), (n,) for ways."""
     room = np.minimum(INNER, ROOM * (robot.upper - robot.lower))
     return robot.lower + room, robot.upper - room
 
@@ -278,7 +278,7 @@ def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
 
 
 def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
-    """Return a way (layers, n) on which joints make smaller steps, free where it was looked at. Configurations that
+    """Return a way (layers, n) on which joints make smaller steps, free where it was checked. Configurations that
     would not be free any more stay where they are."""
     places = between.every(slice(0, None, 2))
     held = np.zeros(len(way), dtype=bool)

@@ -55,7 +55,8 @@ class World:
 
     @classmethod
     def at_first(cls, scene: Scene) -> World:
-        """Return what there is before the first stage. Raises InputError for a scene that no job can be planned in."""
+        """Return what there is before the first stage. Raises InputError for a scene without a job that can be
+        planned."""
         if scene.job is None:
             raise InputError(f"{scene.source}: job: is missing; hdplan.plan is for a single motion")
         if scene.limits.acceleration is None:
@@ -89,7 +90,7 @@ class World:
         return np.array([value for _, value in self.arm])
 
     def standing(self, name: str) -> Obstacle:
-        """Return an obstacle that can be touched, or taken hold of."""
+        """Return an obstacle that can be touched, or gripped."""
         standing = {each.name: each for each in self.obstacles}
         if name in {each.name for each in self.held}:
             raise InputError(f"'{name}' is held")
@@ -137,8 +138,8 @@ def _as_seen(setup: Setup) -> tuple[Obstacle, ...]:
 
 
 def shape_of(obstacle: Obstacle) -> Solid:
-    """Return the shape of an obstacle that can be touched, or taken hold of. Raises InputError for all others."""
+    """Return the shape of an obstacle that can be touched, or gripped. Raises InputError for all others."""
     if not isinstance(obstacle.shape, Solid):
-        what = f"'{obstacle.name}' is what a camera or a map saw, not an object"
+        what = f"'{obstacle.name}' comes from a camera or a map, and is not an object"
         raise InputError(f"{what}: only shapes and meshes can be touched, or held")
     return obstacle.shape

@@ -208,7 +208,7 @@ class Curve:
 
     def steps(self, before: Array | float = 0.0, after: Array | float = 0.0) -> Array:
         """Return by how much (N, n) the curve, a derivative, jumps at each row, with its sign; `before` the first row
-        and `after` the last it is as told (n,), or 0."""
+        and `after` the last it is as given (n,), or 0."""
         first, last = (np.zeros_like(self.control[:1, 0]) + each for each in (before, after))
         ends = np.concatenate([first, self.control[:, -1]])
         starts = np.concatenate([self.control[:, 0], last])

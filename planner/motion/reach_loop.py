@@ -18,7 +18,7 @@ def reach_around(loops: ModuleType, chain: Record, joints: Rows, cylinders: Arra
 
 
 def local_reach(loops: ModuleType, chain: Record, joints: Rows, rho: Array, at: tuple[Array, ...]) -> Array:
-    """Return what `Chain.local_reach` returns; `at`: its centers, radii, axes, origins and half."""
+    """Return the value of `Chain.local_reach`; `at` holds its centers, radii, axes, origins and half."""
     local = np.zeros((len(at[0]), *rho.shape))
     given = map(np.ascontiguousarray, (joints, rho, *at))
     loops.local_reach(chain.struct, *given, local)

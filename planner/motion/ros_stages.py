@@ -1,7 +1,7 @@
 """The motion of a job as ROS messages, stage by stage, each at the time at which it begins.
 
 The arm's stages are `trajectory_msgs/JointTrajectory`, with times from their own beginning; what the fingers do is an
-event, a `control_msgs/GripperCommand` with the position at which a finger's joint ends. Every stage is told by its
+event, a `control_msgs/GripperCommand` with the position at which a finger's joint ends. Every stage is announced by its
 name, a `std_msgs/String`. Whose a joint is follows from the motion: those that move together in some stage are one
 group; the largest is the arm's, with the joints that never move, and all others are fingers'.
 """

@@ -1,6 +1,6 @@
 """A browser without a screen that shows one page and is photographed: Chrome or Chromium, through a pipe.
 
-It is told what to do by the DevTools protocol: JSON messages that end with a zero byte, on file descriptors 3 and 4.
+It is driven by the DevTools protocol: JSON messages that end with a zero byte, on file descriptors 3 and 4.
 Nothing is fetched, and no port is opened.
 """
 
@@ -38,11 +38,11 @@ QUALITY = 92  # of the photographs, of 100
 
 
 class BrowserError(HdplanError):
-    """A browser that does not do what it is told."""
+    """A browser that does not obey."""
 
 
 def find_browser() -> str | None:
-    """Return a browser's program, if one is there that can be told what to do."""
+    """Return a browser's program, if one is installed that can be driven."""
     if sys.platform == "win32":  # it has no such pipes
         return None
     return next(filter(None, map(shutil.which, (*NAMES, MAC))), None)

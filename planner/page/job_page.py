@@ -89,7 +89,7 @@ class ShownStage:
 
 def before_it(scene: Scene) -> Setup:
     """Return what is drawn of a scene with a job that has no motion yet: the robot at its start, and all objects where
-    they are then. Raises InputError for a scene that no job can be planned in."""
+    they are then. Raises InputError for a scene without a job that can be planned."""
     first = World.at_first(scene)
     return Setup.of(_drawn(scene, goal=replace(scene.start, field="goal"), obstacles=_at_first(first)))
 

@@ -184,7 +184,7 @@ def _share(timeline: Timeline, motion: ShownMotion, share: Share) -> dict[str, A
 
 
 def _millimetres(clearance: Array) -> Array:
-    """Return distances [mm]; none where there is nothing to keep away from."""
+    """Return distances [mm]; none where there is nothing to avoid."""
     return 1e3 * clearance if np.isfinite(clearance).all() else clearance[:0]
 
 

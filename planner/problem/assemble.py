@@ -1,4 +1,4 @@
-"""Lay out the problem of a scene: its bodies, the pairs that can meet, and the terms that the scene calls for.
+"""Lay out the problem of a scene: its bodies, the pairs that can meet, and the scene's terms.
 
 With `planner.swept`, clearance from obstacles is measured to hulls swept between waypoints (`swept_clearance`), not at
 samples.
@@ -184,7 +184,8 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
 def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
     [m], and, where the motion is to be quick within limits of velocity, with `PathSpeed` in place of most of the
-    smoothness. Exact distances keep where it sets in: they leave nothing for what happens between the samples."""
+    smoothness. Exact distances keep the margin at which it begins: they leave nothing for what happens between the
+    samples."""
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     activation = scene.planner.activation if problem.exact else activation
     setup = problem.setup.changed(planner=replace(scene.planner, activation=activation))
@@ -205,7 +206,7 @@ def more_closely(problem: Problem) -> Problem:
 
 def exactly(problem: Problem) -> Problem:
     """Return the same problem with the exact distances of what the bodies enclose in place of the HD-SDF of the bodies,
-    from standing obstacles and between links; the problem itself where another distance is asked for."""
+    from standing obstacles and between links; the problem itself with another distance."""
     settings, terms = problem.scene.planner, problem.terms
     if problem.exact or settings.distance != "hdsdf" or settings.swept:
         return problem

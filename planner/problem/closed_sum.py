@@ -3,7 +3,7 @@
     F(x, y) = Σ_k w_k f(x_k, y_k)
 
 Values and slopes of all k come from one evaluation, which a cost and its gradient share; second derivatives, blocks on
-a diagonal, are another, made where they are asked for alone.
+a diagonal, are another, made only on request.
 """
 
 from __future__ import annotations

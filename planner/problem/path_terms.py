@@ -7,7 +7,7 @@ Each constraint is one or more measures in [m] that must stay below a bound (`hi
 z)/‖a × z‖, has length one in ω at every angle: it neither vanishes nor grows towards a half turn, where any direction
 will do; at θ = 0 the hinge is inactive. *Within*: g = |u| in each axis of the box, u the position of the point in the
 box. *Relative*: g = ‖p − c‖, the link's origin p and the point c of the other link at which it is to be, and g = LEVER
-‖φ‖, the rotation vector φ of the turn from the rotation that is asked for to the link's.
+‖φ‖, the rotation vector φ of the turn from the required rotation to the link's.
 """
 
 from __future__ import annotations
@@ -276,7 +276,7 @@ def _rate(vector: Array) -> Array:
 
 
 def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
-    """Return the terms that the scene's path constraints call for; `supports` (nj, n) as in Kinematics.
+    """Return the terms of the scene's path constraints; `supports` (nj, n) as in Kinematics.
 
     Raises InputError for a link that the robot lacks or that does not move.
     """

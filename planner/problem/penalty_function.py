@@ -2,7 +2,7 @@
 
 In: x as in `program`. Out: the penalty of its waypoints; the exact gradient; the exact Hessian or, in its place, the
 Gauss-Newton curvature, one block of (q_k, d_k) for each stage. The three share one evaluation at each x; what the exact
-Hessian has beyond the curvature takes another, where it is asked for.
+Hessian has beyond the curvature takes another, on request.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def places(n: int, waypoints: int) -> Rows:
-    """Indices in x (M, n) of the waypoints between the ends; the steps that follow them stand n further on."""
+    """Indices in x (M, n) of the waypoints between the ends; the steps that follow them have indices larger by n."""
     return 3 * n * np.arange(1, waypoints - 1)[:, None] + np.arange(n)
 
 

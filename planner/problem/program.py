@@ -176,7 +176,7 @@ class Program:
         self, each: Callable[[ca.MX, ca.MX], ca.MX], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> Program:
         """The same program with lower ≤ each(q_k, d_k) ≤ upper at the waypoints k = 1 … N − 2 that are to be found: of
-        the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is asked between waypoints. Raises
+        the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is required between waypoints. Raises
         InputError for another expression, and for bounds that do not fit it."""
         rows, low, high = list(self.rows), list(self.lower), list(self.upper)
         waypoints, steps, _ = (ca.horzsplit(part) for part in _columns(self.problem, self.x))
@@ -195,7 +195,7 @@ class Program:
     def solver(
         self, plugin: str = "ipopt", options: Mapping[str, Any] | None = None, *, compiled: bool = False
     ) -> ca.Function:
-        """A solver of this program: `casadi.nlpsol` with the plugin's name and options; fatrop is told the stages.
+        """A solver of this program: `casadi.nlpsol` with the plugin's name and options; fatrop receives the stages.
 
         compiled: whether its functions are written to C and compiled, once, and kept where compiled code is kept: some
         seconds the first time, and about thirty times as fast as CasADi's interpreter. Without a C compiler they are
@@ -219,8 +219,8 @@ class Program:
         return compiled_solver(plugin, self.standing, options)
 
     def guess(self, positions: Trajectory | ArrayLike) -> Array:
-        """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: what a
-        solver begins with."""
+        """The x of waypoints (N, n), whose ends are taken to be start and goal, or of a motion of the robot: the first
+        iterate of a solver."""
         if isinstance(positions, Trajectory):
             positions = waypoints_of(self.problem, positions)
         given = as_numbers(positions)

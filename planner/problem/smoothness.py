@@ -36,7 +36,7 @@ class Smoothness:
 
     @cached_property
     def diagonals(self) -> Array:
-        """Diagonals 0, 1 and 2 of M without the ends (3, N − 2), each from its first column on."""
+        """Diagonals 0, 1 and 2 of M without the ends (3, N − 2), each beginning at its first column."""
         inner = self.matrix[1:-1, 1:-1]
         rows = [np.diagonal(inner, offset) for offset in range(3)]
         return np.array([np.pad(row, (0, len(inner) - len(row))) for row in rows])

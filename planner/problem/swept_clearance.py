@@ -4,7 +4,7 @@
 
 In: the kinematics of the waypoints. Out: the penalty with its gradient at both ends of every interval, and Gauss-Newton
 curvature with the block between them. The hull contains every straight-line motion from one placement to the other. A
-link that turns leaves it slightly in between; that is for the certificate to find, as it is with samples.
+turning link leaves it slightly between the two; that is for the certificate to find, as it is with samples.
 """
 
 from __future__ import annotations

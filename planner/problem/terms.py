@@ -92,7 +92,7 @@ class Term:
     def written_at_sample(self, place: SymbolicPlace) -> ClosedForm | None:
         """`at_samples` in symbols: the penalty of one configuration, without its weight, with its derivatives by the
         place's q, and by its frames if these move. A class that has the one and
-        not the other is refused where all of a problem is asked for in symbols."""
+        not the other is refused where all of a problem is required in symbols."""
         return None
 
     def written_over_motion(self, motion: SymbolicMotion) -> ca.MX | None:

@@ -39,7 +39,7 @@ def kept(setup: Setup) -> dict[str, float]:
 
 
 def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:
-    """Return how far points of an obstacle may be from where it is said to be, for its position and its turn [m], and
+    """Return how far points of an obstacle may be from its nominal pose, for its position and its turn [m], and
     its speed [m/s]."""
     unknown = obstacle.uncertainty
     turns = unknown is not None and unknown.orientation > 0.0
@@ -48,7 +48,7 @@ def of_obstacle(obstacle: Obstacle) -> tuple[float, float, float]:
 
 
 def of_robot(setup: Setup) -> tuple[float, float]:
-    """Return how far points of links may be from where they are said to be, in the world and from other links [m]."""
+    """Return how far points of links may be from their nominal places, in the world and from other links [m]."""
     robot, off = setup.robot, tracking_of_all(setup.scene, setup.robot)
     moved = sum(of_base(setup)) + float(by_joints(setup).sum(axis=1).max(initial=0.0))
     if not off.any():

@@ -62,7 +62,8 @@ def divided(groups: Rows, group: int, triangles: Array) -> Rows | None:
 
 
 def _surfaces(triangles: Array) -> Rows:
-    """Number the surfaces of triangles (F, c, 3), which hang together where they share corners: (F,), from 0 on."""
+    """Number the surfaces of triangles (F, c, 3), which are connected where they share corners: (F,), counted from
+    0."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -101,7 +101,7 @@ class Planes:
 
     def _examine(self, nodes: Intervals, items: Items, floor: Array) -> tuple[Array, Array, Array]:
         """Return the best directions found, of the interval above, of the bodies' boxes, or else coal's; their bounds;
-        and, where coal was asked, a distance that the hulls do not exceed somewhere on the interval."""
+        and, where coal was called, a distance that the hulls do not exceed somewhere on the interval."""
         bounds, pairs = self.spans.bounds, self.spans.pairs
         normal, distance = items.normal.copy(), np.full(len(items), np.inf)
         if len(rows := np.flatnonzero(~normal.any(axis=1))):

@@ -87,7 +87,7 @@ class Planned(Protocol):
 
     @property
     def asked(self) -> Scene | None:
-        """The scene that was planned in."""
+        """The scene of the plan."""
 
     @property
     def trajectory(self) -> Trajectory:
@@ -288,7 +288,7 @@ class _Writer:
         data = MAGIC + zlib.compress(content + b"".join(x.astype(kind).tobytes() for x, kind in parts), COMPRESSION)
         began = time.process_time()
         read, told, _, trees = unpack(data)
-        need(told == lines[1].encode(), "the file is not what was to be written")
+        need(told == lines[1].encode(), "the written file differs from the proof")
         check_apart(world, read, trees)  # what was written, in the world that was read already
         took = self.took + time.process_time() - began
         return Proof(data, verdict_of(world, read, self.reading).text, certificate, head["leaves"], took)
@@ -311,7 +311,7 @@ class _Writer:
 
 
 def _less(clearance: float | None, asked: float, short: float) -> float:
-    """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
+    """Return the clearance [m] to prove: nearly the certificate's, but not less than required."""
     if clearance is None:
         return short
     return max(asked, clearance - min(0.9 * short, 0.5 * clearance))

@@ -1,4 +1,4 @@
-"""A proof read again, to be looked at: for two bodies at a moment of the motion, the leaf that holds, and its plane.
+"""A proof read again, for display: for two bodies at a moment of the motion, the leaf that holds, and its plane.
 
 The plane's direction is the leaf's; it is carried by the last body that carries both, and moves along its normal so as
 to stay in the middle between the two (docs/proof.md). Everything is computed by the checker's own kinematics.

@@ -30,7 +30,7 @@ class Placed(Intervals):
 
     @cached_property
     def moved(self) -> Array:
-        """The farthest that each piece moves (r,) [m], but for how far it is said to stray."""
+        """The greatest motion of each piece (r,) [m], without its given deviation."""
         return np.asarray(super().moved - ASIDE)
 
 

@@ -248,7 +248,7 @@ def _limits(setup: Setup) -> Plain:
 
 
 def _sizes(setup: Setup) -> Plain:
-    """Return how far obstacles, joints and the robot's base may be from where they are said to be, where any may."""
+    """Return how far obstacles, joints and the robot's base may be from their nominal values, where any may."""
     if not any(unknown_in(setup.scene)):
         return {}
     scene, base = setup.scene, setup.scene.robot.calibration

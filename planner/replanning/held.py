@@ -34,7 +34,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A motion from its first row on; it stands before and after."""
+    """A motion from its first row; it stands before and after."""
 
     grid: Grid
     first: int

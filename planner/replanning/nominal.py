@@ -72,14 +72,14 @@ class Nominal:
         return min(int(np.searchsorted(self._times, s)), len(self._times) - 1)
 
     def leads_from(self, s: float) -> bool:
-        """True if the robot still moves from s on."""
+        """True if the robot still moves after s."""
         if s >= self.ends:
             return False
         here = self.driven(np.array([[s, 0.0, 0.0]]))[0]
         return bool(np.abs(self.motion.positions[self.row_after(s) :] - here).max() > STILL)
 
     def rest(self, row: int) -> Trajectory | None:
-        """Return what is left from a row on; None if nothing is."""
+        """Return the rest after a row; None if nothing is."""
         return self.motion.between(row, len(self.motion) - 1) if row < len(self.motion) - 1 else None
 
     def continued(self, begin: float, row: int, tail: Nominal) -> Nominal:

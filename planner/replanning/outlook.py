@@ -1,6 +1,6 @@
 """The outlook: whether the rest of the nominal motion is still free, and another way where it is not.
 
-Asked beside the steps, as it takes longer than one. Obstacles stand here where they are expected now, larger by what
+Checked beside the steps, as it takes longer than one. Obstacles stand here where they are expected now, larger by what
 they may go while a motion that is held lasts: a way so far from them can mostly be driven, each piece of it proven as
 they move. Nothing of this is trusted: whatever is driven is proven by the step (`replanner`).
 """

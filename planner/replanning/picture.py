@@ -1,9 +1,9 @@
 """The world as it was last seen: each obstacle with the time of its picture, and all of them at one time.
 
-An obstacle that was seen at t₀ with a speed v may be, at t, anywhere within its sizes and v (t − t₀) of where it would
-be if it moved as it is said to. A picture is the scene of all obstacles at the time of the latest of them: those that
-were seen before have moved on until then, and are less certain by as much. Its certificate counts times from there, so
-that what it proves of a motion holds whatever the obstacles do until the robot stands.
+An obstacle that was seen at t₀ with a speed v may be, at t, anywhere within its sizes and v (t − t₀) of its place on
+its expected course. A picture is the scene of all obstacles at the time of the latest of them: those that were seen
+before have moved on until then, and are less certain by as much. Its certificate counts times from there, so that what
+it proves of a motion holds whatever the obstacles do until the robot stands.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Sighting:
 
     def frozen(self, at: float, margin: float) -> Obstacle:
         """Return the obstacle where it is expected at a time, standing, with room for what it may go in `margin` [s],
-        to plan a way past it; without one, just where it is said to be."""
+        to plan a way past it; without one, at its nominal pose."""
         obstacle, age = self.obstacle, max(at - self.at, 0.0)
         if not obstacle.moves:
             return obstacle

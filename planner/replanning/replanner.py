@@ -104,7 +104,7 @@ class Replanner:
             latency: [s] after a step until the robot executes its command.
             settling: [s] for which joints may still move, within `robot.tracking`, once the command stands.
             clock: tells the time [s]; by default time goes on from a step's `t` as the processor's does.
-            executor: where ways are looked for; by default a thread of the replanner's own.
+            executor: the executor of the search for ways; by default a thread of the replanner's own.
 
         Raises InputError for errors in the scene or robot, and for a scene that says when its motion has to end.
         """
@@ -123,10 +123,10 @@ class Replanner:
             )
         if scene.timing is not None and scene.timing.duration is not None:
             raise InputError(
-                f"{scene.source}: timing.duration: is of one motion, and here there are many: leave it out"
+                f"{scene.source}: timing.duration: applies to one motion, and here there are many: leave it out"
             )
         if scene.path.follow is not None:
-            raise InputError(f"{scene.source}: path.follow: is of a whole motion, and a replanner may end one anywhere")
+            raise InputError(f"{scene.source}: path.follow: applies to whole motions; a replanner ends them anywhere")
         setup = Setup.of(scene, robot)
         _check_goal(setup)
         self.robot = setup.robot
@@ -187,7 +187,7 @@ class Replanner:
         Args:
             obstacles: all that is there beside the scene's own obstacles, in the place of what was seen before; one
                 with the name of one of the scene's stands in for it. `motion` may hold a steady velocity and spin that
-                were measured, and `uncertainty` how far it may be off, and how fast it may leave from `at` on.
+                were measured, and `uncertainty` how far it may be off, and how fast it may leave after `at`.
             cloud: what a camera sees, in the place of the last cloud.
             poses: where known obstacles are, by name.
             at: when the picture was taken [s], not when it arrives.
@@ -237,7 +237,7 @@ class Replanner:
             self._measured, self._measured_at = Measured(when, found, rates), when
 
     def step(self, t: float) -> Command:
-        """Return what the robot is to do from now, t [s], on: the motion that is held, longer by a piece if that could
+        """Return what the robot is to do from now, t [s]: the motion that is held, longer by a piece if that could
         be proven.
 
         Raises InputError for a time that is not a number, or before the last step's.

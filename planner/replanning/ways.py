@@ -1,4 +1,4 @@
-"""Ways that are asked for beside the steps: when one is asked for, what was answered, and where the robot joins it."""
+"""Ways that are requested beside the steps: when one is requested, what was answered, and where the robot joins it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Ways:
     """The ways of one replanner; its steps alone use them."""
 
     def __init__(self, robot: Robot, executor: Executor | None) -> None:
-        """Take where ways are looked for; None: in a thread that is made when it is needed."""
+        """Take the executor of the search; None: a thread that is made when it is needed."""
         self.robot, self._executor, self._own = robot, executor, executor is None
         self.reaches = True  # whether the way that is driven leads to the goal
         self.why = ""  # no way was found
@@ -41,7 +41,7 @@ class Ways:
             self._executor = None
 
     def forget(self, reaches: bool) -> None:
-        """Drop what was asked and answered; `reaches` says whether the way that is driven leads to the goal."""
+        """Drop the request and its answer; `reaches` says whether the way that is driven leads to the goal."""
         self._asked, self._waiting, self._not_before, self.reaches = None, None, -math.inf, reaches
 
     def arrives(self, course: Course | None) -> bool:
@@ -49,7 +49,7 @@ class Ways:
         return course is not None and self.reaches and course.arrives
 
     def hear(self, now: float, held: Held, course: Course | None, row: int) -> Course | None:
-        """Take an answer, and return the course from a row of the clock on: on a new way, where all that is held would
+        """Take an answer, and return the course from a row of the clock: on a new way, where all that is held would
         be the same on it."""
         if self._asked is not None and self._asked.done():
             future, self._asked = self._asked, None
@@ -70,7 +70,7 @@ class Ways:
         return joined
 
     def waiting(self, held: Held, course: Course | None, row: int) -> Course | None:
-        """Return the course that the way which waits makes from a row of the clock on; None if there is none, or the
+        """Return the course along the waiting way from a row of the clock; None if there is none, or the
         robot is past its beginning."""
         if self._waiting is None or (way := self._waiting.way) is None:
             return None
@@ -120,7 +120,7 @@ class Ways:
         try:
             self._asked = self._executor.submit(outlook, question)
         except RuntimeError as error:  # it was shut down
-            self.why, self._not_before = f"no way is looked for: {error}", now + AGAIN
+            self.why, self._not_before = f"no way is searched: {error}", now + AGAIN
 
 
 def _heard(future: Future[Answer]) -> tuple[Answer | None, str]:

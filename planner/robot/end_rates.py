@@ -44,7 +44,7 @@ def end_rates(robot: Robot, target: JointTarget | Goals, from_request: bool) -> 
 
     Rates of joints that are held must be 0, and those of joints that follow others must agree with theirs; those that
     are not named are 0. Raises InputError for these, for a wrong number of values, and for unknown names; with
-    `from_request`, of joints that the robot does not have nothing is said.
+    `from_request`, of joints that the robot does not have nothing is reported.
     """
     if isinstance(target, Goals) or target.velocity is None:
         return None

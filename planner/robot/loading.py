@@ -94,7 +94,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         within = np.array([room_of(joint, rules, ranges) for joint in names])
         for i in np.flatnonzero((within != np.stack([lower, upper], axis=1)[linkage.own]).any(axis=1)).tolist():
             low, high = within[i].tolist()
-            notes.append(f"joint '{names[i]}': limits narrowed to [{low:g}, {high:g}] by those of what follows it")
+            notes.append(f"joint '{names[i]}': limits narrowed to [{low:g}, {high:g}] by those of its followers")
         lower, upper = within.T
     loaded = Robot(
         name=name,

@@ -40,7 +40,7 @@ def with_loads(
     robot: Robot, payload: Payload | None, attached: tuple[Attached, ...], needed: str = "limits.torque"
 ) -> pin.Model:
     """Return the same for a payload and held objects whose files were read; errors do not name the scene's file, but
-    what masses are `needed` for."""
+    the reason `needed` why masses are required."""
     if robot.linkage is not None:
         raise InputError(f"{needed}: {robot.linkage.no_torques}")
     return carrying(robot, payload, attached, needed)

@@ -123,7 +123,7 @@ def _check_list(
         elif joint in tree.mimics:
             why = f"cannot be planned: it is a mimic joint, which follows '{tree.mimics[joint][0]}'"
         elif joint in semantics.passive:
-            why = "cannot be planned: it is passive, says the SRDF"
+            why = "cannot be planned: the SRDF calls it passive"
         elif joint not in candidates:
             why = "cannot be planned: the limits of the joints that follow it leave no range"
         if why:

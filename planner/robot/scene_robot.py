@@ -136,7 +136,7 @@ def _with_lag(robot: Robot, off: tuple[float, ...]) -> Robot:
 
 @made_once(KEPT_ROBOTS)
 def _all_kept_apart(robot: Robot) -> Robot:
-    """Return the robot with the pairs checked too that never touch, where more is asked than that."""
+    """Return the robot with the pairs checked too that never touch, where the scene requires more than that."""
     never = robot.never_touching
     left = {pair: reason for pair, reason in robot.unchecked.items() if reason != NEVER_TOUCHING}
     return replace(robot, self_pairs=(*robot.self_pairs, *never), unchecked=left) if never else robot
@@ -203,7 +203,8 @@ def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...
 
 
 def _surroundings(spec: RobotSpec) -> tuple[tuple[str, str], ...]:
-    """Return what of the environment a description may depend on: where ROS keeps packages; of xacro all of it."""
+    """Return the parts of the environment that may change a description: where ROS keeps packages; of xacro all of
+    it."""
     if spec.urdf is not None and spec.urdf.suffix.lower() == XACRO:
         return tuple(sorted(os.environ.items()))
     return tuple((name, os.environ.get(name, "")) for name in OF_ROS)

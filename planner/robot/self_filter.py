@@ -55,7 +55,7 @@ class Ignoring:
 
 
 def self_filtered(asked: Scene, scene: Scene, robot: Robot) -> Ignoring:
-    """Leave the points out that the clouds of a scene, as it was asked for and with its files read, ask to ignore.
+    """Leave the points out that the clouds of a scene, as its file has it and with its files read, ask to ignore.
     Raises InputError for a cloud of which nothing is left, and for unknown links."""
     obstacles, notes, points = [], [], []
     for said, obstacle in zip(asked.obstacles, scene.obstacles, strict=True):

@@ -56,8 +56,8 @@ class Setup:
         if self.scene.job is not None:
             raise InputError(
                 f"{self.scene.source}: job: holds several motions, and here one is needed; `hdplan plan` and "
-                "hdplan.plan_job plan it, hdplan.certify_job checks it, and each stage of what they return has a scene "
-                "of its own"
+                "hdplan.plan_job plan it, hdplan.certify_job checks it, and each stage of their results has its own "
+                "scene"
             )
         object.__setattr__(self, "asked", self.asked or self.scene)
         object.__setattr__(self, "scene", opened(self.scene))

@@ -14,8 +14,8 @@ from hdplan.scenes.sizes import Tracking
 
 
 def tracking(scene: Scene, robot: Robot, name: str = "position") -> Array:
-    """Return how far the planned joints (n,), or their velocities, may be off [rad or m, per second]; joints that are
-    held are where they are said to be.
+    """Return how far the planned joints (n,), or their velocities, may be off [rad or m, per second]; held joints are
+    at their values.
 
     Raises InputError, naming the file that specifies the robot, for a wrong number of values and unknown names.
     """

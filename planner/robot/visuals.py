@@ -1,6 +1,6 @@
 """The look of a robot: the visuals of its description, for pictures alone.
 
-Nothing is proven about them, so what cannot be drawn of them is said, and never keeps a robot from being planned.
+Nothing is proven about them, so what cannot be drawn of them is noted, and never keeps a robot from being planned.
 """
 
 from __future__ import annotations

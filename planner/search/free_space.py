@@ -1,6 +1,6 @@
 """Free space by exact geometry: what a motion has to keep, as a C struct that says whether straight lines do.
 
-They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is said to be free is
+They are measured by the exact distances of the links' hulls (`free_loop.c`): every line that is reported free is
 proven to be, by the gap in the middle of an interval and how far anything can move until its ends; but for links whose
 bodies overlap so often that their pair is left to the certificate (`CollisionModel.unresolved`), which may refuse it.
 """
@@ -74,7 +74,7 @@ def with_these_alone(space: Record, joints: Mask) -> Record:
 
 
 def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
-    """The gap that each pair has to keep (P,) [m]: what is asked and SPARE, or less where an end has less to spare.
+    """The gap that each pair has to keep (P,) [m]: the required one and SPARE, or less where an end has less to spare.
     Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
     count = len(distance.pairs)
     sample, pair = (index.ravel() for index in np.indices((2, count)))

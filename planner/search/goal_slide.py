@@ -1,6 +1,6 @@
 """Sliding the end of a motion along its goal set, while the motion is improved.
 
-A pose leaves a redundant arm, or a free axis, configurations to choose from. With g the derivative of the cost with
+A pose leaves a redundant arm, or a free axis, a choice of configurations. With g the derivative of the cost with
 respect to the goal and J the Jacobian of the pose error,
 
     dq = −(I − J⁺ J) g

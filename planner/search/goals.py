@@ -45,7 +45,7 @@ TRIED = 4  # goals that are planned to, over all targets; at least one of each
 
 
 class Choice(NamedTuple):
-    """The goals that can be planned to."""
+    """The goals for plans."""
 
     goals: tuple[JointTarget, ...]  # best first; the scene's own alone where it leaves no choice
     words: tuple[str, ...]  # notes for the user
@@ -97,7 +97,7 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
 
 def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterator[JointTarget]:
     """Yield the goals of `goal_choice`, the best of each target first, in their order, then the second ones. Of several
-    targets, one is asked whether it is reached freely only when it may be the next one: no score is less than how far
+    targets, one is tested whether it is reached freely only when it may be the next one: no score is less than how far
     it is at least. Raises errors as `goal_choice`."""
     scene, robot = certifier.scene, certifier.robot
     looked: list[_Reached] = []
@@ -256,7 +256,7 @@ def _free(certifier: Certifier, families: Array, start: Array) -> list[tuple[flo
 
 
 def _fitting(certifier: Certifier, families: Array) -> list[Array]:
-    """Return the first one of each family (k, m, n) in which a motion may end, where there is one: asked together."""
+    """Return the first one of each family (k, m, n) in which a motion may end, where there is one: tested together."""
     found: dict[int, Array] = {}
     for member in np.moveaxis(families, 1, 0):
         left = [i for i in range(len(families)) if i not in found]

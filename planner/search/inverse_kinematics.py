@@ -66,7 +66,7 @@ def inverse_kinematics(
     leads there, or that no others exist. `hdplan robots NAME` says how they are found: in closed form, to rounding,
     every branch of six turning joints whose last three axes meet in a point, or of whose axes three are parallel, and
     nearly every one where two neighbours meet; or else, and where the pose is reached within its tolerances alone, by
-    search, from the seed, from 24 starts around it and, where these lead nowhere or all branches are asked for, from
+    search, from the seed, from 24 starts around it and, where these lead nowhere or all branches are wanted, from
     128 all over the limits, which may miss some or all. Branches in closed form are all there are; of those that are
     searched any two differ by more than 0.6 rad (or m) in some joint, whole turns aside. An arm with more joints than
     the pose asks for has families of configurations in place of single ones: some of its joints are held at values
@@ -283,7 +283,7 @@ def _circling(robot: Robot) -> Mask:
 
 def _distinct(q: Array, start: Array, circling: Mask | None = None) -> Array:
     """The rows nearest to `start` first, those that are APART from all before them, apart from whole turns of joints
-    that are said to circle."""
+    without limits."""
     left = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]
     circling = np.zeros(q.shape[1], dtype=bool) if circling is None else circling
     if functions := library():

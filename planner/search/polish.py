@@ -49,12 +49,12 @@ WAYS, MORE = 8, 4  # that are compared in a round, before the most promising one
 
 
 class Stages:
-    """Problems to each goal, for a first guess and, with penalties that set in ever closer to obstacles, for what it
-    leads to. Their distances are exact where the bodies overlap at an end: what is too loose there bars the best way,
-    or moves it."""
+    """Problems to each goal, for a first guess and, with penalties that begin ever closer to obstacles, for the
+    resulting motion. Their distances are exact where the bodies overlap at an end: what is too loose there bars the
+    best way, or moves it."""
 
     def __init__(self, searches: Sequence[Search]) -> None:
-        """Take the searches; a problem is laid out once it is asked for."""
+        """Take the searches; a problem is assembled on first use."""
         self.searches = searches
         self._first: dict[int, Problem] = {}
         self._closer: dict[int, tuple[Problem, ...]] = {}
@@ -247,7 +247,7 @@ def _hurried(search: Search, stage: Problem, promise: float, path: Array) -> tup
 
 def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Callable[[], Guess]]]:
     """Yield a search and what draws a guess for it, in turn, without end; the first guesses of untried goals come
-    first. A guess that is not asked for costs nothing."""
+    first. A guess that is not used costs nothing."""
     ways = [seeds(search.problem, seed + 1) for search in searches]
     lines = [next(guesses) for guesses in ways]
     for i, line in enumerate(lines):

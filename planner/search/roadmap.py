@@ -119,7 +119,7 @@ class Roadmap:
         return clear if clear.any() else depth <= CLEAR_SHARE * self.problem.scene.planner.activation
 
     def way(self) -> Array:
-        """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.
+        """The nodes (C, n) between start and goal on the cheapest path, which costs more afterwards.
 
         Only a path that would be taken is scored closely, and it is taken if it is still the cheapest then (the lazy
         evaluation of Bohlin & Kavraki, 2000): few samples may miss a thin bar.

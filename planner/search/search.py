@@ -333,7 +333,7 @@ class Search:
 
     @property
     def is_tight(self) -> bool:
-        """True if the best motion fails by what it comes too close to, or leaves its path for: the bodies and their
+        """True if the best motion fails by what it comes too close to or by leaving its path: the bodies and their
         distance may be too loose for the place."""
         if self.best is None:
             return False

@@ -91,7 +91,7 @@ class TimedRoadmap(Roadmap):
         return self.problem.depth(configurations) <= CLEAR_SHARE * self.problem.scene.planner.activation
 
     def timed_way(self) -> Array:
-        """The cheapest way as waypoints (N, n), which costs more from now on. Only edges on a way that would be taken
+        """The cheapest way as waypoints (N, n), which costs more afterwards. Only edges on a way that would be taken
         are scored at all times, as in `Roadmap.way`."""
         self._extend()
         edge_costs = self._edge_costs(np.arange(len(self.edges)))
@@ -132,7 +132,8 @@ class TimedRoadmap(Roadmap):
         self.worn = np.vstack([self.worn, np.ones((len(edges), STEPS))])
 
     def _penalties(self, edges: Rows) -> Array:
-        """The mean (depth/DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, from every step on."""
+        """The mean (depth/DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, beginning at every
+        step."""
         counts = np.clip(np.ceil(self._lengths(self.edges[edges]) / LOOK), FEWEST, MOST).astype(np.int64)
         first, last = (np.repeat(self.nodes[ends], counts, axis=0) for ends in self.edges[edges].T)
         fractions = np.concatenate([_fractions(count) for count in counts.tolist()])

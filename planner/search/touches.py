@@ -36,7 +36,7 @@ GENTLE_STEPS, MOST_STEPS = 60, 400  # of the second opinion, for each time that 
 
 def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
     """Return what costs less than the solution that an attempt led to, the smoothest first: solutions all of whose
-    samples keep their distance, and what CHOMP's steps led to. None if there is more to gain, but not found."""
+    samples keep their distance, and the results of CHOMP's steps. None if there is more to gain, but not found."""
     problem, cost = search.problem, search.objective.least_along
     least, before = search.objective.least(problem), cost(solution.trajectory.positions)
     if solution.status is not SolverStatus.CLEAR or before <= (1.0 + NOTHING_LEFT) * least:

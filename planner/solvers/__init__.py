@@ -65,7 +65,7 @@ def solve(
 
 
 def _checked(problem: Problem, guess: Trajectory | ArrayLike) -> Array:
-    """Return a guess that a solver can start from."""
+    """Return a valid guess for a solver."""
     if isinstance(guess, Trajectory):
         return waypoints_of(problem, guess)
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)

@@ -71,7 +71,7 @@ class Budget:
     report: Callable[[Iteration, Array], None] = _silent
     """Called once per iteration, with the waypoints (N, n) at its end."""
     stop: Callable[[], bool] = _never
-    """Asked once per iteration whether to stop with the best motion so far."""
+    """Called once per iteration whether to stop with the best motion so far."""
 
     def spent(self) -> bool:
         """True if the deadline has passed."""

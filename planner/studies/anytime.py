@@ -1,4 +1,4 @@
-"""The cost of quality in time: how good the best certified motion is while a plan goes on.
+"""The cost of quality in time: how good the best certified motion is during a plan.
 
 In: scenes. Out: one `AnytimeCurve` for each, from the motion that `polish: 0` gives through ROUNDS rounds of it. What
 counts is the time of the motion, so every scene is planned within limits of rates, LIMITS where it has none of its own.

@@ -140,7 +140,7 @@ class Outcome:
 
 
 def sweep() -> tuple[tuple[str, Variant], ...]:
-    """Return the variants with one setting changed, by name; the first is the one that they are changed from."""
+    """Return the variants with one setting changed, by name; the first is the base of all changes."""
     base = VARIANTS[NAMES.index("HD-SDF, ε 1e-4, 2.5 cm")]
     exact = VARIANTS[0]
     found = [("HD-SDF: η 0.5, δ −5 mm, shaping 1 cm, 100 Hz", base)]

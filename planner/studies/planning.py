@@ -53,7 +53,7 @@ QUALITY = """\
 ## What quality costs in time
 
 The best certified motion after a time, in % of the first one's, geometric mean over {scenes} scenes, while rounds of
-`planner.polish` go on; within the scene's limits of rates, or those of cuRobo's published results.
+`planner.polish` continue; within the scene's limits of rates, or those of cuRobo's published results.
 """
 GUESSES = """\
 ## What guesses cost in time

@@ -77,7 +77,7 @@ class Variant:
 
     @property
     def solver(self) -> str:
-        """The solver that it plans with."""
+        """Its solver."""
         return str(self.value if self.factor == "solver" else DEFAULTS["solver"])
 
     def applied(self, scene: Scene) -> Scene:

@@ -61,7 +61,8 @@ def clearance(scene: Scene, movable: Sequence[str] = (), activated: bool = False
             the penalty of a configuration is then Σ ½ min(D, 0)².
 
     Raises:
-        InputError: for an unknown obstacle, for ``planner.distance: fcl``, and for whatever the scene is refused for.
+        InputError: for an unknown obstacle, for ``planner.distance: fcl``, and for every other reason to refuse the
+        scene.
     """
     instance(scene, Scene, "scene")
     instance(activated, bool, "activated")

@@ -28,8 +28,8 @@ def dynamics(robot: Robot | Scene) -> ca.Function:
         robot: a robot, with the masses of what it holds; or a scene, which stands for its robot with its payload too.
 
     Raises:
-        InputError: for a robot that has inertias that no body has, or joints that move no mass, and whatever the
-            scene's robot is refused for.
+        InputError: for a robot that has inertias that no body has, or joints that move no mass, and every other reason
+        to refuse the scene's robot.
     """
     if isinstance(robot, Scene):
         setup = Setup.of(robot)

@@ -24,7 +24,7 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
     """Return the pose of a link as a CasADi Function ``(q (n,)) -> pose (4, 4)``.
 
     q are the planned joints [rad or m], in the order of ``joint_names``; joints that follow others move along. The pose
-    is [R | p; 0 0 0 1], the link's frame in the world, p in [m]. An SX graph: CasADi derives it as often as is asked,
+    is [R | p; 0 0 0 1], the link's frame in the world, p in [m]. An SX graph: CasADi derives it as often as needed,
     and inlines it where it is called with SX.
 
     Args:
@@ -32,7 +32,8 @@ def kinematics(robot: Robot | Scene, link: str | None = None) -> ca.Function:
         link: a link of the URDF, or a held object; without it, the end effector.
 
     Raises:
-        InputError: for an unknown link, a robot without one end effector, and what the scene's robot is refused for.
+        InputError: for an unknown link, a robot without one end effector, and every other reason to refuse the scene's
+        robot.
     """
     found = robot_of(robot)
     name, places = end_effector(found, "link") if link is None else checked(text, link, "link"), link_places(found)

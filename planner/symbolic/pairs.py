@@ -49,11 +49,11 @@ def scene_pairs(setup: Setup, movable: Sequence[str], activated: bool) -> SceneP
     """Lay out the pairs of a scene: those of the planner, and of every `movable` obstacle, by name.
 
     Obstacles that move in the scene are movable anyway. Bodies are enlarged by the scene's clearances and, if
-    `activated`, by how much earlier the planner's penalty sets in. Raises InputError for an unknown obstacle, and for
+    `activated`, by how much earlier the planner's penalty begins. Raises InputError for an unknown obstacle, and for
     planner.distance fcl, which is no expression.
     """
     scene, settings = setup.scene, setup.scene.planner
-    setup.refuse_sizes("distances in symbols are of the scene as it is said to be")
+    setup.refuse_sizes("distances in symbols know only the nominal scene")
     if settings.distance != "hdsdf":
         raise InputError(
             f"{scene.source}: planner.distance: must be hdsdf to be an expression, found {settings.distance}"
@@ -96,7 +96,7 @@ def all_movable(setup: Setup) -> ScenePairs:
 
 
 def _movable(setup: Setup, asked: Sequence[str] | None) -> tuple[Obstacle, ...]:
-    """Return the obstacles that move in the scene, or are asked for."""
+    """Return the obstacles that move in the scene, or are named."""
     obstacles = setup.scene.obstacles
     known = [each.name for each in obstacles]
     wanted = checked(Row(text, of="names of obstacles"), asked, "movable")

@@ -49,7 +49,7 @@ def _number(text: str) -> float:
     raise typer.BadParameter(f"must be a number, found '{text}'")
 
 
-# of nearly all commands
+# nearly all commands
 SceneFile = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="A hdplan scene (YAML), a shipped scene's name, or a MoveIt planning scene."),
@@ -147,7 +147,7 @@ TimeLimit = Annotated[
 ]
 Sheet = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
+    typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence: .png, .pdf or .svg."),
 ]
 ProofToWrite = Annotated[
     Path | None,
@@ -158,18 +158,19 @@ ProofToWrite = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 Diagnose = Annotated[
-    bool, typer.Option("--diagnose", help="Find out why there is no certified motion, by trying what would help.")
+    bool, typer.Option("--diagnose", help="Seek the reason for a failure, by trying changes that would help.")
 ]
 
 # prove, verify
 Proof = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE.proof", help="Where the proof goes; of a job, a new folder.")
+    Path,
+    typer.Option("--output", "-o", metavar="FILE.proof", help="File of the proof; for a job, one file for all stages."),
 ]
 ProofToCheck = Annotated[
     Path, typer.Argument(metavar="PROOF", help="A proof, as `hdplan prove` and `hdplan plan --proof` write it.")
 ]
 World = Annotated[
-    Path | None, typer.Option("--world", metavar="FILE.json", help="Write the world that the checker read, too.")
+    Path | None, typer.Option("--world", metavar="FILE.json", help="Write the checker's world to a file, too.")
 ]
 
 # follow, simulate, plot
@@ -179,7 +180,12 @@ Executed = Annotated[
 ]
 BarrierRate = Annotated[
     float | None,
-    typer.Option("--rate", metavar="1/S", parser=_number, help="How fast a margin may be neared, as a share of it."),
+    typer.Option(
+        "--rate",
+        metavar="1/S",
+        parser=_number,
+        help="Greatest speed of approach to a margin, as a share of it per second.",
+    ),
 ]
 Margin = Annotated[
     float | None,
@@ -206,7 +212,7 @@ RatesSheet = Annotated[
     typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),
 ]
 Picture = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="Where the picture goes: .png, .pdf or .svg.")
+    Path, typer.Option("--output", "-o", metavar="FILE", help="File of the picture: .png, .pdf or .svg.")
 ]
 
 # view
@@ -223,7 +229,7 @@ Film = Annotated[
     typer.Option(
         "--video",
         metavar="FILE.mp4|.gif",
-        help="Write the motion as a film, drawn in a browser that is there, and exit.",
+        help="Write the motion as a film, drawn in an installed browser, and exit.",
     ),
 ]
 ProofToShow = Annotated[
@@ -237,11 +243,11 @@ Watched = Annotated[
 ]
 Host = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Address to serve on, 127.0.0.1 unless given; 0.0.0.0 lets others in."),
+    typer.Option(metavar="ADDRESS", help="Address of the server, by default 127.0.0.1; 0.0.0.0 admits other machines."),
 ]
 Port = Annotated[
     int | None,
-    typer.Option(metavar="N", help="Port to serve on, or the next free one; 8080 unless given.", parser=_port),
+    typer.Option(metavar="N", help="Port of the server, or the next free one; by default 8080.", parser=_port),
 ]
 Share = Annotated[
     bool,
@@ -270,7 +276,8 @@ Sources = Annotated[
     typer.Argument(metavar="SOURCE", help="Scenes, a pattern of files in quotes, a folder, or a table (CSV, Parquet)."),
 ]
 Run = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="RUN", help="Folder of the results; an earlier run goes on.")
+    Path | None,
+    typer.Option("--output", "-o", metavar="RUN", help="Folder of the results; an interrupted run resumes there."),
 ]
 TableScene = Annotated[
     str | None, typer.Option("--scene", metavar="SCENE", help="The scene that the rows of a table vary.")
@@ -290,33 +297,40 @@ Cluster = Annotated[
     typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
 ]
 EachTimeLimit = Annotated[
-    float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
+    float,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Time limit for each problem, reading and building included.",
+        parser=_seconds,
+    ),
 ]
 MotionsAs = Annotated[
     str,
-    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files, too."),
+    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files as well."),
 ]
 Proofs = Annotated[
     bool,
-    typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
+    typer.Option("--proof", help="Write files, and the proof of every certified motion."),
 ]
 Export = Annotated[
     str | None,
     typer.Option(metavar="FORMAT", help="lerobot: the certified motions as a data set for imitation learning, too."),
 ]
-Rate = Annotated[int, typer.Option("--fps", metavar="N", help="Its samples a second.", parser=_above_zero)]
-Report = Annotated[
-    Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
+Rate = Annotated[
+    int, typer.Option("--fps", metavar="N", help="Samples per second of the data set.", parser=_above_zero)
 ]
+Report = Annotated[Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, finished or not.")]
 RunSheet = Annotated[
     Path | None, typer.Option("--plot", metavar="FILE", help="Draw the report, as .png, .pdf or .svg.")
 ]
-TableFile = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="Where the table goes: .csv or .parquet.")
+TableFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File of the table: .csv or .parquet.")]
+ProblemSeed = Annotated[
+    int, typer.Option("--seed", metavar="N", help="Seed of the random problems.", parser=_whole_number)
 ]
-Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help="How many problems.", parser=_above_zero)]
+Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help="Number of problems.", parser=_above_zero)]
 GoalKind = Annotated[
-    str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: of the end effector.")
+    str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: poses of the end effector.")
 ]
 Jitter = Annotated[
     float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.", parser=_number)
@@ -332,7 +346,7 @@ NewFolder = Annotated[
 ]
 Folder = Annotated[
     Path,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; created if it does not exist."),
+    typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the files, created if it does not exist."),
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Measure less, in about a minute.")]
 Problems = Annotated[

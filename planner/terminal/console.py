@@ -164,7 +164,7 @@ def measuring() -> Iterator[Any]:
 @contextlib.contextmanager
 def counting(word: str, enough: int = 10) -> Iterator[Any]:
     """Show how many of many are done: a bar on a terminal, with the rate and the last failure; else a line every EVERY
-    seconds. How long the rest takes is said once `enough` are done for it to mean something. Yields the function that
+    seconds. The remaining time is shown once `enough` are done for it to mean something. Yields the function that
     takes the number done, of all, whether the last one is good, and what it says; and one that tells whether to stop.
     Ctrl-C is noted as in `progress`."""
     good, before, began = 0, -1, 0.0

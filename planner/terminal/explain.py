@@ -149,7 +149,7 @@ def _obstacles(problem: Problem) -> Rows:
 
 
 def _words(asked: Obstacle, read: Obstacle) -> tuple[str, str]:
-    """Return words for an obstacle's shape, and for what the planner takes it apart into."""
+    """Return words for an obstacle's shape, and for the planner's parts of it."""
     shape = read.shape
     if isinstance(shape, Seen):
         assert isinstance(asked.shape, Seen)
@@ -158,7 +158,7 @@ def _words(asked: Obstacle, read: Obstacle) -> tuple[str, str]:
 
 
 def _attached(problem: Problem) -> Rows:
-    """One row for each held object: its shape, the link that holds it, and what it is kept apart from."""
+    """One row for each held object: its shape, the link that holds it, and the bodies from which it keeps apart."""
     bodies = Counter(body.link for body in problem.bodies)
     rows: Rows = []
     for held in problem.robot.attached:

@@ -1,4 +1,4 @@
-"""The effects that a problem has or could have: what each does here, or what would switch it on.
+"""The effects that a problem has or could have: what each does here, or what would enable it.
 
 In: a built `Problem`. Out: `Effect`s in reading order.
 """
@@ -89,7 +89,7 @@ def _standing(problem: Problem) -> Effect:
 
 def _moving(problem: Problem) -> Effect:
     count = len(problem.scene.moving)
-    words = f"{count}; each sample of the motion meets them where they are at its time"
+    words = f"{count}; each sample of the motion uses their poses at its time"
     return Effect(
         "moving obstacles",
         words if problem.terms.moving_obstacles else "",
@@ -215,7 +215,7 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
         law = f"the fastest within the limits (TOPP-RA, smoothed){share}, {rows}"
     asked = asked_limits(scene)
     kept = [f"{quantity} ({_origin(asked[quantity])})" for quantity in DERIVATIVES if quantity in asked]
-    sought = "; the time law is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
+    sought = "; the time law is fixed, so speeds close to the velocity limit are penalized" * bool(scene.moving)
     others = [quantity for quantity in QUANTITIES if quantity not in DERIVATIVES]
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),

@@ -20,7 +20,7 @@ def unknown(setup: Setup) -> list[tuple[str, str]]:
         if lag.position:
             rows.append(("tracking", _of_joints(setup)))
         if lag.of_rates:
-            rows.append(("tracking, velocity", "taken off the limits of velocity"))
+            rows.append(("tracking, velocity", "subtracted from the velocity limits"))
     if scene.robot.calibration is not None:
         shift, turn = of_base(setup)
         words = [_mm(shift, "of position")] * bool(shift) + [_mm(turn, "of orientation", "up to ")] * bool(turn)

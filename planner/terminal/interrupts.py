@@ -101,7 +101,7 @@ def _propagating() -> bool:
 
 
 class Note:
-    """Notes Ctrl-C from the first call on; a second Ctrl-C ends the command at once."""
+    """Notes Ctrl-C after the first call; a second Ctrl-C ends the command at once."""
 
     def __init__(self) -> None:
         """Leave the signal's handler as it is until the first call."""

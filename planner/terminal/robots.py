@@ -1,4 +1,4 @@
-"""Tables about robots: which are known by name, and what one of them is made of."""
+"""Tables about robots: those known by name, and the parts of one."""
 
 from __future__ import annotations
 

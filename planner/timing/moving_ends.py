@@ -6,7 +6,7 @@ along the path, which begins λ later, and b and r what brakes and what speeds u
 
     q(t) = p(t − λ) + b(t) + r(t).
 
-With λ as long as the braking, the robot stands before it goes on; with less, its way is rounded off there. The least
+With λ as long as the braking, the robot stands before it continues; with less, its way is rounded off there. The least
 time is taken at which all limits hold, for the sum of polynomials between two rows is the one between their sums.
 """
 

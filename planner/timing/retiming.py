@@ -9,7 +9,7 @@ twice differentiable, with the polyline's ends, and within its hull, so within t
 
 *The time law* (`time_laws`). The fastest one within the limits but jerk (`time_optimal`) is averaged over a window of
 whole rows, then stretched in time until every limit holds on the executed curve (`limits`), which takes one look, as a
-stretch changes no shape, but for what its rows are rounded by: that is looked at last. Of several windows the one with
+stretch changes no shape, except for the rounding of its rows: that is looked at last. Of several windows the one with
 the shortest motion is chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no
 obstacle moves, it is the fastest law, stretched to the duration.
 

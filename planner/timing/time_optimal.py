@@ -88,7 +88,7 @@ class FastestLaw(NamedTuple):
 
 
 def grid() -> Array:
-    """Return the parameters (GRID + 1,) at which limits are asked for."""
+    """Return the parameters (GRID + 1,) at which limits are evaluated."""
     return np.linspace(0.0, 1.0, GRID + 1)
 
 

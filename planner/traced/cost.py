@@ -64,8 +64,8 @@ class JaxCost:
 
     def distances(self, positions: Array) -> jax.Array:
         """Return D of every pair at the problem's samples of motions (..., N, n) -> (..., B, P) [m], of bodies enlarged
-        by the clearances and by how much earlier the penalty sets in. Of R problems: (..., R, N, n) -> (..., R, B, P);
-        inf where one has fewer samples or pairs than there is room for."""
+        by the clearances and by how much earlier the penalty begins. Of R problems: (..., R, N, n) -> (..., R, B, P);
+        inf where one has fewer samples or pairs than the array."""
         found: jax.Array = self._of_every(evaluation.distances, self._motions(positions), -3)
         return found
 

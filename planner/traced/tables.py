@@ -1,6 +1,6 @@
 """Problems as arrays, of which the cost in JAX is made: several of one robot are one array with one axis more.
 
-Their structure decides what is computed, and the tables are what with. A problem with fewer pairs, samples or moving
+Their structure decides what is computed, and the tables hold the values. A problem with fewer pairs, samples or moving
 obstacles than another one is filled with pairs a metre apart and samples that weigh nothing.
 """
 

@@ -28,13 +28,13 @@ class Audience(Protocol):
     """The one that shows a document, and hears what has become another."""
 
     def scene_changed(self, before: Scene) -> None:
-        """Show the scene as it is now in place of an earlier one; what was said of motions holds no more."""
+        """Show the scene as it is now in place of an earlier one; the words about motions holds no more."""
 
     def motions_changed(self) -> None:
         """Show the motions as they are now, and what is known of them."""
 
     def doubted(self) -> None:
-        """Take back what was said of the motions."""
+        """Take back the words about the motions."""
 
     def left(self) -> None:
         """Drop what is being planned: the active motion is another one by now, or back where it was."""
@@ -64,7 +64,7 @@ class Document:
 
     def change(self, edited: Edited, step: bool = True, check: bool = False) -> None:
         """Take another scene of the same robot: a step that can be undone, or a part of the last one. Motions stay as
-        they are, and what was said of them falls until they are measured again, except of the active one on request: it
+        they are, and the words about them fall until they are measured again, except of the active one on request: it
         is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot, or that
         changes what is locked."""
         self._refuse_locked(edited)
@@ -112,7 +112,7 @@ class Document:
     ) -> Certificate:
         """Add a motion, or replace the one of that name, and make it the active one, a step that can be undone or a
         part of the last one; return what holds of it in the scene as it is now: `certificate`, if it is of this scene.
-        Its clearances are `measured` at once or later; `result` is the plan that it comes from."""
+        Its clearances are `measured` at once or later; `result` is its plan."""
         motion = ShownMotion.of(name, trajectory, self.edited.certifier, certificate, measured)
         if step:
             self.step()
@@ -152,7 +152,7 @@ class Document:
             self._audience.motions_changed()
 
     def doubt(self) -> None:
-        """Take back what was said of all motions, until they are certified again: something failed."""
+        """Take back the words about all motions, until they are certified again: something failed."""
         self.motions.doubt()
         self._audience.doubted()
 

@@ -56,7 +56,7 @@ class Editing:
         self.do(lambda: self._back(way))
 
     def do(self, job: Callable[[], object]) -> None:
-        """Ask for something that counts each time; what is refused is said. By any thread."""
+        """Ask for something that counts each time; what is refused is reported. By any thread."""
         self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
     def edit(self, field: str, edit: Edit) -> None:

@@ -42,7 +42,7 @@ class EditedJob:
 
     @classmethod
     def of(cls, scene: Scene) -> EditedJob:
-        """Take a scene without a motion. Raises InputError for one that no job can be planned in."""
+        """Take a scene without a motion. Raises InputError for one without a job that can be planned."""
         edited = cls(scene)
         _ = edited.setup
         return edited

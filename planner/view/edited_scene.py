@@ -47,7 +47,7 @@ class Edited:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with its goal and its files as they are asked for."""
+        """The scene, with its goal and its files on request."""
         return self.setup.asked
 
     @property

@@ -1,7 +1,7 @@
 """Files of scene and motions on request: all of it as one archive, a page, a film, a picture. A thread of its own makes
 them, as that takes seconds.
 
-A file is of the moment at which it was asked for, whatever is edited meanwhile, and certified anew.
+A file shows the moment of its request, whatever is edited meanwhile, and certified anew.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Making = Callable[[], File]
 
 
 class Exports:
-    """The buttons, and the thread that makes what they ask for."""
+    """The buttons, and the thread that makes the files."""
 
     def __init__(self, viewer: Viewer, saving: Saving) -> None:
         """Build them in the container at hand."""
@@ -121,7 +121,7 @@ class Exports:
     def picture(self, client: Any = None) -> Making:
         """The scene as the browser that asks for it shows it."""
         if client is None:
-            raise HdplanError("a picture is drawn by the browser that asks for it")
+            raise HdplanError("a picture is drawn by the requesting browser")
         width, height = client.camera.image_width, client.camera.image_height
         share = min(1.0, (MOST_PIXELS / max(width * height, 1)) ** 0.5)
         name = f"{self._viewer.scene.name}.png"
@@ -187,6 +187,6 @@ class Exports:
         self._viewer.worker.ask("exported", lambda: self._tell(text, about))
 
     def _tell(self, text: str, about: tuple[object, object]) -> None:
-        """Say what came of it: a verdict only while scene and motion are those that it is about."""
+        """Show the outcome: a verdict only while scene and motion are unchanged."""
         known = all(one is two for one, two in zip(about, self._saving.now(), strict=True))
-        self._saving.say(text if known else "done, of the scene and the motion as they were when it was asked for")
+        self._saving.say(text if known else "done, from the scene and the motion at the time of the request")

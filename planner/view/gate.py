@@ -1,7 +1,7 @@
 """The gate of the page: an address holds a secret, as Jupyter's does, and pages of other sites are turned away.
 
 viser serves whoever asks. Its server is made by `websockets.asyncio.server.serve`, which is given a check of every
-request and a connection that drops what may not come in; a viser that makes its server in another way is not used.
+request and a connection that drops forbidden messages; a viser that makes its server in another way is not used.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Gate:
                 serving.serve = plain  # type: ignore[misc]
 
     def _admitting(self, answer: Check) -> Check:
-        """Return viser's own `answer` to a request, for those that may come in."""
+        """Return viser's own `answer` to a request, for those that may enter."""
 
         def admit(connection: ServerConnection, request: Request) -> Response | None:
             if not (isinstance(connection, Guarded) and self._is_of_this_site(request)):
@@ -156,7 +156,7 @@ class Guarded(ServerConnection):
         self._files: dict[str, _File] = {}  # by transfer
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """Receive the next message that may come in."""
+        """Receive the next allowed message."""
         while True:
             data = await super().recv(decode)
             if self._may_come_in(data):

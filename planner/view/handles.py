@@ -38,7 +38,7 @@ class Handles:
         self._moving = False  # whether the change under way is the hand's
         self._at: Pose | None = None  # where the hand, or `place`, has put the handle
         self.choice = viewer.server.gui.add_dropdown(
-            "selected", (NOTHING, *map(str, things(viewer.edited))), hint="what gets a handle in the scene"
+            "selected", (NOTHING, *map(str, things(viewer.edited))), hint="the object with a handle in the scene"
         )
         self._said = viewer.server.gui.add_html("")
         self._handle: Any = None
@@ -155,7 +155,7 @@ class Handles:
             return
         if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
             viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
-            self._say("its handle is where it is at 0 s; it moves on as before")
+            self._say("the handle is at its pose at 0 s; its motion stays")
         self._at = pose = place_of(viewer.edited, thing, viewer.stage.tip)
         self._handles += 1
         self._handle = add_handle(viewer.server, self._handles, pose, turns(viewer.edited, thing))

@@ -27,7 +27,7 @@ class JobHandles:
         self._handle: Any = None
         self._handles = 0  # so far
         self.choice = viewer.server.gui.add_dropdown(
-            "selected", (NOTHING,), hint="what gets a handle in the scene: objects move with the stages that lead there"
+            "selected", (NOTHING,), hint="the object with the handle: objects move with the stages that lead there"
         )
         self.choice.on_update(lambda event: viewer.worker.ask("select", self._chosen) if event.client else None)
         viewer.stage.standing.on_click(

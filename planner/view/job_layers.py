@@ -41,7 +41,7 @@ class JobLayers:
         self._collisions: tuple[Robot, RobotNodes] | None = None
 
     def on(self, name: str) -> bool:
-        """True if a layer is on."""
+        """True if a layer is visible."""
         return bool(self._boxes[name].value)
 
     def set(self, name: str, on: bool) -> None:

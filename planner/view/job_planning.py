@@ -1,4 +1,4 @@
-"""Planning a job for the browser, in a thread of its own: of several scenes that are asked for, the newest."""
+"""Planning a job for the browser, in a thread of its own: of several requested scenes, the newest."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class JobPlanning:
 
     def follow(self, edited: EditedJob, run: Run) -> JobResult:
         """Make a plan elsewhere: `run` is called, by this thread, with what takes its events and what tells whether to
-        stop. Returns its result, or raises what it raises, and has it told."""
+        stop. Returns its result, or raises what it raises, and has it reported."""
         self._elsewhere = True
         self._stopped.clear()
         try:
@@ -84,7 +84,7 @@ class JobPlanning:
             return None, _words(edited, error)
 
     def _report(self) -> Callable[[Event], None]:
-        """Return what takes the events of a plan that begins now, and says how it goes on."""
+        """Return the receiver of the events of a plan that begins now, which shows its progress."""
         began = said = time.monotonic()
         iterations = 0
 

@@ -57,7 +57,7 @@ class JobSaving:
             return file.name, file.read_bytes(), words
 
     def outdate(self) -> None:
-        """Withdraw what was said of another job."""
+        """Withdraw the words about another job."""
         if self._said.content and self._about is not self._edited():
             self._said.content = ""
 

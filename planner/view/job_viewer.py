@@ -56,7 +56,7 @@ class JobViewer(Served):
         trajectory: Trajectory | None = None,
         complain: Callable[[str], object] = lambda text: None,
     ) -> None:
-        """Show a scene with a job, and a motion of it; `complain` is told of what goes wrong later.
+        """Show a scene with a job, and a motion of it; `complain` is called with what goes wrong later.
 
         Raises InputError for a scene that no job can be planned in, and a motion that is not of this job.
         """
@@ -85,7 +85,7 @@ class JobViewer(Served):
         self._next, self._badge = gui.add_html(""), gui.add_html("")
         self._held, self._clearance = gui.add_html(""), gui.add_html("")
         self._rows = gui.add_html("")
-        self.live = gui.add_checkbox("live", True, hint="when something was dragged, plan the job anew")
+        self.live = gui.add_checkbox("live", True, hint="after each drag, plan the job again")
         self.looking = Looking(self.server, self.worker, self)
         self._legend = gui.add_html("")
         self.page.build()
@@ -106,7 +106,7 @@ class JobViewer(Served):
                 Key("Z", "Z", "Undo", lambda _: self.go_back("undo")),
                 Key("shift Z", "Z", "Redo", lambda _: self.go_back("redo"), "shift"),
                 Key("esc", "escape", "Select nothing, or close this list", lambda _: self.handles.deselect()),
-                Key("F", "F", "Look at what is selected", self.looking.frame),
+                Key("F", "F", "Look at the selection", self.looking.frame),
             ),
         )
         self.page.on("stage", self._go_to_stage)

@@ -112,11 +112,11 @@ def keys_of(viewer: Viewer) -> tuple[Key, ...]:
         Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
         Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
         Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), "shift"),
-        Key("del", "delete", "Delete the obstacles that are selected", ask("delete")),
+        Key("del", "delete", "Delete the selected obstacles", ask("delete")),
         Key("ctrl D", "D", "Duplicate them", ask("duplicate"), "cmd/ctrl"),
         Key("ctrl C, V", "", "Copy them as a scene writes them; paste obstacles", lambda _: None),
         Key("esc", "escape", "Select nothing, or close this list", lambda _: viewer.panel.handles.deselect()),
-        Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
+        Key("F", "F", "Look at the selection", lambda client: viewer.panel.looking.frame(client)),
         *layers,
     )
 

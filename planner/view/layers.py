@@ -1,4 +1,4 @@
-"""The layers that can be switched on and off: the scene, and the bodies that planner and certificate work with.
+"""The layers that can be switched on and off: the scene, and the bodies of planner and certificate.
 
 Outer bodies and collision meshes are made when they are first shown, as fitting takes time.
 """
@@ -35,7 +35,7 @@ LAYERS = {  # name: initially on, description
     "collision meshes": (False, "of the links, as the certificate sees them"),
     PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
-    BOXES: (False, "around what the planner takes standing obstacles apart into: cells of clouds, pieces of meshes"),
+    BOXES: (False, "around the planner's parts of static obstacles: cells of clouds, pieces of meshes"),
     TRAIL: (False, "the robot at equal steps along the active motion, seen through"),
     FRAMES: (False, "x red, y green, z blue, and the axis about or along which each joint moves, dark"),
     NAMES: (False, "where they are"),
@@ -58,7 +58,7 @@ class Layers:
         self.trail, self.frames, self.names = Trail(viewer), Frames(viewer.server), Names(viewer.server)
 
     def on(self, name: str) -> bool:
-        """True if a layer is on."""
+        """True if a layer is visible."""
         return bool(self._boxes[name].value)
 
     def toggle(self, name: str) -> None:

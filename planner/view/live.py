@@ -40,9 +40,7 @@ class Live:
         """Build the switch in the container at hand, and start the thread."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.switch = gui.add_checkbox(
-            "live", True, hint="while something is dragged, plan anew from the last motion, again and again"
-        )
+        self.switch = gui.add_checkbox("live", True, hint="during a drag, keep planning from the last motion")
         self._said = gui.add_html("")
         self._say(IDLE)
         self._asked_for = False  # whether somebody used the switch

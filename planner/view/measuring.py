@@ -1,7 +1,7 @@
 """Measures between two points of the scene: a click on a surface sets one, the next the other, another begins anew.
 
 viser says along which ray somebody clicked, and the surfaces that are drawn are met here. Robots and obstacles count as
-they stand at that moment; the measure stays where it was taken when they move on.
+they stand at that moment; the measure stays where it was taken when they move.
 """
 
 from __future__ import annotations

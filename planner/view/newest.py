@@ -1,4 +1,4 @@
-"""One thread that works on the newest of what is asked for: what came and went meanwhile is dropped.
+"""One thread that works on the newest request: what came and went meanwhile is dropped.
 
 `Worker` does short jobs for whoever asks; this one does what takes seconds, as planning does, and lets it be given up.
 """
@@ -30,7 +30,7 @@ class Newest(Generic[Wish]):
 
     @property
     def waits(self) -> bool:
-        """True if a newer wish waits than the one that is worked on."""
+        """True if a newer request waits than the current one."""
         return bool(self._wishes)
 
     @property
@@ -49,13 +49,13 @@ class Newest(Generic[Wish]):
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """Drop what waits, and give up what is worked on."""
+        """Drop the waiting request, and give up the current one."""
         with self._changed:
             self._wishes = []
             self._turn += 1
 
     def settle(self, timeout: float) -> bool:
-        """Wait until nothing is left to work on; False if that takes longer than `timeout` [s]."""
+        """Wait until no work is left; False if that takes longer than `timeout` [s]."""
         with self._changed:
             return self._changed.wait_for(lambda: not self.running, timeout)
 

@@ -28,7 +28,7 @@ LONGEST_TEXT = 250_000  # characters that are pasted: in a message at most six b
 SHEET = 700  # [px] of a window's width up to which the panel lies below the scene; viser's own does up to 576
 LOW = 45  # [%] of the window's height that it takes there
 SHARE = 0.4  # of a window's width that the panel takes at most
-ENDED = "hdplan view has ended, or cannot be reached: this is what was shown last"
+ENDED = "hdplan view has ended, or cannot be reached: this is the last picture"
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
 STYLE = (
     """
@@ -221,7 +221,7 @@ document.documentElement.classList.toggle('hdplan-watches', location.pathname.st
 # A picture of one pixel, whose arrival runs the script.
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
 
-WATCHING = "You watch: what others do shows here, and nothing can be changed."
+WATCHING = "Watching only: changes by others appear here, and nothing can be changed."
 
 
 class Page:
@@ -255,11 +255,11 @@ class Page:
             self._copied.content = content
 
     def on(self, what: str, handler: Handler) -> None:
-        """Name the `handler` of what browsers tell as `what`: it gets the browser and what it told."""
+        """Name the `handler` of the messages `what` from browsers: it gets the browser and the message."""
         self._handlers[what] = handler
 
     async def _heard(self, event: Any) -> None:
-        """Pass on what a browser tells: at once, before the next is told in the same field."""
+        """Pass on what a browser sends: at once, before the next is sent in the same field."""
         try:
             told = json.loads(str(self._field.value))
         except (ValueError, RecursionError):  # of a list in a list in a list …
@@ -282,7 +282,7 @@ class Page:
 
 
 def is_number(told: object) -> TypeGuard[float]:
-    """True if a page told a number that may be used."""
+    """True if a page sent a number that may be used."""
     return isinstance(told, int | float) and math.isfinite(told)
 
 

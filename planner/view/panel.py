@@ -50,7 +50,7 @@ class Panel:
     """The parts of the panel, and what they say of the scene and its motions."""
 
     def __init__(self, viewer: Viewer, note: str) -> None:
-        """Build it; `note` is said among the layers. What comes first stays in sight (`page`)."""
+        """Build it; `note` is shown among the layers. What comes first stays in sight (`page`)."""
         self._viewer = viewer
         gui = viewer.server.gui
         self.page = Page(viewer.server, viewer.gate, viewer.scene.name, viewer.scene.robot.base.position)
@@ -161,7 +161,7 @@ class Panel:
         self._viewer.worker.ask("plot", lambda: self.plot(self.player.timeline))
 
     def outdate(self) -> None:
-        """Withdraw what was said of a scene that has changed."""
+        """Withdraw the words about a scene that has changed."""
         self._plots.outdate()
         self.planning.outdate()
         self.editing.say("")
@@ -222,7 +222,7 @@ class Panel:
             self._next.content = content
 
     def take_back(self) -> None:
-        """Withdraw what was said of the motions and of a moment: something failed."""
+        """Withdraw the words about the motions and of a moment: something failed."""
         self._clearance.content = ""
         self.outdate()
         self.rows.say()

@@ -39,7 +39,7 @@ WAIT = 5.0  # [s] for the thread at the end
 
 
 class PlaneLayer:
-    """The slab between the closest pair, what is said of it, and the proof at hand."""
+    """The slab between the closest pair, the words about it, and the proof at hand."""
 
     def __init__(self, viewer: Viewer) -> None:
         """Send the nodes, unseen."""
@@ -85,7 +85,8 @@ class PlaneLayer:
         return self._proof
 
     def show(self, on: bool, parameter: float, pairs: Sequence[Closest | None]) -> None:
-        """Draw the plane between the closest pair where the active motion is at a path parameter; none if not `on`."""
+        """Draw the plane between the closest pair where the active motion is at a path parameter; none unless `on` is
+        true."""
         plane, words = self._plane(parameter, pairs) if on else (None, "")
         if small(html.escape(words)) != self._said.content:
             self._said.content = small(html.escape(words))
@@ -100,7 +101,7 @@ class PlaneLayer:
         self.label.text, self.label.position = words, at + _lowest(turn)
 
     def _plane(self, parameter: float, pairs: Sequence[Closest | None]) -> tuple[Plane | None, str]:
-        """Return the plane, and what is to be said: of it, or why there is none."""
+        """Return the plane, and the words: about it, or why there is none."""
         motions, nearest = self._viewer.motions, pairs[0] or pairs[1]
         active = motions.active
         if active is None or nearest is None:

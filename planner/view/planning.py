@@ -60,7 +60,7 @@ class Planning:
             self.button.icon = viser.Icon.ROUTE
 
     def build(self) -> None:
-        """Build what is said and the slider over the iterations in the container at hand."""
+        """Build the words and the slider over the iterations in the container at hand."""
         viewer, gui = self._viewer, self._viewer.server.gui
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
@@ -175,7 +175,7 @@ class Planning:
     # --- drawing, by the worker's thread -------------------------------------------------------------------------
 
     def outdate(self) -> None:
-        """Withdraw what was said about a motion, as the scene has changed."""
+        """Withdraw the words about a motion, as the scene has changed."""
         if not self.running:
             self._say("")
 

@@ -18,7 +18,7 @@ from hdplan.planner.view.worker import Worker
 
 FRAME = 1.0 / 30.0  # [s] between frames while playing
 STEP = 0.001  # of the slider
-TIME_HINT, PATH_HINT = "when, of motions and obstacles that move", "path parameter of the motion, 0 to 1"
+TIME_HINT, PATH_HINT = "time, for motions and moving obstacles", "path parameter of the motion, 0 to 1"
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
 
 
@@ -48,7 +48,7 @@ class Player:
             "speed",
             SPEEDS,
             initial_value="1",
-            hint=f"at 1 motions take the time that they have; a path without times takes {PATH_DURATION:g} s",
+            hint=f"at 1 motions run in real time; a path without times takes {PATH_DURATION:g} s",
         )
 
     @property

@@ -85,7 +85,7 @@ class Rows:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _asked(self, do: Callable[[Shown, Told], None]) -> Callable[[viser.ClientHandle, Told], object]:
-        """Let the worker do something with the motion that is told, if there is one."""
+        """Let the worker do something with the motion that is named, if there is one."""
 
         def job(told: Told) -> None:
             number: Any = told.get("motion")

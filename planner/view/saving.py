@@ -92,12 +92,12 @@ class Saving:
         return scene, Certifier(setup)
 
     def outdate(self) -> None:
-        """Withdraw what was said of a file, as scene or motion are others by now."""
+        """Withdraw the words about a file, as scene or motion are others by now."""
         if self._said.content and any(one is not two for one, two in zip(self._about, self.now(), strict=True)):
             self._said.content = ""
 
     def now(self) -> tuple[object, object]:
-        """Return the scene and the active motion of which something may be said."""
+        """Return the scene and the active motion that the words may describe."""
         active = self._viewer.motions.active
         return self._viewer.edited, None if active is None else active.motion.trajectory
 

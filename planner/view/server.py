@@ -87,7 +87,8 @@ def _served(
 
 
 def free_port(host: str, wanted: int) -> int:
-    """Return the first free port from `wanted` on. Raises InputError if there is none, or `host` cannot be served."""
+    """Return the first free port, beginning at `wanted`. Raises InputError if there is none, or `host` cannot be
+    served."""
     for port in range(wanted, min(wanted + TRIED, 65536)):
         try:
             kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]

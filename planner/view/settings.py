@@ -37,9 +37,7 @@ class Settings:
             lambda: viewer.scene.planner.objective or USUAL,
             lambda edited, word: scene_edits.planned_by(edited, objective=None if word == USUAL else word),
         )
-        polish = gui.add_text(
-            "polish", "", hint="rounds that try to better the first certified motion; empty: as usual"
-        )
+        polish = gui.add_text("polish", "", hint="rounds that improve the first certified motion; empty: the default")
         self._fields.add(
             "polish",
             polish,

@@ -38,7 +38,7 @@ class Stage:
     """The nodes of one scene; all but `__init__` is called by the viewer's one thread."""
 
     def __init__(self, server: viser.ViserServer, edited: Edited, skins: tuple[Skin, ...]) -> None:
-        """Send everything that stands; `skins` are what the robot is shown in."""
+        """Send everything that stands; `skins` are the robot's looks."""
         robot = edited.robot
         self.tip = Tip.of(robot)
         self.standing = Standing(server)
@@ -59,7 +59,7 @@ class Stage:
 
     def take(self, edited: Edited) -> None:
         """Show another scene of the same robot: what stays is moved, what is new is sent. Start and goal are drawn with
-        what they touch in the colour of contact, and it is said in place."""
+        what they touch in the colour of contact, and words there say so."""
         self.standing.take(edited.read.obstacles)
         for ghost, label, name, q, contacts in zip(
             (self.start, self.goal),

@@ -110,7 +110,7 @@ class Tree:
             + link("✎", "rename group", "rename", ask="name of this group", answer=group, **named)
             + link("show" if hidden else "hide", "eye group", "of the picture alone", **named)
             + link("unlock" if locked else "lock", "lock group", "against changes", **named)
-            + link("✕", "delete group", "delete all of it", **named)
+            + link("✕", "delete group", "delete the whole group", **named)
         )
         text = f"<b>{html.escape(group)}</b> ({len(every)})"
         return _row(text, links, telling("select group", **named), set(every) <= set(handles.obstacles))
@@ -138,7 +138,7 @@ class Tree:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _asked(self, do: Callable[[Thing, Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
-        """Ask for something with the thing that is told, if it is there."""
+        """Ask for something with the thing that is named, if it is there."""
 
         def job(told: Told) -> None:
             thing = Thing(str(told.get("kind")), str(told.get("name", "")))
@@ -149,7 +149,7 @@ class Tree:
         return lambda _, told: self._editing.do(lambda: job(told))
 
     def _group_asked(self, do: Callable[[Sequence[str], Told], object]) -> Callable[[viser.ClientHandle, Told], object]:
-        """Ask for something with the obstacles of the group that is told, if there are any."""
+        """Ask for something with the obstacles of the group that is named, if there are any."""
 
         def job(told: Told) -> None:
             names = groups.members(self._viewer.edited, str(told.get("name", "")))

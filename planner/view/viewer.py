@@ -42,7 +42,7 @@ from hdplan.scenes.scene import Scene
 if TYPE_CHECKING:
     from hdplan.planner.proof.reading import ReadProof
 
-FAILED = "hdplan failed here ({error}): nothing is known of the motions until the scene changes again"
+FAILED = "hdplan failed here ({error}): the motions are not checked until the scene changes again"
 
 
 class Viewer(Served):
@@ -56,7 +56,7 @@ class Viewer(Served):
         trajectories: Sequence[tuple[str, Trajectory]] = (),
         complain: Callable[[str], object] = lambda text: None,
     ) -> None:
-        """Show a scene with some trajectories by name; `complain` is told of what goes wrong later.
+        """Show a scene with some trajectories by name; `complain` is called with what goes wrong later.
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
@@ -184,7 +184,7 @@ class Viewer(Served):
         self.panel.live.forget()
 
     def doubted(self) -> None:
-        """Take back what was said of the motions: what is shown may be half drawn."""
+        """Take back the words about the motions: what is shown may be half drawn."""
         self.paint()
         self.panel.take_back()
 

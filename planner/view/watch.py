@@ -1,7 +1,7 @@
 """Files on disk that are read again when they change, as somebody edits them elsewhere: scenes, meshes, motions.
 
-A file is read once it is the same at two looks, so that half of one is not; what cannot be read is said in a line, and
-changes nothing.
+A file is read once it is the same at two looks, so that half of one is not; what cannot be read is reported in a line,
+and changes nothing.
 """
 
 from __future__ import annotations

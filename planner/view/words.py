@@ -16,7 +16,7 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, proven_millimetres, shortened
 from hdplan.planner.view.edited_scene import Edited
 
-OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
+OUTDATED = "the scene has changed: this motion is not checked in it yet"
 
 
 def small(text: str) -> str:

@@ -18,7 +18,7 @@ class Worker:
     """Does jobs one after the other; of waiting jobs of one kind only the newest is done."""
 
     def __init__(self, complain: Callable[[Exception], None]) -> None:
-        """Start the thread; `complain` is told of a job that failed, and the next one is done."""
+        """Start the thread; `complain` is called with a job that failed, and the next one is done."""
         self._complain = complain
         self._waiting: dict[str, Job] = {}
         self._urgent: set[str] = set()

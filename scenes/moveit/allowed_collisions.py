@@ -45,7 +45,7 @@ def read_allowed(
     bodies = {*tree.solid, *standing, *(_whole(part.name) for part in attached)}
     named = dict.fromkeys([*(name for pair in allowed for name in pair), *defaults])
     if strange := [name for name in named if name not in bodies and name not in (OCTOMAP, *tree.links)]:
-        section.note(f"names what is neither a link nor an object, which changes nothing: {', '.join(strange)}")
+        section.note(f"names unknown links or objects, which changes nothing: {', '.join(strange)}")
 
     of_links = (link_pair(a, b) for a, b in itertools.combinations(tree.solid, 2))
     left_out = {
@@ -112,5 +112,5 @@ def _says(a: str, b: str, allowed: Mapping[LinkPair, bool], defaults: Mapping[st
 
 
 def _whole(name: str) -> str:
-    """Return the name of the object that a primitive is of: ``box/1`` is of ``box``."""
+    """Return the name of the object of a primitive: ``box/1`` is of ``box``."""
     return name.partition("/")[0]

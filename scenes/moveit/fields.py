@@ -194,7 +194,7 @@ SHOWN = 4  # fields that one note names
 
 
 def check_message(top: Field, kind: str) -> None:
-    """Go through a message of the kind named, and add a note for each reason not to use what is filled in.
+    """Go through a message of the kind named, and add a note for each field that is ignored.
 
     Raises:
         InputError: a field that the message does not have, or one that is filled in and refused.

@@ -49,14 +49,14 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
 
     The robot is planned for the group that the request names. Obstacles are the scene's collision objects, given in the
     world or in the frame of the robot's root link, of a link fixed to it or of `fixed_frame_transforms`; the primitives
-    of an object after its first are called ``id/1``, ``id/2`` and so on. The start is the scene's robot state,
+    of an object after its first are called ``id/1``, ``id/2`` and so forth. The start is the scene's robot state,
     overridden by the request's start state; the goal is the request's, by joints or by a link's pose. Start and goal
     hold every joint that the files name; which of them the robot has is checked when it is loaded. Objects attached in
     the scene's robot state or the request's start state are attached, a later one replacing an earlier one of the same
     name.
 
     Raises:
-        InputError: a bad file or field, an unknown group, or something that hdplan cannot plan for: see `fields`
+        InputError: a bad file or field, an unknown group, or a request beyond hdplan's abilities: see `fields`
             and `constraints`; objects attached in a frame other than their link's, moved bases, several goals.
     """
     scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
@@ -122,7 +122,7 @@ def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Colle
     group, own = asked.text(), robot.group
     if not semantics.groups:
         if own is None:
-            asked.note(f"is {group!r}, of which no SRDF says which joints it has: all that can be are planned")
+            asked.note(f"is {group!r}, whose joints no SRDF lists: all joints that can be planned are planned")
         return robot
     with naming(f"{robot.source}: robot.group"):
         own = semantics.group(own, names) if isinstance(own, str) else own

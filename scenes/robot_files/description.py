@@ -121,7 +121,7 @@ class Semantics:
     notes: tuple[str, ...] = ()  # what was ignored
 
     def group(self, asked: str, robot: Collection[str]) -> str:
-        """Return the name of a group, asked for by that name or with the robot's name before it (`panda_arm`: arm).
+        """Return the name of a group, requested by that name or with the robot's name before it (`panda_arm`: arm).
 
         Raises InputError with the nearest name.
         """

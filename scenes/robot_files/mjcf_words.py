@@ -139,7 +139,7 @@ def check_mjcf_words(root: Element) -> None:
             if said := [key for key in ("name", "class") if key in element.attrib]:
                 raise InputError(f"default: {called(element)}: {said[0]} has no meaning in a default")
             if len(root.findall(tag)) > 1:
-                raise InputError(f"default: <{tag}> stands there twice")
+                raise InputError(f"default: <{tag}> appears twice")
         check_mjcf_words(element)
 
 

@@ -31,7 +31,7 @@ class Packages:
         self._found: dict[str, Path | None] = {}
 
     def find(self, name: str) -> Path:
-        """Return the folder of a package. Raises InputError, with the folders that were looked at."""
+        """Return the folder of a package. Raises InputError, with the folders that were searched."""
         if name not in self._found:
             self._found[name] = self._look_for(name)
         found = self._found[name]
@@ -67,7 +67,7 @@ class Packages:
 
     @property
     def _own(self) -> Path | None:
-        """The folder of the package that the description is part of."""
+        """The folder of the description's own package."""
         return next((folder for folder in self.description.parents if os.path.isfile(folder / ABOUT)), None)
 
     def _look_for(self, name: str) -> Path | None:
@@ -101,7 +101,7 @@ class Packages:
 
 
 def _packages_below(folder: Path) -> Iterator[Path]:
-    """Return the packages one and two levels below a folder, without those that ROS is told to pass over."""
+    """Return the packages one and two levels below a folder, without those that are marked for ROS to skip."""
     for pattern in (f"*/{ABOUT}", f"*/*/{ABOUT}"):
         for about in sorted(folder.glob(pattern)):
             between = about.relative_to(folder).parents

@@ -1,4 +1,4 @@
-"""A robot's description as URDF, whatever it is written in: URDF itself, xacro, or MJCF.
+"""A robot's description as URDF, whatever its language: URDF itself, xacro, or MJCF.
 
 File -> the root element of its URDF, the files that it includes, and the pairs of links that it excludes itself.
 """

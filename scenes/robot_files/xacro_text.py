@@ -24,7 +24,7 @@ def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -
     """Return the URDF that a xacro file is a recipe for, and the files that it includes or loads.
 
     Raises InputError without the library; for whatever goes wrong in the file; for arguments that have no value, and
-    for those that nothing in the file asks for.
+    for those that the file does not use.
     """
     try:
         import xacro

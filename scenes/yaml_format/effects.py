@@ -1,4 +1,4 @@
-"""The sections that switch an effect on: motions of obstacles, sizes of what is unknown, self_collision, limits,
+"""The sections that enable effects: motions of obstacles, sizes of what is unknown, self_collision, limits,
 payload, path, timing.
 
 An empty section is refused. Names of joints and links are checked when the robot is loaded; `Scene` and its parts check
@@ -39,7 +39,7 @@ def sizes_of(kind: type[T], section: Field) -> T:
 
 
 def read_uncertainty(section: Field) -> Uncertainty:
-    """Read how far an obstacle may be from where it is said to be: ``{position, orientation, speed}``."""
+    """Read the greatest deviation of an obstacle from its nominal pose: ``{position, orientation, speed}``."""
     return sizes_of(Uncertainty, section)
 
 

@@ -190,7 +190,7 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
     top.mapping(SECTIONS, required=["start"] if "job" in keys else ["start", "goal"])
     if "job" in keys and "goal" in keys:
-        raise keys["goal"].error("the stages of the job say where it leads: leave it out")
+        raise keys["goal"].error("the stages of the job define the goals: leave it out")
     written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
     spec = robot or written
     if spec is None:
@@ -251,7 +251,7 @@ def _obstacles(section: Field) -> tuple[Obstacle, ...]:
         values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": shape}
         values |= {key: read(keys[key]) for key, read in readers if key in keys}
         if "pose" in keys and isinstance(values.get("motion"), TimedPoses):
-            raise keys["pose"].error("is given twice: motion.poses say where the obstacle is, so leave it out")
+            raise keys["pose"].error("is given twice: motion.poses give the obstacle's poses, so leave it out")
         obstacles.append(entry.make(Obstacle, **values))
     return tuple(obstacles)
 

@@ -64,7 +64,7 @@ def _filled(stage: Field, value: object, row: Mapping[str, object], used: set[st
         if name == "$":
             return "$"
         if name is None:
-            raise stage.error("a dollar sign stands before the name of a column; $$ is the sign itself")
+            raise stage.error("a dollar sign marks the name of a column; $$ is the sign itself")
         if name not in row:
             raise stage.error(f"there is no column '{name}'{nearest(name, row)}")
         used.add(name)

@@ -11,7 +11,7 @@
     cost = symbolic.jax_cost(problems)                # of R problems at once: (..., R, N, n) -> (..., R)
 
 CasADi's are graphs without callbacks: they can be differentiated twice, mapped, saved, and written to C. `distance` is
-`hdplan.distance.hdsdf_function`. Each is loaded, with CasADi or JAX, when it is asked for.
+`hdplan.distance.hdsdf_function`. Each is loaded, with CasADi or JAX, on first use.
 """
 
 from __future__ import annotations

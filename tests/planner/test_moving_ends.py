@@ -237,8 +237,11 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
     "soon too fast": (lambda s: hdplan.plan(moving(s, [3.14, *STILL], [5, *STILL])), "passes its limit of velocity"),
     "acceleration alone": (lambda s: State(s.start, None, [0.1, *STILL]), "State.acceleration: needs a velocity"),
     "a choice": (lambda s: s.with_goal([State(s.goal, [0.1, *STILL]), s.goal]), "one of several goals has a velocity"),
-    "a job": (lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])), "start.velocity: is of a single"),
-    "a stage": (lambda s: Move(State(s.goal, [0.1, *STILL])), "goal.velocity: is of a single motion"),
+    "a job": (
+        lambda s: dataclasses.replace(s, goal=None, job=Job([Move(s.goal)])),
+        "start.velocity: applies to a single",
+    ),
+    "a stage": (lambda s: Move(State(s.goal, [0.1, *STILL])), "goal.velocity: applies to a single motion"),
     "a problem": (hdplan.build, "start.velocity: is not 0, and the path of a problem"),
     "a controller": (lambda s: follow(Setup.of(s), None), "start.velocity: is not 0, and a controller"),
 }
@@ -272,7 +275,7 @@ def test_problems_are_sampled_and_edited_at_rest_alone(tmp_path: Path) -> None:
         ("start: {state: default, acceleration: [0.1]}", "start.acceleration: needs a velocity beside it"),
         (
             "goal: {pose: {position: [0.5, 0, 0.5], free_rotation: all}, velocity: [0.1]}",
-            "goal.velocity: is of a single",
+            "goal.velocity: applies to a single",
         ),
         ("goal: {joints: [[0, 0], [1, 1]], velocity: [0.1, 0.1]}", "goal.velocity: is of a single configuration"),
         ("goal: {any: [{joints: [0, 0], velocity: [0.1, 0.1]}]}", r"goal.any\[0\]: unknown key 'velocity'"),

@@ -266,7 +266,7 @@ def test_a_motion_that_the_clock_left_unbettered_says_so(monkeypatch: pytest.Mon
     monkeypatch.setattr(planning, "polish", lambda *_: time.sleep(limit))
     result = plan(planar(polish=2), time_limit=limit)
     assert result.certified
-    assert result.ended == "time limit of 0.3 s reached while the motion was bettered; more time may better it"
+    assert result.ended == "time limit of 0.3 s reached while the motion was improved; more time may improve it"
     with deadline.time_limit(1.5 * limit):
         assert "time limit of 0.3 s" in plan(planar(polish=2), time_limit=limit).ended
     monkeypatch.setattr(planning, "polish", lambda *_: None)

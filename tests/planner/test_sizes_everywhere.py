@@ -72,7 +72,7 @@ def test_who_takes_the_world_as_it_is_said_to_be_says_so(field: str) -> None:
     job = {"goal": None, "job": Job([Move(scene.goal)]), "timing": None}
     if not re.match(r"obstacles.*(position|orientation)", field):
         words = field if field.endswith("speed") else field.rpartition(".")[0]
-        with pytest.raises(InputError, match=re.escape(f"{words}: is of single motions")):
+        with pytest.raises(InputError, match=re.escape(f"{words}: applies to single motions")):
             dataclasses.replace(scene, **job)
     if field.endswith("speed"):
         with pytest.raises(InputError, match=r"uncertainty.speed: needs known times, but timing.duration is missing"):

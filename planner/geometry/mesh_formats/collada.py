@@ -110,7 +110,7 @@ class _Scene:
     """The scene of a file: nodes that place geometries. Geometries that no node of it places are no part of it."""
 
     def __init__(self, root: Element) -> None:
-        """Find what others refer to."""
+        """Find the elements that others name."""
         self.root = root
         self.by_id = defaultdict[tuple[str, str], list[Element]](list)
         for element in root.iter():
@@ -133,12 +133,12 @@ class _Scene:
         return [(place, meshes[geometry]) for place, geometry in placed]
 
     def instanced(self, instance: Element, tag: str) -> Element:
-        """Return what an element stands for."""
+        """Return the meaning of an element."""
         parts_of(instance)
         return self.referred(instance, "url", tag)
 
     def referred(self, element: Element, attribute: str, tag: str) -> Element:
-        """Return the one element of this file that an attribute refers to."""
+        """Return the one element of this file that an attribute names."""
         told = element.get(attribute, "")
         found = self.by_id[tag, told[1:]] if told[:1] == "#" and told[1:] else []
         if len(found) != 1:
@@ -147,7 +147,7 @@ class _Scene:
         return found[0]
 
     def placed(self, node: Element, above: tuple[Element, ...]) -> Placed:
-        """Return the geometries below a node, placed in the frame of what it stands in."""
+        """Return the geometries below a node, placed in the frame of its parent."""
         if node in above or len(above) > DEEPEST_NODE:
             words = "instances itself" if node in above else f"is nested more than {DEEPEST_NODE} levels deep"
             raise InputError(f"{shown(node)} {words}")
@@ -306,7 +306,7 @@ def _wholes(element: Element) -> Rows:
 
 
 def _whole(element: Element, name: str, otherwise: int | None = None) -> int:
-    """Return an attribute that is a whole number from 0 on."""
+    """Return an attribute that is a whole number of at least 0."""
     told = element.get(name)
     if told is None and otherwise is not None:
         return otherwise

@@ -44,12 +44,12 @@ def text_and_binary(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 def objects_of(text: bytes) -> Any:
-    """Return the content of a JSON text. A key that stands twice has two readings: InputError."""
+    """Return the content of a JSON text. A key that appears twice has two readings: InputError."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         for key, count in Counter(key for key, _ in pairs).items():
             if count > 1:
-                raise InputError(f"the key '{key[:60]}' stands twice in one object")
+                raise InputError(f"the key '{key[:60]}' appears twice in one object")
         return dict(pairs)
 
     def refused(word: str) -> float:
@@ -95,7 +95,7 @@ def decoded(uri: str) -> bytes:
 
 
 def whole(owner: Object, key: str, place: str, otherwise: int | None = None) -> int:
-    """Return a whole number from 0 on."""
+    """Return a whole number of at least 0."""
     value = owner.get(key, otherwise)
     if type(value) is not int or not 0 <= value < 2**53:
         raise InputError(f"{place}: {key} is {str(value)[:40]}; a whole number from 0 on is needed")

@@ -15,7 +15,7 @@ _LOOK = "how it looks"
 _SEEN = "cameras enclose nothing"
 _NAME = "a name, or who made it"
 _OWN = "for one program; by the standard it is no concern of others"
-_HINT = "told twice: what it says follows from the rest, or is only for speed"
+_HINT = "redundant: follows from the rest, or only serves speed"
 _UNUSED = "shows nothing by itself; a node that uses it is refused"
 
 READ = {  # object -> its keys that are read

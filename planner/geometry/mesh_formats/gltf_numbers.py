@@ -30,7 +30,7 @@ MOST_VALUES = 3 * MOST_TRIANGLES
 
 
 class GltfFile:
-    """The objects of a file, each checked where it is used, and the numbers that they stand for."""
+    """The objects of a file, each checked where it is used, and their numbers."""
 
     def __init__(self, data: bytes, beside: Beside) -> None:
         """Check what concerns the whole file: its version, its extensions, that nothing moves."""

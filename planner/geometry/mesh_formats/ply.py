@@ -180,7 +180,7 @@ def _check(element: _Element) -> None:
         raise InputError(f"{of}: has not one list of whole numbers {' or '.join(_CORNERS)}")
     for known in element.properties:
         if known.name not in (*allowed, *HARMLESS) and not known.name.startswith(MEASURED):
-            close = nearest(known.name, (*allowed, *HARMLESS), "remove it if it has no say in the surface")
+            close = nearest(known.name, (*allowed, *HARMLESS), "remove it if it does not affect the surface")
             raise InputError(f"{of}: the property '{known.name}' is not known{close}")
 
 

@@ -1,7 +1,7 @@
 """A camera's place: the subject framed, from where obstacles hide least of it, and which obstacles stand in
 the way of an eye. Pure geometry in the world frame, [m]; z is up.
 
-Obstacles are taken as the boxes that bound them in their own frames, clouds as several: what is said to be hidden may
+Obstacles are taken as the boxes that bound them in their own frames, clouds as several: what counts as hidden may
 be seen through an obstacle that is not convex; a point inside such a box counts as seen.
 """
 

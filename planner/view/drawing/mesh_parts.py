@@ -81,7 +81,7 @@ def _content(beside: Path) -> str | None:
 
 
 def _read(path: Path, data: bytes) -> tuple[tuple[Part, ...], Sequence[str]]:
-    """Return the parts of a mesh file, and the names of the files beside it that were asked for."""
+    """Return the parts of a mesh file, and the names of the files beside it that were read."""
     vertices, triangles = read_mesh_file(path)
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST_COORDINATE:
         raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST_COORDINATE:g}")

@@ -31,7 +31,7 @@ class MotionPlots:
     """Clearances of several motions; joints, or one of their rates, of one or two; how much of its limits one uses."""
 
     def __init__(self, server: viser.ViserServer, robot: Robot, changed: Callable[[], object]) -> None:
-        """Set the plots up; `changed` is called when another quantity is asked for."""
+        """Set the plots up; `changed` is called when another quantity is chosen."""
         joint_names, self._bounds = robot.joint_names, (robot.lower, robot.upper)
         prefix = os.path.commonprefix(list(joint_names)) if len(joint_names) > 1 else ""  # noqa: RUF071
         self._names = [name.removeprefix(prefix) for name in joint_names]
@@ -119,7 +119,7 @@ class MotionPlots:
             self.clearance.remark(f", cut at {1e3 * SHOWN:g}")
 
     def _show_joints(self, active: ShownMotion, others: Sequence[ShownMotion], rates: Rates, now: float) -> None:
-        """Show the quantity that is asked for, of the motions that have it, with its limits."""
+        """Show the chosen quantity, of the motions that have it, with its limits."""
         timeline, wanted = self._timeline, str(self.quantity.value)
         found = [(each, _values(each, wanted, rates, timeline)) for each in (active, *others)]
         known = [(motion.name, *values) for motion, values in found if values is not None]
@@ -230,7 +230,7 @@ def _within(times: Array, own: Array, values: Array) -> Array:
 
 
 def within_sight(clearance: Array) -> Array:
-    """Return what of a clearance the plot shows: nothing where there is nothing to be clear of."""
+    """Return what of a clearance the plot shows: nothing where there are no obstacles."""
     return np.where(np.isinf(clearance), np.nan, np.minimum(clearance, SHOWN))
 
 

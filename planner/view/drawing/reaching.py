@@ -1,4 +1,4 @@
-"""Inverse kinematics for dragging: a configuration follows a handle from its posture, and no other one is looked for.
+"""Inverse kinematics for dragging: a configuration follows a handle from its posture, and no other one is searched.
 
 Damped least squares (`kinematics.inverse`), within the joint limits.
 """

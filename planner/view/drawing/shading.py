@@ -1,4 +1,4 @@
-"""Colours in which the links of a robot are told apart, on a light ground as on a dark one.
+"""Colours that distinguish the links of a robot, on a light ground as on a dark one.
 
 Many robots are white all over, or black. Here every link keeps its hue, its lightness is kept away from that of the
 ground, and links that follow each other differ in it.

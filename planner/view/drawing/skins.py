@@ -1,7 +1,7 @@
 """Skins of robots and obstacles: coloured triangles in the frames of the joints that carry them.
 
 Robot -> `Skin`s of three kinds: the visual meshes of its URDF, the collision geometry that the certificate works with,
-and the outer bodies that the planner works with. Files are read once in a process. Lengths in [m].
+and the outer bodies of the planner. Files are read once in a process. Lengths in [m].
 
 Pinocchio's own viser visualizer is not used: it reads every mesh again for every robot shown, and always gives a .dae
 mesh the colours of its file, so that ghosts and robots of other colours are impossible.

@@ -20,7 +20,7 @@ __all__ = ["RejectedError", "Verdict", "verify"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is public when it is asked for, so that the kernel can run alone."""
+    """Import public names on first use, so that the kernel can run alone."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     home = ".balls" if name == "RejectedError" else ".checking"

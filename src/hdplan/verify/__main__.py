@@ -31,7 +31,7 @@ def main(words: list[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
     parser.add_argument("--world", type=Path, metavar="FILE.json", help="write the world that was read")
     parser.add_argument("--request", type=Path, metavar="FILE", help="the request of a planning scene of MoveIt's")
-    parser.add_argument("--robot", metavar="NAME|FILE", help="a robot in the place of the scene's")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="a robot in place of the scene's")
     for name in ("scene", "motion", "proof"):
         parser.add_argument(name, type=Path)
     given = parser.parse_args(words)

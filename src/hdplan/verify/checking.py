@@ -114,7 +114,7 @@ def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:
 
 
 def verdict_of(world: World, head: dict[str, Any], reading: Reading) -> Verdict:
-    """The statement of a proof by its checked head: in words, with the files and what they rest on."""
+    """The statement of a proof by its checked head: in words, with the files and the assumptions."""
     text, whole = in_words(world, head)
     files = "".join(
         f"\n  {shown(key)}: SHA-256 {digest[:16]}" for key, digest in reading.hashes.items() if key != "motion"

@@ -83,7 +83,7 @@ def line_of(control: Ball) -> Line:
 
 
 def limits_of(world: World, name: str) -> tuple[Any, Any]:
-    """The least and the most (n,) of values, rates or torques of all joints, with what they may be passed by; infinite
+    """The least and the most (n,) of values, rates or torques of all joints, with the allowed excess; infinite
     where nothing limits them."""
     said, value = world.limits.get(name), name == "position"
     need(type(said) is list and len(said) == world.own, f"limits.{name}: one for every joint is expected")

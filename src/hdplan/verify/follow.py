@@ -131,7 +131,7 @@ class Followed:
         order = np.argsort(every, kind="stable")
         self.nodes, self.ways = every[order], np.concatenate([ways[~near], passed])[order]
         apart = (np.diff(self.nodes) >= CLOSE / 2).all() and (np.diff(self.ways) >= 0).all()
-        need(apart and self.within_parts(), "path.follow: the link passes poses faster than can be told apart")
+        need(apart and self.within_parts(), "path.follow: the link passes poses faster than can be resolved")
 
     def within_parts(self) -> bool:
         """True if places stay between two poses from each node to the next."""

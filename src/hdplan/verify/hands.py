@@ -25,7 +25,7 @@ LARGEST = 100.0
 
 
 def widened(pose: Pose) -> Pose:
-    """A pose, with what joints that follow are rounded by."""
+    """A pose, with the rounding of joints that follow."""
     turn, at = pose
     return Ball(turn.mid, turn.rad + ROUNDED), Ball(at.mid, at.rad + ROUNDED)
 
@@ -145,7 +145,7 @@ class Hands:
 
     def touching(self, stage: Stage) -> tuple[list[Any], list[Any]]:
         """Obstacles and held objects in a stage: an obstacle that something may touch is held by a link that stands
-        fast, so that it may be told what touches it."""
+        fast, so that what touches it is known: what touches it."""
         joints = self.joints()
         may = dict[str, list[str]]()
         for pair in stage.touch:

@@ -1,4 +1,4 @@
-"""The curve that a link is to follow in a stage of a job: where it begins, where it leads, what it is blended with.
+"""The curve that a link is to follow in a stage of a job: where it begins, where it leads, and its blends.
 
 A stage begins where the one before it ended, or, if that is blended into it, where it would have ended: its corner.
 Two curves that are blended are one curve; the mark of the second stage is in the middle of the blend. A move has no

@@ -28,7 +28,7 @@ class Rows:
         self.path, self.locked = path, mapping(said.get("locked") or {}, "locked", " ".join(said.get("locked") or {}))
         self.names: Any = said.get("joint_names")
         need(type(self.names) is list and all(type(x) is str for x in self.names), f"{path}: joint_names")
-        need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint stands twice, or there is none")
+        need(len({*self.names}) == len(self.names) > 0, f"{path}: a joint appears twice, or there is none")
         given = [said[key] for key in RATES if said.get(key) is not None]
         need(all(type(x) is list and all(type(y) is list for y in x) for x in given), f"{path}: lists of rows")
         self.given = [np.array([values(x, len(self.names), RATES[i]) for x in rows]) for i, rows in enumerate(given)]
@@ -108,8 +108,8 @@ class Rows:
         return {"rule": self.rule, "times": self.times, **dict(rates)}
 
     def check_others(self, joints: list[Any], held: dict[str, float]) -> None:
-        """Reject unless joints that are held, or that follow, do so at every row, and in between: rates that are hardly
-        any lead far in much time."""
+        """Reject unless joints that are held, or that follow, do so at every row, and between rows: rates that are
+        hardly any lead far in much time."""
         times = None if self.times is None else numbers(self.times, (len(self.given[0]),), "times")
         curve = hermite(self.given, times)  # its control points: between two rows it is within their hull
         rules = {x["name"]: x["follows"] for x in joints}

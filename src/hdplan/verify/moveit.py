@@ -193,7 +193,7 @@ def _state(state: Any, frames: Frames, base: Pose, what: str) -> tuple[dict[str,
     joints = fields(said.get("joint_state", {}), "JointState", what)
     fields(joints.get("header", {}), "Header", what)
     names, at = words(joints.get("name"), what), numbers(joints.get("position"), None, what)
-    need(len({*names}) == len(names) == len(at), f"{what}: a joint stands twice, or has no position")
+    need(len({*names}) == len(names) == len(at), f"{what}: a joint appears twice, or has no position")
     found, rates = dict(zip(names, at, strict=True)), numbers(joints.get("velocity"), None, what)
     need(len(rates) in (0, len(names)), f"{what}: velocities of other joints")
     frames.check_base(found, what)

@@ -55,7 +55,7 @@ class Reading:
 def read_world(
     scene: Path, motion: Path, told: Any = None, request: Path | None = None, robot: str | None = None
 ) -> Reading:
-    """The world of a motion, in a scene of MoveIt's with its `request`, and with a `robot` in the place of the scene's,
+    """The world of a motion, in a scene of MoveIt's with its `request`, and with a `robot` in place of the scene's,
     which is its name or a file. What the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes)
     is taken from the world that a proof `told`, and named. Raises RejectedError."""
     with rejecting():
@@ -302,5 +302,5 @@ class Reader:
             for i, x in enumerate(listing(self.top.get("attached"), "attached"))
             if "torque" in world["limits"] and x.get("mass") is None and self.joints.at[x["link"]][0] >= 0
         ]
-        said += [f"torques are those without a mass of {', '.join(light)}, as none is given"] * bool(light)
+        said += [f"torques do not include a mass of {', '.join(light)}, as none is given"] * bool(light)
         return tuple(said)

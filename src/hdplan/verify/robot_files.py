@@ -1,4 +1,4 @@
-"""The files of a robot: URDF, SRDF, and where its meshes are looked for."""
+"""The files of a robot: URDF, SRDF, and the folders of its meshes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DESCRIPTIONS = (".urdf", ".xacro", ".xml")
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """URDF and SRDF, and the folders in which meshes are looked for."""
+    """URDF and SRDF, and the folders of its meshes."""
 
     urdf: Path
     srdf: Path | None

@@ -53,12 +53,12 @@ class Semantics:
         self._states: dict[str, dict[str, dict[str, float]]] = {}  # by name and group
         for state in root.findall("group_state"):
             of = state.get("name", ""), state.get("group", "")
-            need(of[1] not in self._states.get(of[0], {}), f"SRDF: state '{of[0]}' stands twice")
+            need(of[1] not in self._states.get(of[0], {}), f"SRDF: state '{of[0]}' appears twice")
             own = self._states.setdefault(of[0], {}).setdefault(of[1], {})
             for joint in state.findall("joint"):
                 if len(joint.get("value", "").split()) < 2:  # others are of joints of another kind
                     what = f"SRDF: state '{of[0]}'"
-                    need(joint.get("name", "") not in own, f"{what}: joint '{joint.get('name')}' stands twice")
+                    need(joint.get("name", "") not in own, f"{what}: joint '{joint.get('name')}' appears twice")
                     own[joint.get("name", "")] = number(joint.get("value"), what)
         off = {x.get("link", "") for x in root.findall("disable_default_collisions")} & {*links}
         pairs = [{frozenset((x.get("link1", ""), x.get("link2", ""))) for x in root.findall(tag)} for tag in PAIRS]

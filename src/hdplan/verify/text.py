@@ -113,7 +113,7 @@ def children(element: Any, where: str, once: str, many: str = "", harmless: str 
     tags = [x.tag for x in element]
     for tag in tags:
         need(tag in known, f"{where}: <{tag}> is not known there")
-    need(not any(tags.count(tag) > 1 for tag in once.split()), f"{where}: an element stands twice in <{element.tag}>")
+    need(not any(tags.count(tag) > 1 for tag in once.split()), f"{where}: an element appears twice in <{element.tag}>")
     return {tag: element.find(tag) for tag in once.split()}
 
 
@@ -155,7 +155,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
             else:
                 continue
             if begins.anchor is not None:
-                need(begins.anchor not in anchors, "YAML: an anchor stands twice")
+                need(begins.anchor not in anchors, "YAML: an anchor appears twice")
                 anchors[begins.anchor] = value
             made[-1].append(value)
         need(len(made[0]) <= 1, "YAML: holds a second document")
@@ -196,7 +196,7 @@ def merged(parts: list[Any]) -> dict[str, Any]:
     need({*map(type, keys)} <= {str}, "a mapping has a key that is not a word")
     own, found = dict(zip(keys, parts[1::2], strict=True)), dict[str, Any]()
     if len(keys) != len(own):
-        raise RejectedError(f"a key stands twice among {keys[:9]}")
+        raise RejectedError(f"a key appears twice among {keys[:9]}")
     if merges:
         more = own.pop("<<")
         for each in reversed(more if isinstance(more, list) else [more]):

@@ -1,4 +1,4 @@
-"""The verdict on an accepted proof: what is proven, what is not, and what that rests on."""
+"""The verdict on an accepted proof: what is proven, what is not, and on which assumptions."""
 
 from __future__ import annotations
 

@@ -78,8 +78,8 @@ def keys_of(value: Any, what: str, keys: str) -> list[Any]:
 
 
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A mapping in which no key stands twice."""
-    need(len(pairs) == len({key for key, _ in pairs}), f"a key stands twice among {[key for key, _ in pairs][:9]}")
+    """A mapping in which no key appears twice."""
+    need(len(pairs) == len({key for key, _ in pairs}), f"a key appears twice among {[key for key, _ in pairs][:9]}")
     return dict(pairs)
 
 

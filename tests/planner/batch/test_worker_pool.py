@@ -255,7 +255,7 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         found = outcomes(client, enumerate(itertools.cycle(arms(1))), Options())
         next(found)
         server.kill()
-        with pytest.raises(InputError, match="the scheduler went away; what was found by then is kept"):
+        with pytest.raises(InputError, match="the scheduler disappeared; the results so far are kept"):
             list(found)
 
 

@@ -394,7 +394,7 @@ def test_what_is_no_json_or_no_glb_is_refused(tmp_path: Path) -> None:
     whole = struct.pack("<4s4I", b"glTF", 2, 20 + len(padded), len(padded), 0x4E4F534A) + padded
     chunk = struct.pack("<2I", 4, 0x12345678) + bytes(4)
     for data, words in [
-        (text.replace('"scene": 0', '"scene": 0, "scene": 0').encode(), "the key 'scene' stands twice"),
+        (text.replace('"scene": 0', '"scene": 0, "scene": 0').encode(), "the key 'scene' appears twice"),
         (text.replace('"scene": 0', '"scene": NaN').encode(), "holds NaN"),
         (b"\xff" + text.encode(), "is no JSON in UTF-8"),
         (text.encode()[:-1], "is no JSON in UTF-8, or cut short"),

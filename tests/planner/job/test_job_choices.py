@@ -41,7 +41,7 @@ def test_all_grasps_are_tried_plainly_before_ways_along_curves(monkeypatch: pyte
     scene = hdplan.Scene(robot="panda", obstacles=[floor, bar, *sides], start="default", limits=limits, job=job)
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
-    assert any(note.startswith("above: given up, as stage 'carry' cannot follow it") for note in result.notes)
+    assert any(note.startswith("above: rejected, as stage 'carry' cannot follow it") for note in result.notes)
     assert not looked_for
 
 

@@ -58,7 +58,7 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
         assert code == 2, option
         assert "is about a single motion" in err
     code, _, err = command("plan job.yaml -o other.csv --proof a.proof")
-    assert (code, "--proof: of a job is about the motion's JSON file" in err) == (2, True)
+    assert (code, "--proof: a job's proof refers to the motion's JSON file" in err) == (2, True)
     assert not Path("other.json").exists()
     assert not Path("other.csv").exists()
 
@@ -81,7 +81,7 @@ def test_a_stage_that_fails_keeps_what_was_planned(command: Command) -> None:
     Path("job.yaml").write_text(SCENE + "  - {name: away, line: {by: [1, 0, 0]}}\n", encoding="utf-8")
     code, out, _ = command("plan job.yaml -o motion.json")
     assert code == 1
-    assert out.startswith("not certified: stage 'away': panda_hand_tcp cannot be brought along")
+    assert out.startswith("not certified: stage 'away': panda_hand_tcp cannot follow the curve beyond")
     code, out, _ = command("check job.yaml motion.json")
     assert code == 1
     assert out.startswith("not whole: 2 stages are proven, 'away' has no motion")

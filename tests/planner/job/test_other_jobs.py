@@ -54,7 +54,7 @@ def test_the_first_grasp_that_works_to_the_end_is_taken(wrist: float, taken_back
     scene = hdplan.Scene(robot=spec, obstacles=[floor, bar, *walls], start=start, limits=LIMITS, job=job)
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
-    given_up = "above: given up, as stage 'carry' cannot follow it: given up, as stage 'lower'"  # without a motion
+    given_up = "above: rejected, as stage 'carry' cannot follow it: rejected, as stage 'lower'"  # without a motion
     (left,) = [each for each in result.certificate.stages[-1].scene.attached if each.name == "bar"]
     assert (
         abs(left.pose.matrix[0, 0]) > 0.99
@@ -133,13 +133,13 @@ limits: {acceleration: 4}
         ("job: [{wait: 1, name: a}, {wait: 1, name: a}]", "names must differ"),
         ("job: [{grip: {link: panda_hand}}]", "must have 'joints', 'object' or both"),
         ("job: [{release: {object: can, link: a}}]", "unknown key 'link'"),
-        ("job: [{wait: 1}]\ngoal: {state: default}", "goal: the stages of the job say where it leads"),
-        ("job: [{wait: 1}]\ntiming: {duration: 2}", "timing.duration: is of one motion"),
-        ("job: [{wait: 1}]\npath: {upright: {link: panda_hand}}", "path: holds in the stages"),
+        ("job: [{wait: 1}]\ngoal: {state: default}", "goal: the stages of the job define the goals"),
+        ("job: [{wait: 1}]\ntiming: {duration: 2}", "timing.duration: applies to one motion"),
+        ("job: [{wait: 1}]\npath: {upright: {link: panda_hand}}", "path: belongs to the stages"),
         ("job: [{wait: 1}]\nself_collision: false", "self_collision: false is not allowed with a job"),
         (
             "job: [{wait: 1}]\nobstacles: [{shape: {type: sphere, radius: 0.1}, motion: {velocity: [0, 0, 1]}}]",
-            r"obstacles\[0\].motion: moves by the time of one motion",
+            r"obstacles\[0\].motion: depends on the time of a single motion",
         ),
     ],
 )

@@ -63,7 +63,7 @@ def test_a_table_repeats_stages(tmp_path: Path) -> None:
     [
         ("by: [0, $y, 0]", "by: [0, $z, 0]", r"job\[0\].repeat.stages\[0\]: there is no column 'z'"),
         ("by: [0, $y, 0]", "by: [0, 0.1, 0]", r"job\[0\].repeat.over: the column 'y' is used in no stage"),
-        ("by: [0, $y, 0]", "by: [0, $, 0]", r"a dollar sign stands before the name of a column"),
+        ("by: [0, $y, 0]", "by: [0, $, 0]", r"a dollar sign marks the name of a column"),
         ("y: -0.05,", "", r"over\[1\]: has the columns hole, depth, full, the first row hole, y, depth, full"),
         ("y: 0.05,", "y: far,", r"job\[0\].repeat.stages\[0\].line.by\[1\]: must be a finite number"),
         ("hole: second", "hole: first", "the name 'above first' is that of stage 0 too"),

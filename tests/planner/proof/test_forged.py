@@ -211,7 +211,7 @@ CASES: dict[str, Case] = {
     "two masses of one link": (
         TORQUE, TIMED, HEAVY.replace(INERTIAL, INERTIAL + INERTIAL.replace('"0.5', '"-0.5')),
         {"limits": {"torque": 240, "acceleration": 10}}, TIMED, URDF,
-        [*LIMITS, "torque"], "an element stands twice in <link>", "stands twice",
+        [*LIMITS, "torque"], "an element appears twice in <link>", "appears twice",
     ),
     "another mass": (
         TORQUE, TIMED, HEAVY, TORQUE, TIMED, URDF,

@@ -196,5 +196,5 @@ def test_joints_that_follow_lag_as_what_they_follow(tmp_path: Path) -> None:
 
 def test_what_no_proof_knows_is_refused_by_name() -> None:
     scene = load_scene("panda_cup")
-    with pytest.raises(InputError, match=r"robot.tracking: is given, and no proof of path.upright knows it"):
+    with pytest.raises(InputError, match=r"robot.tracking: is given, and no proof of path.upright covers it"):
         dataclasses.replace(scene, robot=dataclasses.replace(scene.robot, tracking=Tracking(0.001)))

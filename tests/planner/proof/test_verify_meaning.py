@@ -222,7 +222,7 @@ def test_two_merges_of_one_mapping_are_refused_by_both(word: str, tmp_path: Path
     scene, motion = files(tmp_path, {}, MOTION)
     scene.write_text(scene.read_text().replace('"radius": 0.1', word))
     assert word in scene.read_text()
-    with pytest.raises(RejectedError, match="stands twice"):
+    with pytest.raises(RejectedError, match="appears twice"):
         read_world(scene, motion)
     with pytest.raises(HdplanError, match="<<"):
         hdplan.load_scene(scene)

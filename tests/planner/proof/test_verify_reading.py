@@ -160,8 +160,8 @@ def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
     [
         ("locked: {", "locked: {on: 1, ", "not a word"),
         ('name: "panda"', 'name: "panda"\n  urdf: other.urdf', "either a name or a file"),
-        ('name: "panda"', 'name: "panda"\n  name: panda', "stands twice"),
-        ("hdplan: 1", "hdplan: 1\npayload: {mass: 1, mass: 2}", "stands twice"),
+        ('name: "panda"', 'name: "panda"\n  name: panda', "appears twice"),
+        ("hdplan: 1", "hdplan: 1\npayload: {mass: 1, mass: 2}", "appears twice"),
     ],
 )
 def test_what_hides_in_a_scene_is_refused(before: str, after: str, words: str, tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_key_that_stands_twice_in_a_motion_is_refused(tmp_path: Path) -> None:
     two = files(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
     text = two[1].read_text()
     two[1].write_text(text.replace("{", '{"joint_names": [], ', 1))
-    with pytest.raises(RejectedError, match="stands twice"):
+    with pytest.raises(RejectedError, match="appears twice"):
         read(*two)
 
 
@@ -225,7 +225,7 @@ def test_torques_of_masses_that_no_body_has_are_not_proven(
     ],
 )
 def test_a_named_state_of_two_values_or_none_is_refused(words: str) -> None:
-    with pytest.raises(RejectedError, match=r"stands twice|'None' is no number"):
+    with pytest.raises(RejectedError, match=r"appears twice|'None' is no number"):
         Semantics(f"<robot>{words}</robot>".encode(), {"b": ("j", "a")}, ["a", "b"])
 
 

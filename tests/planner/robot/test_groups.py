@@ -310,7 +310,7 @@ def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
             load_robot(replace(spec, group=("lift",), locked={"lift": 0.1}))
     wrong: tuple[tuple[tuple[str, ...], str], ...] = (
         ((), "must not be empty"),
-        (("lift", "lift"), r"\[1\]: the joint 'lift' stands there twice"),
+        (("lift", "lift"), r"\[1\]: the joint 'lift' appears twice"),
     )
     for names, said in wrong:
         with pytest.raises(InputError, match=said):

@@ -525,7 +525,7 @@ def test_pairs_that_the_scene_asks_to_check_are_checked_whatever_the_srdf_says()
     assert asked.unchecked.keys() == plain.unchecked.keys() - {disabled, neighbours}
     with pytest.raises(InputError, match=r"robot.check_pairs: unknown link 'panda_lnk2' .*'panda_link2'"):
         load_robot(RobotSpec(name="panda", check_pairs=(("panda_link1", "panda_lnk2"),)))
-    with pytest.raises(InputError, match=r"check_pairs\[0\]: 'a' and 'b' stand in ignore_pairs too"):
+    with pytest.raises(InputError, match=r"check_pairs\[0\]: 'a' and 'b' are in ignore_pairs too"):
         RobotSpec(name="panda", check_pairs=(("a", "b"),), ignore_pairs=(("b", "a"),))
 
 

@@ -105,7 +105,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
         ("loads", "1 kg on panda_hand, 0.4 kg of cup"),
         ("base", "stands at (0, 0, 1.6), upside down"),
         ("unknown", "obstacles[].uncertainty.position: planned and proven for every world within these sizes"),
-        ("moving obstacles", "1; each sample of the motion meets them where they are at its time"),
+        ("moving obstacles", "1; each sample of the motion uses their poses at its time"),
         ("path.upright", "axis (0, 0, 1) of panda_hand points up all the way, tilted by 0.5 rad at most"),
         ("path.relative", "panda_hand keeps its pose at panda_link6, within 500 mm and 3 rad"),
         ("times", "minimum jerk in 4 s, 100 rows per second"),

@@ -151,7 +151,7 @@ def _assert_true(viewer: Viewer) -> None:
             text = certify(viewer.scene, shown.motion.trajectory, viewer.robot).text
             assert shown.motion.certificate.text == text
         else:
-            assert "nothing is known of this motion" in viewer.panel.verdict
+            assert "this motion is not checked" in viewer.panel.verdict
 
 
 def test_switched_off_nothing_is_planned(viewer: Viewer) -> None:

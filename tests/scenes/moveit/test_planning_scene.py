@@ -275,7 +275,7 @@ def test_what_may_touch_anything_is_named(files: Files, name: str) -> None:
 def test_names_in_a_matrix_that_nothing_has_are_named(files: Files) -> None:
     names = ["cann", "panda_link0", "panda_hand_sensor", "<octomap>", "panda_link8"]  # which has no geometry
     (note,) = files.edit("scene", MATRIX, matrix(names, [("cann", "panda_link0")])).load().notes
-    assert note.endswith("neither a link nor an object, which changes nothing: cann, panda_hand_sensor")
+    assert note.endswith("names unknown links or objects, which changes nothing: cann, panda_hand_sensor")
     defaults = {"default_entry_names": ["panda_lnk0"], "default_entry_values": [False]}
     (note,) = files.edit("scene", MATRIX, defaults).load().notes
     assert note.endswith("changes nothing: panda_lnk0")
