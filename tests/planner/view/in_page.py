@@ -95,7 +95,7 @@ def look(page: Any, viewer: Viewer, eye: tuple[float, float, float], target: tup
 
 
 def handled(page: Any, viewer: Viewer) -> None:
-    """Wait until the handle of what is selected is drawn: the newest, as whatever moves it puts another in its place."""
+    """Wait until the handle of what is selected is drawn: the newest one, as each move of it puts another there."""
 
     def stands() -> bool:
         viewer.worker.settle(PATIENCE)
