@@ -29,7 +29,14 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
-SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
+SELDOM = """{  // pictures, 5 a second; each is cancelled by its own number, as another's would end the page's drawing
+  const request = requestAnimationFrame, cancel = cancelAnimationFrame, frames = new Map();
+  requestAnimationFrame = (draw) => {
+    const number = setTimeout(() => frames.set(number, request((now) => { frames.delete(number); draw(now); })), 200);
+    return number;
+  };
+  cancelAnimationFrame = (number) => { clearTimeout(number); cancel(frames.get(number)); frames.delete(number); };
+}"""
 SCENE = 340  # [px] of its width, where the panel is not
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
