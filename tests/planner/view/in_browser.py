@@ -8,9 +8,11 @@ import io
 import queue
 import shutil
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,18 +27,12 @@ from hdplan.scenes.scene import Scene
 from tests.planner.view.in_page import HOLDS, grip, handled, seen, wait_for
 from tests.waiting import until
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+from chromium import SELDOM, SOFTWARE
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
-SELDOM = """{  // pictures, 5 a second; each is cancelled by its own number, as another's would end the page's drawing
-  const request = requestAnimationFrame, cancel = cancelAnimationFrame, frames = new Map();
-  requestAnimationFrame = (draw) => {
-    const number = setTimeout(() => frames.set(number, request((now) => { frames.delete(number); draw(now); })), 200);
-    return number;
-  };
-  cancelAnimationFrame = (number) => { clearTimeout(number); cancel(frames.get(number)); frames.delete(number); };
-}"""
 SCENE = 340  # [px] of its width, where the panel is not
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
