@@ -9,6 +9,14 @@ from typing import Any
 
 from hdplan.planner.page.browser import find_browser
 
+SELDOM = """{  // pictures, 5 a second; each is cancelled by its own number, as another's would end the page's drawing
+  const request = requestAnimationFrame, cancel = cancelAnimationFrame, frames = new Map();
+  requestAnimationFrame = (draw) => {
+    const number = setTimeout(() => frames.set(number, request((now) => { frames.delete(number); draw(now); })), 200);
+    return number;
+  };
+  cancelAnimationFrame = (number) => { clearTimeout(number); cancel(frames.get(number)); frames.delete(number); };
+}"""
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 

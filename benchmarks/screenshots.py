@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from chromium import browser
+from chromium import SELDOM, browser
 
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.plan import plan
@@ -34,7 +34,6 @@ SIZES = ((1400, 820), (1000, 700), (600, 900))
 DRAWN, TURNED, RESIZED = 8_000, 2_500, 3_000  # [ms] until all meshes are, and until the page has turned dark, and fits
 SHEET = 800  # [px] at most of a picture's width on a sheet
 PATIENCE = 120_000  # [ms]
-SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.commands.watched import alone, also_seen, opened
 from hdplan.planner.job.certify import JobCertificate, StageCertificate, as_json, certify_job
 from hdplan.planner.job.planning import plan_job
@@ -193,4 +194,4 @@ def _verdict(stage: StageCertificate) -> str:
     certificate = stage.certificate
     if not certificate.certified or certificate.clearance is None:
         return certificate.text.partition(": ")[0] if certificate.certified else certificate.text
-    return f"certified, {certificate.clearance * 1e3:.3g} mm"
+    return f"certified, {proven_length(certificate.clearance)}"

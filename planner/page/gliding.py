@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.certificate.verdict import Closest, proven_length
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.view.drawing.motion import proven_millimetres
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def _plane(
         "normal": plane.normal,
         "thick": thickness,
         "of": f"{nearest.link} – {nearest.other}, plane {plane.leaf + 1} of {plane.leaves}",
-        "words": f"proven ≥ {proven_millimetres(plane.bound)}",
+        "words": f"proven ≥ {proven_length(plane.bound)}",
     }
 
 

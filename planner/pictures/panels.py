@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.verdict import Certificate, Place
+from hdplan.planner.certificate.verdict import Certificate, Place, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import Clearances
 from hdplan.planner.pictures.plot import Subject
@@ -138,12 +138,11 @@ def above(axis: Any, bottom: float, highest: float) -> float:
 def _proven(axis: Any, certificate: Certificate) -> None:
     """Draw the proven bound on the distance to obstacles as a band, and the one between links as a line."""
     if certificate.clearance is not None:
-        bound = certificate.clearance * 1e3
-        axis.axhspan(0.0, bound, color=ROBOT_TO_OBSTACLES, alpha=0.22, linewidth=0, label=f"proven ≥ {bound:.3g} mm")
+        bound, label = certificate.clearance * 1e3, f"proven ≥ {proven_length(certificate.clearance)}"
+        axis.axhspan(0.0, bound, color=ROBOT_TO_OBSTACLES, alpha=0.22, linewidth=0, label=label)
         axis.axhline(bound, color=ROBOT_TO_OBSTACLES, linestyle=":", linewidth=1.0)
     if certificate.self_clearance is not None:
-        bound = certificate.self_clearance * 1e3
-        label = f"proven ≥ {bound:.3g} mm"
+        bound, label = certificate.self_clearance * 1e3, f"proven ≥ {proven_length(certificate.self_clearance)}"
         axis.axhline(bound, color=BETWEEN_LINKS, linestyle=":", linewidth=1.2, label=label)
 
 

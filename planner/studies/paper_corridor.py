@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
@@ -120,7 +121,7 @@ def _rule(outcome: Outcome) -> str:
     clearance = outcome.variant.clearance
     if clearance is None:
         return "no proof"
-    return f"{1e3 * clearance:.1f} mm" if clearance > 0 else "not proven"
+    return proven_length(clearance) if clearance > 0 else "not proven"
 
 
 def _corridor_line(outcome: Outcome) -> dict[str, Cell]:

@@ -83,6 +83,10 @@ class Document:
         """Go one step back, and say what holds there."""
         self._restore(self.history.undone(self._state()))
 
+    def forget(self) -> None:
+        """Go back to where the last step began, as if there had been none."""
+        self._restore(self.history.dropped(self._state()))
+
     def redo(self) -> None:
         """Go one step forward again, and say what holds there."""
         self._restore(self.history.redone(self._state()))

@@ -1,7 +1,8 @@
 """Edits from the panel: each is a step that can be undone, or refused in one line, with nothing changed.
 
-The same field edited again at once (a slider dragged, a number typed) belongs to the same step. Motions are checked and
-planned live after each edit, and measured when edits pause.
+The same field edited again at once (a slider dragged, a number typed) belongs to the same step. A value that is typed
+is taken digit by digit; where more of it is refused, what was taken of it goes, too. Motions are checked and planned
+live after each edit, and measured when edits pause.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.view.edited_scene import Edited
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError, InputError
 
@@ -26,6 +29,25 @@ REST = 0.3  # [s] without edits after which motions are measured
 DIGITS = 4  # after the point, of numbers in fields
 
 Edit = Callable[[Edited], Edited]
+
+
+@dataclass(frozen=True)
+class Step:
+    """The last step, to which more of the same field belongs for a while."""
+
+    field: str = ""
+    when: float = 0.0  # [s] its last edit
+    edited: Edited | None = None  # what came of it
+    typed: tuple[str, ...] = ()  # what the field held then; nothing for what is not typed
+    selected: Thing | None = None  # before it: a new name is another thing
+
+    def goes_on(self, field: str, now: Edited, when: float | None) -> bool:
+        """True if an edit that was asked for at a moment [s], if it was, belongs to it."""
+        return field == self.field and now is self.edited and when is not None and when < self.when + PAUSE
+
+    def begins(self, typed: tuple[str, ...]) -> bool:
+        """True if it took the beginning of what is typed."""
+        return len(typed) == len(self.typed) > 0 and all(map(str.startswith, typed, self.typed))
 
 
 class Editing:
@@ -43,7 +65,7 @@ class Editing:
         self._numbers = itertools.count()
         self._typed: set[str] = set()  # the fields whose new values wait
         self._doing = ""  # the field that is edited at this moment
-        self._last: tuple[str, float, Edited | None] = ("", 0.0, None)  # field, when, and what came of it
+        self._last = Step()
         self._timers: dict[str, threading.Timer] = {}  # by what is to be done
 
     @property
@@ -59,17 +81,29 @@ class Editing:
         """Ask for something that counts each time; what is refused is reported. By any thread."""
         self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: (self.guarded(job), None)[1])
 
-    def edit(self, field: str, edit: Edit) -> None:
-        """Ask for an edit of a field; of several values that wait, only the newest counts. By any thread."""
+    def edit(self, field: str, edit: Edit, typed: tuple[str, ...] = ()) -> None:
+        """Ask for an edit of a field, in which that is `typed`; of several values that wait, only the newest counts. By
+        any thread."""
         asked = time.monotonic()
 
         def job() -> None:
             self._typed.discard(field)
-            if not self.guarded(lambda: self.apply(field, edit, asked)):
+            if not self.guarded(lambda: self.apply(field, edit, asked, typed)):
                 self._later("values", LINGERS, self._viewer.panel.show_values)
 
         self._typed.add(field)
         self._viewer.worker.ask(f"edit {field}", job)
+
+    def refuse(self, words: str) -> None:
+        """Refuse what is being typed, whose beginning may have been taken. By any thread."""
+        asked = time.monotonic()
+
+        def job() -> None:
+            if self._last.typed and self._last.goes_on(self._last.field, self._viewer.edited, asked):
+                self._forget()
+            raise InputError(words)
+
+        self.do(job)
 
     def is_edited(self, field: str) -> bool:
         """True if a field holds what somebody has just typed, which nothing else may replace."""
@@ -82,20 +116,31 @@ class Editing:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def apply(self, field: str, edit: Edit, asked: float | None = None) -> None:
+    def apply(self, field: str, edit: Edit, asked: float | None = None, typed: tuple[str, ...] = ()) -> None:
         """Show what an edit makes of the scene that was `asked` for at a moment [s]; without one, it is a step of its
-        own. Raises InputError, and changes nothing, for what it does not allow."""
-        viewer, (last, when, mine) = self._viewer, self._last
-        edited = edit(viewer.edited)
-        together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
+        own. Raises InputError, and changes nothing, for what it does not allow; what was taken of the same that is
+        `typed` goes, too."""
+        viewer, last, handles = self._viewer, self._last, self._viewer.panel.handles
+        together, selected = last.goes_on(field, viewer.edited, asked), handles.selected
         self._doing = field
         try:
+            edited = edit(viewer.edited)
             viewer.document.change(edited, step=not together, check=True)
+        except HdplanError:
+            handles.selected = selected
+            if together and last.begins(typed):
+                self._forget()
+            raise
         finally:
             self._doing = ""
-        self._last = field, time.monotonic(), edited
+        self._last = Step(field, time.monotonic(), edited, typed, last.selected if together else selected)
         viewer.panel.live.follow()
         self._later("measure", REST, viewer.document.measure)
+
+    def _forget(self) -> None:
+        """Leave the last step as if there had been none."""
+        self._viewer.panel.handles.selected, self._last = self._last.selected, Step()
+        self._viewer.document.forget()
 
     def _later(self, what: str, seconds: float, job: Callable[[], None]) -> None:
         """Ask for something after a pause, which begins anew."""
@@ -159,7 +204,7 @@ class Fields:
                         raise InputError(f"{field}: another thing is selected by now")
                     return edit(edited, exactly(found, value()))
 
-                self._editing.edit(field, exact)
+                self._editing.edit(field, exact, digits(found))
 
         handle.on_update(changed)
 
@@ -181,6 +226,13 @@ def rounded(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(rounded, value))
     return round(value, DIGITS) if isinstance(value, float) else value
+
+
+def digits(value: Any) -> tuple[str, ...]:
+    """Return what a field holds as it is typed, each of its numbers."""
+    if isinstance(value, tuple):
+        return tuple(text for each in value for text in digits(each))
+    return (value if isinstance(value, str) else f"{value:.{DIGITS}f}".rstrip("0").rstrip("."),)
 
 
 def exactly(found: Any, value: Any) -> Any:

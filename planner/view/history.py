@@ -37,6 +37,10 @@ class History(Generic[Value]):
         """Go on with the last step: what was undone can no longer be done again."""
         self._after.clear()
 
+    def dropped(self, now: Value) -> Value:
+        """Return what was shown before the last step, which is forgotten; what is shown now if there is none."""
+        return self._before.pop() if self._before else now
+
     def undone(self, now: Value) -> Value:
         """Return what was shown before the last step, or what is shown now if there is none."""
         if not self._before:

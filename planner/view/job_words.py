@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import html
 
+from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.job.certify import StageCertificate
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
-from hdplan.planner.view.drawing.motion import proven_millimetres, shortened
+from hdplan.planner.view.drawing.motion import shortened
 from hdplan.planner.view.edited_job import EditedJob
 from hdplan.planner.view.motion_nodes import verdict_color
 from hdplan.planner.view.page_script import telling
@@ -31,7 +32,7 @@ def job_badge(edited: EditedJob, planning: bool = False) -> str:
         return badge_of("", "… planning" if planning else "… no motion in this scene yet")
     certificate, count = edited.shown.certificate, len(edited.shown.certificate.stages)
     if edited.certified:
-        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, few=True)}"
+        clear = "" if certificate.clearance is None else f" {proven_length(certificate.clearance)}"
         return badge_of("good", f"✓ certified{clear}, all {count} stages")
     if (stage := certificate.failed) is not None:
         return badge_of("bad", f"✕ {shortened(stage.name, LONGEST)}: {SHORT[stage.certificate.status]}")
@@ -53,7 +54,7 @@ def _row(number: int, stage: StageCertificate, now: bool) -> str:
     tint, mark = ("hd-good", "✓") if certificate.certified else ("hd-bad", "✕")
     said = [SHORT[certificate.status]]
     if certificate.certified and certificate.clearance is not None and stage.scene.obstacles:
-        said.append(proven_millimetres(certificate.clearance))
+        said.append(proven_length(certificate.clearance))
     held = f"holds {', '.join(stage.held)}" if stage.held else "holds nothing"
     touch = f"<br/>may touch: {html.escape(', '.join(' – '.join(pair) for pair in stage.touch))}" if stage.touch else ""
     line = _line(

@@ -38,11 +38,11 @@ from hdplan.planner.view.tree import Tree
 from hdplan.planner.view.uploads import LONGEST_NAME, check_size
 from hdplan.planner.view.words import OUTDATED, badge, clearance_words, small, tip_words, whats_next
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
+EXPONENT = "numbers are written without an exponent here, as 0.001 or 1000000"
 PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
 
 
@@ -91,7 +91,7 @@ class Panel:
         self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
         self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
-        self.page.on("exponent", lambda *_: self.editing.do(_refuse_exponent))
+        self.page.on("exponent", lambda *_: self.editing.refuse(EXPONENT))
         self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
 
     @property
@@ -245,7 +245,3 @@ class Panel:
         """Let the plots show a part of what they show, from one share of it to another."""
         if is_number(first) and is_number(last):
             self._viewer.worker.ask("zoom", lambda: self._plots.zoom(first, last))
-
-
-def _refuse_exponent() -> None:
-    raise InputError("numbers are written without an exponent here, as 0.001 or 1000000")

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.certificate.verdict import Closest, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.page.gliding import LEAST_THICKNESS, slab_of
 from hdplan.planner.view.drawing.colors import PLANE
-from hdplan.planner.view.drawing.motion import proven_millimetres
 from hdplan.planner.view.drawing.nodes import LABELS, wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
@@ -118,7 +117,7 @@ class PlaneLayer:
         plane = self._proof.closest(nearest.link, nearest.other, nearest.to_obstacle, row)
         if plane is None:
             return None, f"{nearest.link} and {nearest.other} are not compared"
-        return plane, f"proven ≥ {proven_millimetres(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"
+        return plane, f"proven ≥ {proven_length(plane.bound)}, by plane {plane.leaf + 1} of {plane.leaves}"
 
     def _is_about(self, about: tuple[Trajectory, Scene]) -> bool:
         return self._of is not None and all(one is two for one, two in zip(self._of, about, strict=True))

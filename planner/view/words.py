@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.certificate.end_check import SAME_END
-from hdplan.planner.certificate.verdict import Certificate, Contact, Status
+from hdplan.planner.certificate.verdict import Certificate, Contact, Status, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
-from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, proven_millimetres, shortened
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
 from hdplan.planner.view.edited_scene import Edited
 
 OUTDATED = "the scene has changed: this motion is not checked in it yet"
@@ -74,7 +74,7 @@ def figures(certificate: Certificate, trajectory: Trajectory) -> str:
     """Return a verdict, the clearance and the duration in one line: what is proven, or the worst place found."""
     parts = [SHORT[certificate.status]]
     if certificate.certified:
-        parts += [] if certificate.clearance is None else [proven_millimetres(certificate.clearance)]
+        parts += [] if certificate.clearance is None else [proven_length(certificate.clearance)]
     elif found := [place.distance for place in (certificate.worst, certificate.self_worst) if place]:
         parts.append(millimetres(min(found)))
     parts.append("path" if trajectory.duration is None else f"{trajectory.duration:.2f} s")
@@ -123,7 +123,7 @@ def badge(edited: Edited, active: ShownMotion | None, holds: bool) -> str:
         return badge_of("", "… not checked in this scene yet")
     certificate = active.certificate
     if certificate.certified:
-        clear = "" if certificate.clearance is None else f" {proven_millimetres(certificate.clearance, few=True)}"
+        clear = "" if certificate.clearance is None else f" {proven_length(certificate.clearance)}"
         return badge_of("good", f"✓ certified{clear}")
     if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE) and certificate.failures:
         worst = min(certificate.failures, key=lambda place: place.distance)

@@ -138,14 +138,6 @@ def millimetres(distance: float) -> str:
     return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
 
 
-def proven_millimetres(distance: float, few: bool = False) -> str:
-    """Return a distance that is proven in words, rounded down: no more is claimed than was proven. With `few`, digits
-    after the point stand only below 10 mm."""
-    digits = 0 if few and distance >= 0.01 else 1
-    steps = 10.0**digits
-    return f"{np.floor(distance * 1e3 * steps) / steps:.{digits}f} mm"
-
-
 def shortened(text: str, most: int = 80) -> str:
     """Return a text of at most so many characters, both ends of a longer one: names may be of any length."""
     side = (most - 1) // 2

@@ -1,5 +1,5 @@
-"""A real browser for tests, Debian's chromium without a screen: pages, pictures of them, and where a point of the scene
-is seen."""
+"""A real browser for tests, Debian's chromium without a screen: pages, pictures of them, and hands at mouse and
+keyboard."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ import io
 import queue
 import shutil
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
+from tests.planner.view.in_page import HOLDS, grip, handled, seen, wait_for
 from tests.waiting import until
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+from chromium import SELDOM, SOFTWARE
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
-SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
-SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
 SCENE = 340  # [px] of its width, where the panel is not
-SAME_PLACE = 1e-3  # [m]
-LIT = 40  # pixels, at least, that change where something lights up under the mouse
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
 
@@ -150,64 +150,9 @@ def changed(image: NDArray[np.int64], before: NDArray[np.int64]) -> int:
     return int((np.abs(image - before).max(axis=2) > 24).sum())
 
 
-def still(page: Any) -> None:
-    """Wait until two pictures in a row are the same."""
-    pictures = [picture(page)]
-
-    def same() -> bool:
-        page.wait_for_timeout(400)  # two pictures, as seldom as they are
-        pictures.append(picture(page))
-        return changed(pictures[-1], pictures[-2]) == 0
-
-    until(same, "the page never comes to rest")
-
-
 def press(page: Any, name: str) -> None:
     """Click a button, without the wait for pictures in which it stands still: a full processor draws few."""
     page.get_by_role("button", name=name, exact=True).dispatch_event("click")
-
-
-def look(viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
-    """Let every page look from one point at another, also where the viewer frames the scene anew meanwhile: a busy
-    browser says late how wide its picture is."""
-
-    def stays() -> bool:
-        for client in viewer.server.get_clients().values():
-            if np.abs(client.camera.position - eye).max() > SAME_PLACE:
-                client.camera.position = eye
-                client.camera.look_at = target
-        for _ in range(3):
-            time.sleep(0.7)
-            viewer.worker.settle(PATIENCE / 1e3)
-            if any(
-                np.abs(each.camera.position - eye).max() > SAME_PLACE for each in viewer.server.get_clients().values()
-            ):
-                return False
-        return True
-
-    until(stays, "the camera does not stay where it is set")
-
-
-def seen(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[float, float]:
-    """Where on the page a point of the scene is seen [px]."""
-    (right, down, ahead), canvas, scale = _in_the_picture(page, viewer, point)
-    scale /= ahead
-    return canvas["x"] + 0.5 * canvas["width"] + scale * right, canvas["y"] + 0.5 * canvas["height"] + scale * down
-
-
-def grip(page: Any, viewer: Viewer, place: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    """A point on an arrow of the handle that stands at `place` (4, 4): (3,) [m]."""
-    (_, _, ahead), _, scale = _in_the_picture(page, viewer, place[:3, 3])
-    return np.asarray(place[:3, 3] + 0.7 * SIZE_OF_HANDLE / scale * ahead * place[:3, axis])
-
-
-def _in_the_picture(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], Any, float]:
-    """A point in the camera's frame (3,) [m], the canvas, and how large it shows what is 1 m long 1 m away [px]."""
-    client = next(iter(viewer.server.get_clients().values()))  # all of them look from one place
-    camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
-    w, x, y, z = camera.wxyz
-    own = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
-    return own, canvas, 0.5 * canvas["height"] / np.tan(0.5 * camera.fov)
 
 
 def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
@@ -222,10 +167,8 @@ def calm(viewer: Viewer) -> None:
 
 def selected(page: Any, viewer: Viewer, thing: Thing) -> NDArray[np.float64]:
     """Select a thing, wait until its handle is drawn, and return where that stands (4, 4)."""
-    before = picture(page)
     by_worker(viewer, lambda: viewer.panel.handles.select(thing))
-    until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
-    still(page)
+    handled(page, viewer)
     return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 
@@ -249,19 +192,10 @@ def typed(page: Any, viewer: Viewer, label: str, text: str) -> None:
 
 
 def gripped(page: Any, at: tuple[float, float]) -> None:
-    """Press the button on a part of a handle, which lights up under the mouse: where the processor is busy, the handle
-    is drawn long after it is sent."""
-
-    def lit() -> bool:
-        page.mouse.move(1.0, 1.0)
-        page.wait_for_timeout(300)
-        before = picture(page)
-        page.mouse.move(*at)
-        page.wait_for_timeout(300)
-        return changed(picture(page), before) > LIT
-
-    until(lit, "nothing lights up under the mouse")
+    """Press the button on a part of a handle, and wait until it is held."""
+    page.mouse.move(*at)
     page.mouse.down()
+    wait_for(page, HOLDS)
 
 
 def arrow_dragged(
@@ -270,8 +204,8 @@ def arrow_dragged(
     """Grip the arrow along which most of a way (3,) leads from a handle at `place` (4, 4), and drag it so far (world
     frame); the button stays down."""
     along = place[:3, :3].T @ way
-    held = grip(page, viewer, place, int(np.abs(along).argmax()))
-    gripped(page, seen(page, viewer, held))
+    held = grip(page, place, int(np.abs(along).argmax()))
+    gripped(page, seen(page, held))
     for share in np.linspace(1 / steps, 1.0, steps):
-        page.mouse.move(*seen(page, viewer, held + share * way))
+        page.mouse.move(*seen(page, held + share * way))
         page.wait_for_timeout(100)

@@ -23,14 +23,12 @@ from tests.planner.view.in_browser import (
     address,
     changed,
     coloured,
-    grip,
     gripped,
     picture,
     plainly,
     press,
-    seen,
-    still,
 )
+from tests.planner.view.in_page import grip, handled, seen
 from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says
@@ -120,16 +118,14 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         way = path[np.linalg.norm(path - begin, axis=1).argmin()] - begin
         axis = np.eye(3)[np.abs(way).argmax()] * np.sign(way[np.abs(way).argmax()])
         viewer.worker.settle(20)
-        before = picture(page)
         viewer.panel.handles.choice.value = "obstacle ball"
         viewer.worker.settle(20)
-        until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
-        still(page)
+        handled(page, viewer)
         place = np.block([[np.eye(3), begin[:, None]], [np.zeros(3), 1.0]])
-        held = grip(page, viewer, place, int(np.abs(axis).argmax()))
-        gripped(page, seen(page, viewer, held))
+        held = grip(page, place, int(np.abs(axis).argmax()))
+        gripped(page, seen(page, held))
         for share in np.linspace(0.1, 1.0, 10):
-            page.mouse.move(*seen(page, viewer, held + share * (np.linalg.norm(way) + 0.05) * axis))
+            page.mouse.move(*seen(page, held + share * (np.linalg.norm(way) + 0.05) * axis))
             page.wait_for_timeout(200)
         until(
             lambda: np.linalg.norm(viewer.scene.obstacles[index].pose.position - begin) > np.linalg.norm(way),

@@ -33,15 +33,14 @@ from tests.planner.view.in_browser import (
     arrow_dragged,
     by_worker,
     calm,
-    look,
     plainly,
     press,
     selected,
     slow_line,
-    still,
     tab_of,
     typed,
 )
+from tests.planner.view.in_page import look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -60,8 +59,7 @@ def served(tab: Tabs) -> Iterator[Served]:
         viewer = plainly(scene, *motions)
         viewers.append(viewer)
         page = tab(address(viewer))
-        look(viewer, eye, target)
-        still(page)
+        look(page, viewer, eye, target)
         return page, viewer
 
     yield served
@@ -289,8 +287,7 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
     with contextlib.closing(viewer), slow_line(viewer.port, delay=0.3, rate=2e6) as port:
         page = tab(address(viewer).replace(f":{viewer.port}/", f":{port}/"))
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
-        look(viewer, EYE, TARGET)
-        still(page)
+        look(page, viewer, EYE, TARGET)
         place = selected(page, viewer, BALL)
         arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
         until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")

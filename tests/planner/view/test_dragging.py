@@ -19,14 +19,11 @@ from tests.planner.view.in_browser import (
     address,
     arrow_dragged,
     calm,
-    grip,
     gripped,
-    look,
     plainly,
-    seen,
     selected,
-    still,
 )
+from tests.planner.view.in_page import grip, handled, look, seen
 from tests.waiting import until
 
 BALL = Thing("obstacle", "ball")
@@ -44,9 +41,7 @@ def page(tab: Tabs, viewer: Viewer) -> Any:
     """The viewer's page, with the whole scene in the picture."""
     page = tab(address(viewer))
     page.get_by_text("certified: at least").first.wait_for()
-    viewer.worker.settle(20)
-    look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
-    still(page)
+    look(page, viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
     return page
 
 
@@ -78,11 +73,12 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
     selected(page, viewer, GOAL)
     prism = next(node for node in viewer.stage.obstacles if node.obstacle.name == "prism")
     middle = np.asarray(prism.mesh.vertices).mean(axis=0) + prism.obstacle.pose.position
-    page.mouse.click(*seen(page, viewer, middle))
+    page.mouse.click(*seen(page, middle))
     until(lambda: viewer.panel.handles.selected == Thing("obstacle", "prism"), "the click selects nothing")
-    still(page)
+    viewer.worker.settle(20)
+    handled(page, viewer)
     place = place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)
-    x, y = seen(page, viewer, grip(page, viewer, place.matrix, 2))
+    x, y = seen(page, grip(page, place.matrix, 2))
     gripped(page, (x, y))
     page.mouse.move(x, y - 16, steps=4)
     moved: Callable[[], Any] = lambda: place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)  # noqa: E731

@@ -26,13 +26,12 @@ from tests.planner.view.in_browser import (
     arrow_dragged,
     by_worker,
     calm,
-    look,
     plainly,
     press,
-    still,
     tab_of,
     typed,
 )
+from tests.planner.view.in_page import handled, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -49,8 +48,7 @@ def opened(tab: Tabs, trajectory: Trajectory) -> Iterator[Opened]:
     def opened(scene: Scene) -> tuple[Any, Viewer]:
         viewers.append(plainly(scene, (NAME, trajectory)) if not scene.timed else plainly(scene))
         page = tab(address(viewers[-1]))
-        look(viewers[-1], EYE, TARGET)
-        still(page)
+        look(page, viewers[-1], EYE, TARGET)
         return page, viewers[-1]
 
     yield opened
@@ -125,14 +123,13 @@ def test_an_obstacle_is_renamed_while_it_is_dragged(opened: Opened, tab: Tabs, s
     """In another tab, as one mouse cannot do both: the drag goes on with what is there."""
     page, viewer = opened(scene)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
-    page.wait_for_timeout(2000)
     other = tab(address(viewer))
     other.bring_to_front()  # behind another one, a page draws nothing
     tab_of(other, "Scene")
     other.get_by_text("velocity [m/s]").wait_for()
     page.bring_to_front()
-    look(viewer, EYE, TARGET)
-    still(page)
+    look(page, viewer, EYE, TARGET)
+    handled(page, viewer)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
@@ -152,17 +149,17 @@ def test_two_tabs_drag_at_once(opened: Opened, tab: Tabs, scene: Scene) -> None:
     """There is one handle: both hands pull at it, the last wish holds, and every page says the same in the end."""
     page, viewer = opened(scene)
     by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
-    page.wait_for_timeout(2000)
     other = tab(address(viewer))
-    look(viewer, EYE, TARGET)
-    other.wait_for_timeout(2000)
+    other.bring_to_front()  # behind another one, a page draws nothing
+    look(other, viewer, EYE, TARGET)
+    page.bring_to_front()
+    look(page, viewer, EYE, TARGET)
+    handled(page, viewer)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
-    page.bring_to_front()  # behind another one, a page draws nothing
-    page.wait_for_timeout(1000)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
     other.bring_to_front()
-    other.wait_for_timeout(1000)
+    handled(other, viewer)
     place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     arrow_dragged(other, viewer, place, np.array([0.1, 0.0, 0.0]), steps=4)
     page.mouse.up()

@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.gate import WATCH
 from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from tests.planner.view.in_browser import (
@@ -23,11 +23,12 @@ from tests.planner.view.in_browser import (
     by_worker,
     calm,
     entry,
-    look,
     plainly,
     press,
+    selected,
     tab_of,
 )
+from tests.planner.view.in_page import look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -44,10 +45,8 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 
 def dragging(page: Any, viewer: Viewer) -> None:
     """Select the ball and drag it a little; the button stays down."""
-    by_worker(viewer, lambda: viewer.panel.handles.select(BALL))
-    look(viewer, EYE, TARGET)
-    page.wait_for_timeout(2000)
-    place = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
+    look(page, viewer, EYE, TARGET)
+    place = selected(page, viewer, BALL)
     arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.reading import ReadProof
-from hdplan.planner.view.drawing.motion import proven_millimetres
 from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.planes import EDGE
 from hdplan.planner.view.viewer import Viewer
@@ -62,7 +62,7 @@ def test_the_slab_lies_between_the_closest_pair(opened: Opener, scene: Scene, tr
         heights = (nearest.points - layer.slab.position) @ normal
         assert heights.min() < 0.0 < heights.max()
         assert np.abs(heights).min() >= 0.5 * thick - 1e-6  # neither enters the slab
-        assert proven_millimetres(thick) in layer.label.text
+        assert proven_length(thick) in layer.label.text
     switch(viewer, False)
     assert not layer.slab.visible
     assert not layer.label.visible

@@ -10,7 +10,8 @@ import pytest
 from hdplan.planner.view.page_script import LOW, SHEET
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from tests.planner.view.in_browser import SELDOM, Tabs, address, by_worker, grip, look, seen
+from tests.planner.view.in_browser import SELDOM, Tabs, address, calm, selected
+from tests.planner.view.in_page import HOLDS, grip, look, seen, wait_for
 from tests.waiting import until
 
 NARROW = {"width": 420, "height": 640}
@@ -29,14 +30,15 @@ def tab(browser: Any) -> Any:
 
 
 def dragged(page: Any, begin: tuple[float, float], end: tuple[float, float]) -> None:
-    """Drag a finger: playwright taps alone."""
+    """Drag a handle by a finger: playwright taps alone."""
     touch = page.context.new_cdp_session(page)
 
     def send(kind: str, *points: tuple[float, float]) -> None:
         touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]})
-        page.wait_for_timeout(150)
 
+    assert page.evaluate("(at) => document.elementFromPoint(...at).tagName", begin) == "CANVAS"
     send("touchStart", begin)
+    wait_for(page, HOLDS)
     for share in np.linspace(0.1, 1.0, 8):
         x, y = (1 - share) * np.array(begin) + share * np.array(end)
         send("touchMove", (float(x), float(y)))
@@ -63,19 +65,13 @@ def test_a_finger_drags_above_the_sheet(served: Viewer, tab: Any) -> None:
         assert box["height"] <= 0.01 * LOW * NARROW["height"] + 1
         assert canvas.bounding_box()["height"] <= box["top"] + 1
     page.set_viewport_size(NARROW)
-    by_worker(served, lambda: served.panel.handles.select(BALL))
-    place = place_of(served.edited, BALL, served.stage.tip).matrix
-    x, y, z = place[:3, 3].tolist()
-    held, before = place[:3, 3], served.edited
-    for _ in range(5):
-        look(served, (x, y - 2.0, z + 1.5), (x, y, z))  # a finger that misses the handle turns the camera
-        page.wait_for_timeout(2000)  # until the handle is drawn
-        held = grip(page, served, place, 0)
-        dragged(page, seen(page, served, held), seen(page, served, held - [0.2, 0.0, 0.0]))
-        assert served.worker.settle(20)
-        if served.edited is not before:
-            break
-    until(lambda: served.worker.settle(1) and not served.panel.handles.dragging, "the finger does not let go")
+    x, y, z = place_of(served.edited, BALL, served.stage.tip).position
+    look(page, served, (x, y - 2.0, z + 1.5), (x, y, z))
+    place, before = selected(page, served, BALL), served.edited
+    held = grip(page, place, 0)
+    dragged(page, seen(page, held), seen(page, held - [0.2, 0.0, 0.0]))
+    until(lambda: served.edited is not before and not served.panel.handles.dragging, "it is not let go")
+    calm(served)
     now = place_of(served.edited, BALL, served.stage.tip).matrix[:3, 3]
     assert now[0] < x - 0.1
     np.testing.assert_allclose(now[1:], (y, z), atol=1e-6)
