@@ -23,6 +23,13 @@ from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
 
 
+LITTLE_XLA = (  # which compiles in a third of the time
+    "--xla_backend_optimization_level=0",
+    "--xla_cpu_use_fusion_emitters=false",
+    "--xla_cpu_parallel_codegen_split_count=1",
+)
+
+
 def core(config: pytest.Config) -> bool:
     return str(config.option.markexpr).startswith("core")
 
@@ -34,8 +41,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if core(config):
         config.option.markexpr = "core and not slow"
     if config.option.markexpr.endswith("not slow"):
-        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
-        c_library.FLAGS += ("-O1",)
+        os.environ.setdefault("XLA_FLAGS", " ".join(LITTLE_XLA))
+        c_library.FLAGS += ("-O0",)
         stopwatch.LEAST_TIME = 0.01  # what studies time is not looked at
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
