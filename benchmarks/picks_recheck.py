@@ -252,7 +252,7 @@ class Motion:
         return found
 
 
-def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
+def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STEP) -> float:
     """Look at a motion again; return the least clearance that was met [m], over all stages. Raises RefutedError."""
     told = json.loads(motion.read_text())
     bodies = Scene(scene, folder)
@@ -262,10 +262,10 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
     if [each["name"] for each in told["stages"]] != [each["name"] for each in stages]:
         raise RefutedError("stages are missing")
     least, fingers = np.inf, {joint for stage in stages for joint in _fingers(stage)}
-    _begins(bodies, driven, scene["start"])
+    _begins(bodies, driven, scene["start"], fingers)
     for stage, (first, last) in zip(stages, itertools.pairwise([*marks, len(driven.times) - 1]), strict=True):
         begins, ends = driven.times[first], driven.times[last]
-        times = np.append(np.arange(begins, ends, STEP), ends)
+        times = np.append(np.arange(begins, ends, step), ends)
         rows = _driven(bodies.model, driven, times, stage, fingers, scene["limits"])
         touch = {
             frozenset((one, other))
@@ -297,16 +297,15 @@ def _fingers(stage: dict[str, Any]) -> dict[str, float]:
     return found
 
 
-def _begins(bodies: Scene, driven: Motion, start: dict[str, Any]) -> None:
+def _begins(bodies: Scene, driven: Motion, start: dict[str, Any], fingers: set[str]) -> None:
     """Check that a motion begins where the scene has the arm."""
-    at = driven.whole(driven.q[0])
+    joints = [bodies.model.joints[bodies.model.getJointId(name)] for name in driven.names if name not in fingers]
+    at = driven.whole(driven.q[0])[[joint.idx_q for joint in joints]]
     if "state" in start:
-        said = bodies.model.referenceConfigurations[start["state"]]
-        names = [name for name in driven.names if "finger" not in name]
+        said = bodies.model.referenceConfigurations[start["state"]][[joint.idx_q for joint in joints]]
     else:
-        names, said = driven.names, driven.whole(np.array(start["joints"]))
-    which = [bodies.model.joints[bodies.model.getJointId(name)].idx_q for name in names]
-    if np.abs(at - said)[which].max() > STILL:
+        said = start["joints"]
+    if np.abs(at - said).max() > STILL:
         raise RefutedError("the motion begins elsewhere")
 
 
