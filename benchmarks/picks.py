@@ -373,6 +373,7 @@ class Hand:
         self, q: np.ndarray, begins: np.ndarray, by: np.ndarray, touch: set[frozenset[str]], fingers: float
     ) -> bool:
         """True if the tool follows a line freely from a configuration (n,), with fingers so far open."""
+        pairs = self.scene.pairs(touch)
         for share in np.linspace(0.0, 1.0, PARTS):
             goal = begins.copy()
             goal[:3, 3] += share * by
@@ -381,7 +382,7 @@ class Hand:
                 return False
             q = found
             self.scene.place(self._whole(q, fingers))
-            if self.scene.least(touch, LOOSE)[0] < LOOSE:
+            if self.scene.least(pairs, LOOSE)[0] < LOOSE:
                 return False
         return True
 

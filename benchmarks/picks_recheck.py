@@ -2,16 +2,20 @@
 Pinocchio's kinematics, coal's distances, dense samples. It can refute a certificate, not give one.
 
 Between two rows every joint is the quintic that has their positions, velocities and accelerations. What is held, what
-may touch, and where what was let go stands is derived here from the stages. It knows the stages of `picks`: `move` to
-poses, `line` by a shift, `grip`, `release`.
+may touch, and where what was let go stands is derived here from the stages. What may touch is looked at, too: it may
+not press into each other. Fingers move in their own stages alone, to where these say; the arm stands still then. It
+knows the stages of `picks`: `move` to poses, a held object upright or not, `line` by a shift, `grip`, `release`.
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import sysconfig
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,29 +34,31 @@ ROBOTS = {  # description, and pairs of links that its maker lets touch, or that
 STEP = 5e-3  # [s] between samples
 REACH = 5e-3 + 1e-6  # [m] of a hand from what it takes
 OFF, TURNED = 1e-3 + 1e-6, 1e-2 + 1e-6  # [m] and [rad] that a pose, and a line, may be missed by
+DEEP = 3e-3  # [m] by which bodies that may touch may overlap
 ROUNDING = 1e-6  # of a limit
+STILL = 1e-9  # of joints that stand still
 
 
 class RefutedError(Exception):
     """What was certified does not hold, and why."""
 
 
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of bodies that are compared, by numbers; of some a clearance is claimed, of others that they are apart."""
+
+    one: np.ndarray
+    other: np.ndarray
+    cleared: np.ndarray
+
+
 class Scene:
-    """The bodies of a scene, and the state of the job."""
+    """The bodies of a scene, and the state of the job. Bodies are numbered: parts of links, then objects."""
 
     def __init__(self, scene: dict[str, Any], folder: Path) -> None:
         """Take a scene and the folder of its meshes."""
-        urdf, srdf = (str(DATA / name) for name in ROBOTS[scene["robot"]["name"]])
-        self.model = pin.buildModelFromUrdf(urdf)
-        self.links = pin.buildGeomFromUrdf(self.model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(SHARE)])
-        self.links.addAllCollisionPairs()
-        pin.removeCollisionPairs(self.model, self.links, srdf)
-        self.data = self.model.createData()
-        self.mimics = {
-            str(joint.get("name")): str(mimic.get("joint"))
-            for joint in ElementTree.parse(urdf).getroot().findall("joint")
-            if (mimic := joint.find("mimic")) is not None
-        }
+        self.model, self.links, self.mimics = _robot(scene["robot"]["name"])
+        self.data, self.at = self.model.createData(), self.links.createData()
         named = {str(frame.name): i for i, frame in enumerate(self.model.frames) if frame.type == pin.FrameType.BODY}
         self.frames = named
         owner = {i: str(self.model.frames[item.parentFrame].name) for i, item in enumerate(self.links.geometryObjects)}
@@ -70,12 +76,16 @@ class Scene:
         self.shapes = {each["name"]: _shape(each["shape"], folder) for each in scene["obstacles"]}
         self.places = {each["name"]: _matrix(each["pose"]) for each in scene["obstacles"]}
         self.held: dict[str, tuple[str, np.ndarray, set[str]]] = {}  # link, pose in it, links that hold it
-        self.balls = [_ball(item.geometry) for item in self.links.geometryObjects]
-        self.balls_of = {name: _ball(shape) for name, shape in self.shapes.items()}
+        solids = [*(item.geometry for item in self.links.geometryObjects), *self.shapes.values()]
+        self.solids, self.names = solids, [*self.of_link, *self.shapes]
+        boxes = np.array([_box(solid) for solid in solids])
+        self.middles, self.halves = boxes[:, 0], boxes[:, 1]
+        self.radii = np.linalg.norm(self.halves, axis=1)
 
     def place(self, q: np.ndarray) -> None:
         """Bring the links, and what is held, to where they are at joint values."""
         pin.framesForwardKinematics(self.model, self.data, q)
+        pin.updateGeometryPlacements(self.model, self.data, self.links, self.at)
         for name, (link, pose, _) in self.held.items():
             self.places[name] = self.link(link) @ pose
 
@@ -86,41 +96,76 @@ class Scene:
         pose: np.ndarray = self.data.oMf[self.frames[name]].homogeneous.copy()
         return pose
 
-    def _item(self, i: int) -> tuple[Any, np.ndarray, tuple[np.ndarray, float]]:
-        item = self.links.geometryObjects[i]
-        return item.geometry, (self.data.oMi[item.parentJoint] * item.placement).homogeneous, self.balls[i]
+    def poses(self) -> np.ndarray:
+        """Return where all bodies are (B, 4, 4)."""
+        return np.array([*(at.homogeneous for at in self.at.oMg), *(self.places[name] for name in self.shapes)])
 
-    def _thing(self, name: str) -> tuple[Any, np.ndarray, tuple[np.ndarray, float]]:
-        return self.shapes[name], self.places[name], self.balls_of[name]
+    def numbers(self, name: str) -> list[int]:
+        """Return the bodies of a link or an object."""
+        return [i for i, owner in enumerate(self.names) if owner == name]
 
-    def least(self, touch: set[frozenset[str]], claimed: float) -> tuple[float, tuple[str, str]]:
-        """Return the least distance between what is compared, below what is claimed, and between which."""
-        worst, between = claimed, ("", "")
-        items = [self._item(i) for i in range(len(self.of_link))]
-        things = {name: self._thing(name) for name in self.shapes}
-        pairs: list[tuple[str, str, Any, Any]] = []
-        apart = (
-            set(things) - set(self.held) - {name for pair in touch for name in pair}
-        )  # of which clearance is claimed
-        for name, each in things.items():
+    def pairs(self, touch: set[frozenset[str]]) -> Pairs:
+        """Return what is compared in a stage in which some may touch, with what is held now."""
+        free = set(self.shapes) - set(self.held) - {name for pair in touch for name in pair}
+        found = [*self.self_pairs]
+        for name in self.shapes:
+            (number,) = self.numbers(name)
             holding = self.held[name][2] if name in self.held else set()
-            for link, item in zip(self.of_link, items, strict=True):
+            for i, link in enumerate(self.of_link):
                 if link not in holding and not _moves_with(self, link, name):
-                    pairs.append((link, name, item, each))
+                    found.append((i, number))
             if name in self.held:
-                pairs += [(name, other, each, there) for other, there in things.items() if other not in self.held]
-        pairs += [(self.of_link[a], self.of_link[b], items[a], items[b]) for a, b in self.self_pairs]
-        for one, other, (shape, pose, ball), (shape2, pose2, ball2) in pairs:
-            if frozenset((one, other)) in touch:
-                continue
-            limit = worst if {one, other} & apart else min(worst, 0.0)
-            middles = pose[:3, :3] @ ball[0] + pose[:3, 3], pose2[:3, :3] @ ball2[0] + pose2[:3, 3]
-            if np.linalg.norm(middles[0] - middles[1]) - ball[1] - ball2[1] > limit:
-                continue
-            found = distance(shape, pose, shape2, pose2)
-            if found < limit or found <= 0.0:  # of triangles that meet, coal says 0
-                worst, between = found, (one, other)
+                found += [(number, *self.numbers(other)) for other in self.shapes if other not in self.held]
+        kept = [pair for pair in found if frozenset(self.names[i] for i in pair) not in touch]
+        one, other = np.array(kept).T
+        return Pairs(one, other, np.array([bool({self.names[i] for i in pair} & free) for pair in kept]))
+
+    def least(self, pairs: Pairs, claimed: float) -> tuple[float, tuple[str, str]]:
+        """Return the least distance between what is compared, below what is claimed, and between which."""
+        worst, between, poses = claimed, ("", ""), self.poses()
+        bound = np.maximum(*(self._apart(poses, *each) for each in itertools.permutations((pairs.one, pairs.other))))
+        for k in np.flatnonzero(bound <= np.where(pairs.cleared, worst, min(worst, 0.0))):
+            i, j = pairs.one[k], pairs.other[k]
+            found = distance(self.solids[i], poses[i], self.solids[j], poses[j])
+            if (
+                found < (worst if pairs.cleared[k] else min(worst, 0.0)) or found <= 0.0
+            ):  # of triangles that meet, coal says 0
+                worst, between = found, (self.names[i], self.names[j])
         return worst, between
+
+    def distance(self, one: int, other: int, poses: np.ndarray) -> float:
+        """Return the distance between two bodies at some poses (B, 4, 4)."""
+        return distance(self.solids[one], poses[one], self.solids[other], poses[other])
+
+    def nearest(self, name: str, others: Iterable[str]) -> float:
+        """Return the distance from a link or an object to the nearest of others."""
+        poses, there = self.poses(), [j for other in others for j in self.numbers(other)]
+        return min((self.distance(i, j, poses) for i in self.numbers(name) for j in there), default=np.inf)
+
+    def _apart(self, poses: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return lower bounds on distances: of a ball around each of some bodies from a box around the other one."""
+        middle = np.einsum("bij,bj->bi", poses[:, :3, :3], self.middles) + poses[:, :3, 3]
+        local = np.einsum("bji,bj->bi", poses[other, :3, :3], middle[one] - poses[other, :3, 3]) - self.middles[other]
+        outside = np.maximum(np.abs(local) - self.halves[other], 0.0)
+        apart: np.ndarray = np.linalg.norm(outside, axis=1) - self.radii[one]
+        return apart
+
+
+@functools.cache
+def _robot(name: str) -> tuple[pin.Model, pin.GeometryModel, dict[str, str]]:
+    """Return a robot's model, its links, and joints that follow others."""
+    urdf, srdf = (str(DATA / file) for file in ROBOTS[name])
+    model = pin.buildModelFromUrdf(urdf)
+    links = pin.buildGeomFromUrdf(model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(SHARE)])
+    links.addAllCollisionPairs()
+    pin.removeCollisionPairs(model, links, srdf)
+    pin.loadReferenceConfigurations(model, srdf)
+    mimics = {
+        str(joint.get("name")): str(mimic.get("joint"))
+        for joint in ElementTree.parse(urdf).getroot().findall("joint")
+        if (mimic := joint.find("mimic")) is not None
+    }
+    return model, links, mimics
 
 
 def _moves_with(scene: Scene, link: str, name: str) -> bool:
@@ -138,9 +183,11 @@ def distance(shape: Any, pose: np.ndarray, other: Any, pose2: np.ndarray) -> flo
     return float(coal.distance(shape, at[0], other, at[1], coal.DistanceRequest(), result))
 
 
-def _ball(shape: Any) -> tuple[np.ndarray, float]:
+def _box(shape: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middle and half the size of a box around a shape, in its own frame."""
     shape.computeLocalAABB()
-    return np.array(shape.aabb_center), float(shape.aabb_radius)
+    low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
+    return 0.5 * (low + high), 0.5 * (high - low)
 
 
 def _shape(said: dict[str, Any], folder: Path) -> Any:
@@ -182,8 +229,8 @@ class Motion:
             self.base[model.joints[model.getJointId(name)].idx_q] = value
         self.columns = [model.joints[model.getJointId(name)].idx_q for name in self.names]
 
-    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return positions, velocities and accelerations at some times."""
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return positions, velocities, accelerations and jerks at some times."""
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
         h = (self.times[i + 1] - self.times[i])[:, None]
         s = (times - self.times[i])[:, None] / h
@@ -194,7 +241,7 @@ class Motion:
         q = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
         v = (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
         a = (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h)
-        return q, v, a
+        return q, v, a, (6 * c3 + s * (24 * c4 + s * 60 * c5)) / h**3
 
     def whole(self, q: np.ndarray) -> np.ndarray:
         """Return the values of all joints of the model; none of these robots has joints without limits."""
@@ -205,7 +252,7 @@ class Motion:
         return found
 
 
-def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
+def recheck(scene: dict[str, Any], folder: Path, motion: Path, step: float = STEP) -> float:
     """Look at a motion again; return the least clearance that was met [m], over all stages. Raises RefutedError."""
     told = json.loads(motion.read_text())
     bodies = Scene(scene, folder)
@@ -214,51 +261,105 @@ def recheck(scene: dict[str, Any], folder: Path, motion: Path) -> float:
     claims = {each["stage"]: each["clearance_m"] or 0.0 for each in told["verdict"]["stages"]}
     if [each["name"] for each in told["stages"]] != [each["name"] for each in stages]:
         raise RefutedError("stages are missing")
-    least, limits = np.inf, _limits(bodies.model, driven.names, scene["limits"])
+    least, fingers = np.inf, {joint for stage in stages for joint in _fingers(stage)}
+    _begins(bodies, driven, scene["start"], fingers)
     for stage, (first, last) in zip(stages, itertools.pairwise([*marks, len(driven.times) - 1]), strict=True):
         begins, ends = driven.times[first], driven.times[last]
-        times = np.append(np.arange(begins, ends, STEP), ends)
-        rows, rates, pushes = driven.at(times)
-        fingers = stage.keys() & {"grip", "release"}
-        for k, (what, values) in enumerate((("velocity", rates), ("acceleration", pushes))):
-            if not fingers and (np.abs(values) > limits[k] * (1 + ROUNDING) + 1e-9).any():
-                raise RefutedError(f"{stage['name']}: {what} beyond its limit")
-        if np.abs(rates[[0, -1]]).max() > 1e-9:
-            raise RefutedError(f"{stage['name']}: does not begin and end at rest")
+        times = np.append(np.arange(begins, ends, step), ends)
+        rows = _driven(bodies.model, driven, times, stage, fingers, scene["limits"])
         touch = {
             frozenset((one, other))
             for one, others in stage.get("touch", ())
             for other in (others if isinstance(others, list) else [others])
         }
-        poses = []
+        poses, pairs = [], bodies.pairs(touch)
         for q in rows:
             bodies.place(driven.whole(q))
-            found, between = bodies.least(touch, claims[stage["name"]])
+            found, between = bodies.least(pairs, claims[stage["name"]])
             if found < claims[stage["name"]] - 1e-6 or found <= 0.0 < len(between[0]):
                 raise RefutedError(
                     f"{stage['name']}: {' and '.join(between)} are {found * 1e3:.3f} mm apart, "
                     f"{claims[stage['name']] * 1e3:.3f} mm are claimed"
                 )
+            for one, other in map(tuple, touch):
+                if (deep := -bodies.nearest(one, [other])) > DEEP:
+                    raise RefutedError(f"{stage['name']}: {one} and {other} overlap by {deep * 1e3:.3f} mm")
             least = min(least, found)
-            if said := stage.get("line"):
-                poses.append(bodies.link(said["link"]))
+            poses.append({name: bodies.link(name) for name in _followed(stage)})
         _done(bodies, stage, poses)
     return float(least)
 
 
-def _limits(model: pin.Model, names: list[str], said: dict[str, Any]) -> tuple[np.ndarray, float]:
-    fast = [model.velocityLimit[model.joints[model.getJointId(name)].idx_v] for name in names]
-    return np.array(fast), said["acceleration"]
+def _fingers(stage: dict[str, Any]) -> dict[str, float]:
+    """Return where a stage brings fingers."""
+    said = stage.get("grip") or stage.get("release") or {}
+    found: dict[str, float] = said.get("joints", {})
+    return found
 
 
-def _done(bodies: Scene, stage: dict[str, Any], poses: list[np.ndarray]) -> None:
+def _begins(bodies: Scene, driven: Motion, start: dict[str, Any], fingers: set[str]) -> None:
+    """Check that a motion begins where the scene has the arm."""
+    joints = [bodies.model.joints[bodies.model.getJointId(name)] for name in driven.names if name not in fingers]
+    at = driven.whole(driven.q[0])[[joint.idx_q for joint in joints]]
+    if "state" in start:
+        said = bodies.model.referenceConfigurations[start["state"]][[joint.idx_q for joint in joints]]
+    else:
+        said = start["joints"]
+    if np.abs(at - said).max() > STILL:
+        raise RefutedError("the motion begins elsewhere")
+
+
+def _driven(
+    model: pin.Model,
+    driven: Motion,
+    times: np.ndarray,
+    stage: dict[str, Any],
+    fingers: set[str],
+    said: dict[str, Any],
+) -> np.ndarray:
+    """Return positions at the times of a stage, in which only joints move that are to move, within their limits."""
+    name, moved = stage["name"], _fingers(stage)
+    rows, rates, *pushes = driven.at(times)
+    model_joints = [model.joints[model.getJointId(joint)] for joint in driven.names]
+    low, high = (
+        limit[[joint.idx_q for joint in model_joints]] for limit in (model.lowerPositionLimit, model.upperPositionLimit)
+    )
+    if ((rows < low - STILL) | (rows > high + STILL)).any():
+        raise RefutedError(f"{name}: position beyond its limit")
+    still = [joint not in moved if stage.keys() & {"grip", "release"} else joint in fingers for joint in driven.names]
+    if np.ptp(rows, axis=0)[still].max(initial=0.0) > STILL:
+        raise RefutedError(f"{name}: joints move that are to stand still")
+    fast = model.velocityLimit[[joint.idx_v for joint in model_joints]]
+    limits = fast, said["acceleration"], said["jerk"]
+    for what, limit, values in zip(("velocity", "acceleration", "jerk"), limits, (rates, *pushes), strict=True):
+        if (np.abs(values) > limit * (1 + ROUNDING) + STILL).any():
+            raise RefutedError(f"{name}: {what} beyond its limit")
+    if np.abs(rates[[0, -1]]).max() > STILL:
+        raise RefutedError(f"{name}: does not begin and end at rest")
+    ends = dict(zip(driven.names, rows[-1], strict=True))
+    if any(joint in ends and abs(ends[joint] - at) > STILL for joint, at in moved.items()):
+        raise RefutedError(f"{name}: fingers do not end where they are to")
+    return rows
+
+
+def _followed(stage: dict[str, Any]) -> set[str]:
+    """Return the links whose way a stage tells of."""
+    told = stage.get("line"), stage.get("path", {}).get("upright")
+    return {each["link"] for each in told if each}
+
+
+def _done(bodies: Scene, stage: dict[str, Any], ways: list[dict[str, np.ndarray]]) -> None:
     """Check what a stage was to do, and do to objects what it does."""
     name = stage["name"]
+    if said := stage.get("path", {}).get("upright"):
+        axis = np.array([each[said["link"]][:3, "xyz".index(said["axis"])] for each in ways])
+        if (tilt := np.arccos(np.clip(axis[:, 2].min(), -1.0, 1.0))) > said["tolerance"] + ROUNDING:
+            raise RefutedError(f"{name}: tilts {said['link']} by {tilt:.4f} rad")
     if said := stage.get("move"):
         if not any(_reached(bodies.link(each["link"]), each) for each in said["poses"]):
             raise RefutedError(f"{name}: does not end at one of its poses")
     elif said := stage.get("line"):
-        way = np.array(said["by"])
+        poses, way = [each[said["link"]] for each in ways], np.array(said["by"])
         if said.get("frame") == "tool":
             way = poses[0][:3, :3] @ way
         along = np.clip([(x[:3, 3] - poses[0][:3, 3]) @ way / (way @ way) for x in poses], 0.0, 1.0)
@@ -269,16 +370,15 @@ def _done(bodies: Scene, stage: dict[str, Any], poses: list[np.ndarray]) -> None
     elif said := stage.get("grip"):
         what, holding = said["object"], {each for pair in stage["touch"] for each in pair[1]}
         for link in holding:
-            near = min(
-                distance(*bodies._item(i)[:2], *bodies._thing(what)[:2])
-                for i, owner in enumerate(bodies.of_link)
-                if owner == link
-            )
+            near = bodies.nearest(link, [what])
             if near > REACH:
                 raise RefutedError(f"{name}: {link} is {near * 1e3:.2f} mm from {what}")
         bodies.held[what] = said["link"], np.linalg.inv(bodies.link(said["link"])) @ bodies.places[what], holding
     elif said := stage.get("release"):
-        del bodies.held[said["object"]]
+        del bodies.held[what := said["object"]]
+        above = bodies.nearest(what, set(bodies.shapes) - {what})
+        if above > REACH:
+            raise RefutedError(f"{name}: {what} is {above * 1e3:.2f} mm above what it is to stand on")
 
 
 def _reached(pose: np.ndarray, said: dict[str, Any]) -> bool:
