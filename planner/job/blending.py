@@ -24,7 +24,7 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import Proven, certified_stage
-from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
+from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Arc, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
@@ -39,7 +39,7 @@ from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.timing.tool_limit import Pace, ToolLimit
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.curve_stages import Circle, Curve
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.lazy_imports import scipy
@@ -168,7 +168,10 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     robot, driven = stage_setup(world, run[0]).robot, []
     for number, there, stage, piece in zip(run, worlds, stages, pieces, strict=True):
         assert isinstance(stage, Curve)
-        driven.append(Driven(robot, piece.motion, leg_of(there, number)[0], link_of(stage, there)))
+        leg, _ = leg_of(there, number)
+        if isinstance(stage, Circle):
+            leg = Arc(leg.poses, leg.free, leg.speed, leg.acceleration)
+        driven.append(Driven(robot, piece.motion, leg, link_of(stage, there)))
     parts = parts_of(driven, [stage.blend for stage in stages[:-1] if isinstance(stage, Curve)])
     path = Path(robot, driven[0].link, driven[0].leg.free, parts)
     setup = _as_one_motion(world, run)
@@ -178,7 +181,8 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
     rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
-        rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
+        number = max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1)
+        rows = path.rows(np.linspace(first, last, number))
         rows = _from_to(
             rows, *(end if at in (0.0, cuts[-1]) else None for end, at in zip(ends, (first, last), strict=True))
         )
@@ -193,7 +197,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
             if first <= middle < last:
                 row, fraction = timed.place_of((middle - first) / (last - first))
                 near = float(motion.times[row] + fraction * (motion.times[row + 1] - motion.times[row]))
-                marks.append(begins + _passes(motion, path.row(middle), near))
+                marks.append(begins + _passes(motion, path.rows(np.array([middle]))[0], near))
         motions.append(motion)
         begins += float(motion.times[-1])
     whole = one_after_other(motions)
@@ -218,7 +222,7 @@ def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> l
         outer = path.length[max(2 * k - 1, 0)][0], path.length[min(2 * k + 1, len(path.length) - 1)][-1]
         reaches = (middle + BEYOND * (far - middle) for middle, far in zip(middles[k : k + 2], outer, strict=True))
         begin, end = ((reach - first) / (last - first) for reach in reaches)
-        begins = path.row(middles[k]) if middles[k] > first else None
+        begins = path.rows(np.array([middles[k]]))[0] if middles[k] > first else None
         found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
     return found
 
