@@ -37,6 +37,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.planner.timing.time_optimal import grid
 from hdplan.planner.timing.tool_limit import Pace, ToolLimit
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.curve_stages import Circle, Curve
@@ -179,6 +180,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
     ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
+    speeds = np.array([stage.speed for stage in stages])
     rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
         number = max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1)
@@ -189,7 +191,9 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         limit = ToolLimit(robot, path.link, _paces(path, driven, first, last)) if rated else None
-        paced = retimer if limit is None else retimer.with_limit(limit)
+        paced = (retimer if limit is None else retimer.with_limit(limit)).with_shares(
+            speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
+        )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))
         assert motion.times is not None
@@ -278,7 +282,8 @@ def _sooner(
     except HdplanError:  # motions that are not slowed are within a radius for less than a row
         return
     added = [_added(units, [share * each for each in overlaps]) for share in SHARES[:2]]
-    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added):
+    speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
+    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added, speeds):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
             return
         begins, ends = units[0].motion.positions[0], units[-1].motion.positions[-1]
@@ -345,13 +350,11 @@ def _are_curves(stages: Sequence[Stage], number: int) -> bool:
 
 
 def _as_one_motion(world: World, group: range) -> Setup:
-    """Return the scene in which curves are timed as one, with the least share of the limits that they have."""
-    assert world.scene.job is not None
-    stages = [world.scene.job.stages[k] for k in group]
+    """Return the scene in which stages are timed as one, at the speed that the limits allow."""
     setup, timing = stage_setup(world, group[0]), world.scene.timing or Timing()
-    scaled = Timing(scale=timing.scale * min(stage.speed for stage in stages), rate=timing.rate)
     here = JointTarget("goal", positions=world.start.positions)
-    return setup.changed(goal=here, path=PathConstraints(), timing=scaled)
+    whole = Timing(scale=timing.scale, rate=timing.rate)
+    return setup.changed(goal=here, path=PathConstraints(), timing=whole)
 
 
 def _passes(motion: Trajectory, q: Array, near: float) -> float:
