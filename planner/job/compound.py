@@ -185,8 +185,8 @@ class Path:
         return [0.0, *length[moving[1:][sharp]].tolist(), float(length[-1])]
 
     def rows(self, lengths: Array) -> Array:
-        """Return configurations (N, n) at lengths (N,) of it, in order. All take the same steps to their poses: where
-        one took another one than its neighbour, what both are off by rounding would be jerk. Raises NotFollowedError."""
+        """Return configurations (N, n) at lengths (N,) of it, in order. All take the same steps to their poses: what
+        neighbours of different steps are off would be jerk between them. Raises NotFollowedError."""
         ends = np.array([each[-1] for each in self.length[:-1]])
         number = np.searchsorted(ends, lengths)
         near, poses = [], []
