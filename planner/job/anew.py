@@ -9,7 +9,7 @@ certificate is the judge.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.planner.timing.time_optimal import grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
@@ -25,10 +26,14 @@ FINE = 8  # places in an interval between rows, at which it is measured
 
 
 def timed_anew(
-    setup: Setup, motions: Sequence[tuple[Trajectory, Sequence[float]]]
+    setup: Setup,
+    motions: Sequence[tuple[Trajectory, Sequence[float]]],
+    speeds: Array,
+    in_time: Callable[[], None] = lambda: None,
 ) -> list[tuple[Trajectory, list[float]]]:
-    """Return motions from time 0 on along the paths of others, each given with times [s] on it, and the times at which
-    they are there; the quickest first."""
+    """Return motions from time 0 on along the paths of others, each given with the times [s] on it at which its stages
+    begin, and the times at which theirs do; the quickest first. Each stage has a speed, a share of what the limits
+    allow. What raises once time is up, `in_time`, is called before each."""
     retimer, found = Retimer(setup), []
     for motion, marks in motions:
         curve, places = motion.curve, np.linspace(0.0, 1.0, FINE * len(motion))
@@ -36,18 +41,22 @@ def timed_anew(
         length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
         shares = np.interp(curve.parameter_of(np.asarray(marks)), places, length)
         for count in COUNTS:
+            in_time()
             rows = curve.at_parameter(np.interp(np.linspace(0.0, 1.0, count), length, places))
             rows[0], rows[-1] = motion.positions[0], motion.positions[-1]
-            if (timed := _along(retimer, Trajectory(motion.joint_names, rows, motion.locked), shares)) is not None:
+            if (
+                timed := _along(retimer, Trajectory(motion.joint_names, rows, motion.locked), shares, speeds)
+            ) is not None:
                 found.append(timed)
     return sorted(found, key=lambda each: each[0].duration or 0.0)
 
 
-def _along(retimer: Retimer, path: Trajectory, shares: Array) -> tuple[Trajectory, list[float]] | None:
-    """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it;
-    None where there is none."""
+def _along(retimer: Retimer, path: Trajectory, shares: Array, speeds: Array) -> tuple[Trajectory, list[float]] | None:
+    """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it, at
+    which stages with these speeds begin; None where there is none."""
+    paced = retimer.with_shares(speeds[np.searchsorted(shares[1:], grid(), side="right")])
     try:
-        timed = retimer.along(path, smooth(path.positions))
+        timed = paced.along(path, smooth(path.positions))
     except HdplanError:
         return None
     times = timed.trajectory.times

@@ -14,8 +14,9 @@ certified as it is driven.
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,22 +25,24 @@ from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.job.anew import timed_anew
 from hdplan.planner.job.blends import UnblendedError, quintic
 from hdplan.planner.job.certify import Proven, certified_stage
-from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Driven, Path, parts_of
+from hdplan.planner.job.compound import FEWEST, MOST, ROWS, Arc, Driven, Path, parts_of
 from hdplan.planner.job.curves import corner_of, leg_of, link_of, radius_link, settled
 from hdplan.planner.job.following import NotFollowedError
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
+from hdplan.planner.job.stops import with_stops
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve as MotionCurve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.path_spline import PathSpline
 from hdplan.planner.timing.retiming import Retimer
+from hdplan.planner.timing.time_optimal import grid
 from hdplan.planner.timing.tool_limit import Pace, ToolLimit
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.curve_stages import Circle, Curve
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.job import Move, Stage
 from hdplan.scenes.lazy_imports import scipy
@@ -66,12 +69,11 @@ class _Unit:
 
 
 class NotBlendedError(Exception):
-    """Stages that cannot be blended: the number of the first, and why."""
+    """Stages that are not driven as one, and why."""
 
-    def __init__(self, number: int, why: str) -> None:
-        """Take them."""
-        super().__init__(why)
-        self.number = number
+
+INTERRUPTED = "interrupted before that was tried"
+Late = Callable[[], str]  # says why there is no more time; nothing while there is
 
 
 def groups_of(stages: Sequence[Stage]) -> Iterator[range]:
@@ -84,56 +86,89 @@ def groups_of(stages: Sequence[Stage]) -> Iterator[range]:
             first = i + 1
 
 
-def blended(world: World, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces of stages, each planned from rest to rest, with those blended that are to be, as far as all
-    that are driven as one are there; `world` is what there is at first. Raises NotBlendedError, and InputError as
-    `certified_stage`."""
+def blended(world: World, pieces: Sequence[Piece], late: Late) -> tuple[list[Piece], list[str]]:
+    """Return the pieces of stages, each planned from rest to rest, with those blended that are to be; `world` is what
+    there is at first. Where that does not lead to a certificate, takes longer, or time is up, they stop as they were
+    planned, which is said, too. Raises InputError as `certified_stage`."""
     assert world.scene.job is not None
-    found = [*pieces]
-    for group in groups_of(world.scene.job.stages):
-        if len(pieces) <= group[-1]:
-            return found[: group[0]]
-        before = replace(pieces[group[0] - 1].after if group[0] else world, scene=world.scene)
-        found[group[0] : group[-1] + 1] = _as_one(before, group, [pieces[k] for k in group])
-    return found
+    found, notes, names = [*pieces], [], world.scene.job.names
+    scene = with_stops(world.scene, [len(pieces) - 1]) if len(pieces) < len(names) else world.scene
+    open_ = [range(each[0], min(each[-1] + 1, len(pieces))) for each in groups_of(world.scene.job.stages)]
+    while open_:
+        group = open_.pop(0)
+        if len(group) < 2:  # the last one that was planned
+            continue
+        before = replace(pieces[group[0] - 1].after if group[0] else world, scene=scene)
+        try:
+            found[group[0] : group[-1] + 1] = _as_one(before, group, [pieces[k] for k in group], late)
+        except (NotBlendedError, KeyboardInterrupt) as error:
+            if isinstance(error, KeyboardInterrupt):
+                late = functools.partial(str, INTERRUPTED)
+            stop = group[(len(group) - 1) // 2]
+            notes.append(f"{names[stop]}: not blended into '{names[stop + 1]}': {str(error) or INTERRUPTED}")
+            scene = with_stops(scene, [stop])
+            open_[:0] = [range(group[0], stop + 1), range(stop + 1, group[-1] + 1)]
+    return found, notes
 
 
-def _as_one(world: World, group: range, pieces: Sequence[Piece]) -> list[Piece]:
-    """Blend one group of stages."""
+def _as_one(world: World, group: range, pieces: Sequence[Piece], late: Late) -> list[Piece]:
+    """Blend one group of stages. Raises NotBlendedError."""
     assert world.scene.job is not None
-    stages, why = world.scene.job.stages, ""
+    stages, why, rested = world.scene.job.stages, "", sum(piece.motion.duration or 0.0 for piece in pieces)
     starts = [k for k in group if k == group[0] or not _are_curves(stages, k - 1)]
     runs = [range(first, last) for first, last in itertools.pairwise([*starts, group[-1] + 1])]
     worlds = _worlds(world, group, pieces)
+
+    def in_time() -> None:
+        if said := late():
+            raise NotBlendedError(said)
+
     for finer in FINER if len(runs) < len(group) else FINER[:1]:
+        in_time()
         try:
             units = [_unit(worlds, run, pieces, run[0] - group[0], finer) for run in runs]
-            apart, (units, overlaps) = units, _overlapping(worlds, runs, units)
+            apart, (units, overlaps) = units, _overlapping(worlds, runs, units, in_time)
         except UnblendedError as error:
             raise InputError(f"{stage_source(world.scene, error.number)}: blend: {error}") from None
         except InputError:
             raise
         except (NotFollowedError, HdplanError) as error:
-            raise NotBlendedError(group[0], str(error)) from None
-        if overlaps:
-            for motions in _sooner(worlds, group, runs, apart, _added(units, overlaps)[0]):
-                made, wrong = _certified(world, group, motions, pieces)
-                if wrong is None:
-                    return made
-        for share in SHARES if overlaps else SHARES[:1]:
-            driven = _added(units, [share * each for each in overlaps])
-            made, wrong = _certified(world, group, _cut(*driven), pieces)
+            raise NotBlendedError(str(error)) from None
+        coarse = False  # whether finer steps may help
+        for motions in _ways(worlds, group, runs, apart, units, overlaps, in_time):
+            in_time()
+            seconds = sum(motion.duration or 0.0 for motion in motions)
+            if seconds >= rested:
+                why, coarse = why or f"it would take {seconds:.4g} s, and {rested:.4g} s with a stop", True
+                continue
+            made, wrong = _certified(world, group, motions, pieces)
             if wrong is None:
                 return made
-            if share == SHARES[0]:  # shorter overlaps may be too fast besides
-                why = wrong.text
-        if wrong is not None and wrong.status is not Status.OFF_PATH:
+            why, coarse = why or wrong.text, wrong.status is Status.OFF_PATH
+        if not coarse:
             break
-    raise NotBlendedError(group[0], why)
+    raise NotBlendedError(why)
+
+
+def _ways(
+    worlds: Sequence[World],
+    group: range,
+    runs: Sequence[range],
+    apart: Sequence[_Unit],
+    units: Sequence[_Unit],
+    overlaps: Sequence[float],
+    in_time: Callable[[], None],
+) -> Iterator[list[Trajectory]]:
+    """Yield the motions of all stages: where units overlap, first along their sums, timed anew, from units that are not
+    slowed, and then these sums, the longest overlaps first; shorter ones lead to a certificate where these do not."""
+    if overlaps:
+        yield from _sooner(worlds, group, runs, apart, _added(units, overlaps)[0], in_time)
+    for share in SHARES if overlaps else SHARES[:1]:
+        yield _cut(*_added(units, [share * each for each in overlaps]))
 
 
 def _worlds(world: World, group: range, pieces: Sequence[Piece]) -> list[World]:
-    """Return what there is before each stage, curves beginning where the ones before would have ended."""
+    """Return what there is before each stage, curves beginning where the ones before would have late."""
     assert world.scene.job is not None
     found, stages = [], world.scene.job.stages
     for number, piece in zip(group, pieces, strict=True):
@@ -168,7 +203,10 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     robot, driven = stage_setup(world, run[0]).robot, []
     for number, there, stage, piece in zip(run, worlds, stages, pieces, strict=True):
         assert isinstance(stage, Curve)
-        driven.append(Driven(robot, piece.motion, leg_of(there, number)[0], link_of(stage, there)))
+        leg, _ = leg_of(there, number)
+        if isinstance(stage, Circle):
+            leg = Arc(leg.poses, leg.free, leg.speed, leg.acceleration)
+        driven.append(Driven(robot, piece.motion, leg, link_of(stage, there)))
     parts = parts_of(driven, [stage.blend for stage in stages[:-1] if isinstance(stage, Curve)])
     path = Path(robot, driven[0].link, driven[0].leg.free, parts)
     setup = _as_one_motion(world, run)
@@ -176,16 +214,20 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
     ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
+    speeds = np.array([stage.speed for stage in stages])
     rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
-        rows = path.rows(first, last, max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1))
+        number = max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1)
+        rows = path.rows(np.linspace(first, last, number))
         rows = _from_to(
             rows, *(end if at in (0.0, cuts[-1]) else None for end, at in zip(ends, (first, last), strict=True))
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
         limit = ToolLimit(robot, path.link, _paces(path, driven, first, last)) if rated else None
-        paced = retimer if limit is None else retimer.with_limit(limit)
+        paced = (retimer if limit is None else retimer.with_limit(limit)).with_shares(
+            speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
+        )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))
         motion = in_step(timed.trajectory, _rate(world))
         assert motion.times is not None
@@ -193,7 +235,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
             if first <= middle < last:
                 row, fraction = timed.place_of((middle - first) / (last - first))
                 near = float(motion.times[row] + fraction * (motion.times[row + 1] - motion.times[row]))
-                marks.append(begins + _passes(motion, path.row(middle), near))
+                marks.append(begins + _passes(motion, path.rows(np.array([middle]))[0], near))
         motions.append(motion)
         begins += float(motion.times[-1])
     whole = one_after_other(motions)
@@ -218,13 +260,13 @@ def _paces(path: Path, driven: Sequence[Driven], first: float, last: float) -> l
         outer = path.length[max(2 * k - 1, 0)][0], path.length[min(2 * k + 1, len(path.length) - 1)][-1]
         reaches = (middle + BEYOND * (far - middle) for middle, far in zip(middles[k : k + 2], outer, strict=True))
         begin, end = ((reach - first) / (last - first) for reach in reaches)
-        begins = path.row(middles[k]) if middles[k] > first else None
+        begins = path.rows(np.array([middles[k]]))[0] if middles[k] > first else None
         found.append(Pace(each.leg.speed, each.leg.acceleration, (begin, end), begins))
     return found
 
 
 def _overlapping(
-    worlds: Sequence[World], runs: Sequence[range], units: Sequence[_Unit]
+    worlds: Sequence[World], runs: Sequence[range], units: Sequence[_Unit], in_time: Callable[[], None]
 ) -> tuple[list[_Unit], list[float]]:
     """Return units, those of moves maybe slower, and how long each overlaps with the next one [s]: those with which
     all of it takes the least time. Raises HdplanError where the limits leave no room."""
@@ -235,6 +277,7 @@ def _overlapping(
     found: list[tuple[float, list[_Unit], list[float]]] = []
     why = HdplanError("the limits leave no room for the two motions to overlap")
     for slower in SLOWER:
+        in_time()
         tried = [
             _Unit(in_step(slowed(unit.motion, slower), _rate(worlds[0])), unit.marks)
             if isinstance(stages[run[0]], Move)
@@ -258,7 +301,12 @@ def _overlapping(
 
 
 def _sooner(
-    worlds: Sequence[World], group: range, runs: Sequence[range], units: Sequence[_Unit], than: Trajectory
+    worlds: Sequence[World],
+    group: range,
+    runs: Sequence[range],
+    units: Sequence[_Unit],
+    than: Trajectory,
+    in_time: Callable[[], None],
 ) -> Iterator[list[Trajectory]]:
     """Yield the motions of all stages that are driven along the sums of units, as far as these may overlap by their
     radii, timed anew, where that takes less time than a motion does; the quickest first. There are none where tools
@@ -274,7 +322,8 @@ def _sooner(
     except HdplanError:  # motions that are not slowed are within a radius for less than a row
         return
     added = [_added(units, [share * each for each in overlaps]) for share in SHARES[:2]]
-    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added):
+    speeds = np.array([worlds[0].scene.job.stages[k].speed for k in group])
+    for motion, marks in timed_anew(_as_one_motion(worlds[0], group), added, speeds, in_time):
         if motion.times is None or than.duration is None or motion.times[-1] >= than.duration:
             return
         begins, ends = units[0].motion.positions[0], units[-1].motion.positions[-1]
@@ -314,7 +363,7 @@ def _added(units: Sequence[_Unit], overlaps: Sequence[float]) -> tuple[Trajector
 
 
 def _cut(whole: Trajectory, marks: Sequence[float]) -> list[Trajectory]:
-    """Return the motions of all stages, each of which begins as the last one ended."""
+    """Return the motions of all stages, each of which begins as the last one late."""
     rows = []
     for mark in marks:
         whole, row = _with_row(whole, mark)
@@ -341,13 +390,11 @@ def _are_curves(stages: Sequence[Stage], number: int) -> bool:
 
 
 def _as_one_motion(world: World, group: range) -> Setup:
-    """Return the scene in which curves are timed as one, with the least share of the limits that they have."""
-    assert world.scene.job is not None
-    stages = [world.scene.job.stages[k] for k in group]
+    """Return the scene in which stages are timed as one, at the speed that the limits allow."""
     setup, timing = stage_setup(world, group[0]), world.scene.timing or Timing()
-    scaled = Timing(scale=timing.scale * min(stage.speed for stage in stages), rate=timing.rate)
     here = JointTarget("goal", positions=world.start.positions)
-    return setup.changed(goal=here, path=PathConstraints(), timing=scaled)
+    whole = Timing(scale=timing.scale, rate=timing.rate)
+    return setup.changed(goal=here, path=PathConstraints(), timing=whole)
 
 
 def _passes(motion: Trajectory, q: Array, near: float) -> float:

@@ -11,7 +11,7 @@ alone, one that was made while a stage was planned is kept where they are the sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hdplan.planner.job.changes import REACH, after
 from hdplan.planner.job.curves import corner_of, leg_of, radius_link, settled
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, stage_source, standing_scene
+from hdplan.planner.job.stops import notes_on, stopping, with_stops
 from hdplan.planner.job.touching import touched
 from hdplan.planner.job.world import Corner, Rates, World
 from hdplan.planner.motion.curve import Curve
@@ -72,13 +73,13 @@ class Proven:
     stage: StageCertificate
     after: World
 
-    def of(self, world: World, part: Trajectory) -> tuple[StageCertificate, World] | None:
+    def of(self, world: World, number: int, part: Trajectory) -> tuple[StageCertificate, World] | None:
         """Return the same of a stage of a job, at its own times; None where anything that it follows from is not equal
         to the last bit: the scene, what there is before it, and its curve but for the time at which that begins. Nor is
         it the same where torques are limited, as its words say when they are largest."""
         certificate = self.stage.certificate
         timeless = all(use.quantity != "torque" for use in certificate.uses)
-        if not certificate.certified or not timeless or self.before != world:
+        if not certificate.certified or not timeless or not _are_alike(self.before, world, number):
             return None
         robot = load_scene_robot(self.stage.scene)
         with naming(f"stage '{self.stage.name}'"):
@@ -103,7 +104,25 @@ class Proven:
             trajectory=part,
             certificate=replace(certificate, worst=worst, self_worst=self_worst),
         )
-        return later, self.after
+        return later, replace(self.after, scene=world.scene)
+
+
+def _are_alike(one: World, other: World, number: int) -> bool:
+    """True if a stage is the same in two worlds, whatever other stages their jobs have: its curve and its radii depend
+    on those that it is blended with, and, as to how far the chords of arcs may be from these, on those behind them."""
+    jobs = one.scene.job, other.scene.job
+    assert jobs[0] is not None
+    assert jobs[1] is not None
+    (stage, same), (name, named) = ((each.stages[number] for each in jobs), (each.names[number] for each in jobs))
+    alone = one.corner is None and one.rates is None and not getattr(stage, "blend", 0.0)
+    near = slice(number, number + 1) if alone else slice(max(number - 1, 0), number + 3)
+    scenes = ([getattr(each.scene, key.name) for key in fields(Scene) if key.name != "job"] for each in (one, other))
+    return (
+        (stage, name, jobs[0].stages[near]) == (same, named, jobs[1].stages[near])
+        and replace(one, scene=other.scene) == other
+        and next(scenes) == next(scenes)
+        and one.scene.source == other.scene.source
+    )
 
 
 @dataclass(frozen=True)
@@ -113,7 +132,7 @@ class JobCertificate:
     job: str  # the scene's name
     stages: tuple[StageCertificate, ...]  # as far as the motion goes
     missing: tuple[str, ...] = ()  # the stages that the motion does not have
-    seen: tuple[str, ...] = ()  # notes on points of clouds that were left out where the job begins
+    seen: tuple[str, ...] = ()  # notes on all of it: on points of clouds that were left out, and on stops
 
     @property
     def certified(self) -> bool:
@@ -198,10 +217,13 @@ def certified_job(scene: Scene, trajectory: Trajectory, known: Sequence[Proven |
             said = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
             kept = "" if mark.outputs else ": of files only JSON holds outputs"
             raise InputError(f"trajectory: stage '{mark.name}' {said}{kept}")
-    found, seen = [], world.notes
+    stops = stopping(scene, trajectory)
+    seen = (*world.notes, *notes_on(scene, stops))
+    world = replace(world, scene=with_stops(scene, stops)) if stops else world
+    found = []
     for number in range(len(marks)):
         part, before, made = stage_motion(trajectory, number), world, next(iter(known[number:]), None)
-        again = made and made.of(before, part)
+        again = made and made.of(before, number, part)
         stage, world = again or certified_stage(before, number, part)
         found.append(replace(stage, notes=_on_touch(before, number, part)))
     return JobCertificate(scene.name, tuple(found), names[len(marks) :], seen)

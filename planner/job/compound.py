@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from hdplan.planner.job.blends import Blend, Leg, UnblendedError, quintic
-from hdplan.planner.job.following import CORNER, NotFollowedError, brought, lengths_of
+from hdplan.planner.job.following import CORNER, NotFollowedError, Places, lengths_of
 from hdplan.planner.job.places import pose_of
-from hdplan.planner.kinematics.inverse import Aim
+from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.link_frame import frames_of, link_poses
@@ -35,6 +35,22 @@ FEWEST, MOST = 48, 3000  # rows of a whole path
 STANDS = 1e-12  # [rad] or [m]
 
 Way = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Arc(Leg):
+    """An arc of chords, driven as the curve through their ends: a kink between two chords would be jerk."""
+
+    @cached_property
+    def _through(self) -> Way:
+        found: Way = scipy.interpolate.CubicSpline(self.places, self.poses[:, :3, 3])
+        return found
+
+    def at(self, share: Array) -> Array:
+        """Return poses (k, 4, 4) at shares (k,) of the curve."""
+        found = super().at(share)
+        found[:, :3, 3] = self._through(np.clip(share, 0.0, 1.0))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +147,8 @@ class Path:
     at: list[Array] = field(init=False)  # shares of each part
     length: list[Array] = field(init=False)  # of the path up to there
 
+    _shares: list[Way] = field(init=False)  # of each part, by the length
+
     def __post_init__(self) -> None:
         """Measure it."""
         at = [np.union1d(np.linspace(0.0, 1.0, FINE + 1), part.corners) for part in self.parts]
@@ -141,6 +159,7 @@ class Path:
             gone = float(length[-1][-1])
         object.__setattr__(self, "at", at)
         object.__setattr__(self, "length", length)
+        object.__setattr__(self, "_shares", [_by_length(*pair) for pair in zip(at, length, strict=True)])
 
     @property
     def middles(self) -> list[float]:
@@ -165,26 +184,30 @@ class Path:
         sharp = (ways[1:] * ways[:-1]).sum(axis=1) < np.cos(CORNER)
         return [0.0, *length[moving[1:][sharp]].tolist(), float(length[-1])]
 
-    @cached_property
-    def _aim(self) -> Aim:
-        return Aim.at(self.robot, self._target(self.parts[0], np.zeros(1)))
+    def rows(self, lengths: Array) -> Array:
+        """Return configurations (N, n) at lengths (N,) of it, in order. All take the same steps to their poses: what
+        neighbours of different steps are off would be jerk between them. Raises NotFollowedError."""
+        ends = np.array([each[-1] for each in self.length[:-1]])
+        number = np.searchsorted(ends, lengths)
+        near, poses = [], []
+        for k in np.unique(number).tolist():
+            shares = np.clip(self._shares[k](lengths[number == k]), 0.0, 1.0)
+            near.append(self.parts[k].way(shares))
+            poses.append(self.parts[k].poses(shares))
+        places, robot = np.concatenate(poses), self.robot
+        link = LinkPose.of(robot, PoseTarget(self.link, pose_of(places[0]), free_rotation=self.free))
+        curve = Places(link, places, np.ones(robot.n), robot.lower, robot.upper)
+        rows = curve.back(np.concatenate(near))
+        if not (reached := curve.reached(rows)).all():
+            share = float(lengths[int((~reached).argmax())]) / self.cuts[-1]
+            raise NotFollowedError(f"{self.link} cannot be brought along its blended curve beyond {share:.0%} of it")
+        return rows
 
-    def _target(self, part: Part, share: Array) -> PoseTarget:
-        """Return the pose of the link at a share (1,) of a part."""
-        return PoseTarget(self.link, pose_of(part.poses(share)[0]), free_rotation=self.free)
 
-    def rows(self, first: float, last: float, count: int) -> Array:
-        """Return configurations (count, n) evenly between two lengths of it. Raises NotFollowedError."""
-        return np.array([self.row(length) for length in np.linspace(first, last, count).tolist()])
-
-    def row(self, length: float) -> Array:
-        """Return the configuration (n,) at a length. Raises NotFollowedError."""
-        number = next((k for k, each in enumerate(self.length) if length <= each[-1]), len(self.parts) - 1)
-        part = self.parts[number]
-        share = np.array([np.interp(length, self.length[number], self.at[number])])
-        (q,) = part.way(share)
-        aim = self._aim.elsewhere(self._target(part, share))
-        reached = brought(self.robot, aim, np.clip(q, self.robot.lower, self.robot.upper))
-        if isinstance(reached, str):
-            raise NotFollowedError(f"{self.link} cannot follow its blended curve: {reached}")
-        return reached
+def _by_length(at: Array, length: Array) -> Way:
+    """Return the shares of a part by the length of the path: a spline, as kinks between few lengths would be jerk."""
+    even = np.searchsorted(at, np.linspace(0.0, 1.0, FINE + 1))
+    if not (np.diff(length[even]) > STANDS).all():
+        return lambda wanted: np.asarray(np.interp(wanted, length, at))
+    found: Way = scipy.interpolate.CubicSpline(length[even], at[even])
+    return found

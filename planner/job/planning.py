@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from hdplan.planner.job.blending import NotBlendedError, blended
+from hdplan.planner.job.blending import INTERRUPTED, blended
 from hdplan.planner.job.certify import certified_job
 from hdplan.planner.job.choices import Search
 from hdplan.planner.job.curves import turns_with_tool
@@ -73,20 +73,21 @@ def plan_job(
     if not pieces:
         raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}){_last(search, 0)}", "stage_failed")
     failure = "" if len(pieces) == len(names) else _failure(search, names, len(pieces), interrupted)
-    try:
-        pieces = blended(first, pieces)
-    except NotBlendedError as error:
-        pieces = pieces[: error.number]
-        failure = f"stage '{names[error.number]}': cannot be blended into the next one: {error}"
-    if not pieces:
-        raise UnsolvableError(f"{scene.source}: job[0] ({names[0]}): {failure}", "stage_failed")
+
+    def late() -> str:
+        """Say why no more stages are blended, if so."""
+        if interrupted or stop():
+            return INTERRUPTED
+        return f"the time limit of {time_limit:g} s passed before that was tried" if search.over() else ""
+
+    pieces, unblended = blended(first, pieces, late)
     trajectory = joined(pieces, scene.job)
     certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
     said = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,
     )
-    notes = tuple(dict.fromkeys((*scene.notes, *said, *refused)))
+    notes = tuple(dict.fromkeys((*scene.notes, *said, *unblended, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 
 

@@ -35,7 +35,7 @@ from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import MARGIN, RateLimit, TimingLimit, timing_limits
 from hdplan.planner.timing.path_spline import PathSpline, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
-from hdplan.planner.timing.time_optimal import OnGrid, time_optimal
+from hdplan.planner.timing.time_optimal import GRID, OnGrid, time_optimal
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
@@ -91,6 +91,7 @@ class Retimer:
         self.rates = setup.limits
         self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
         self.rate = self.timing.rate
+        self.shares = np.ones(GRID + 1)  # of the speed, along a path
         self.ends: MovingEnds | None = None
         if setup.moving_ends:
             from hdplan.planner.timing.moving_ends import MovingEnds
@@ -102,6 +103,13 @@ class Retimer:
         """Return the same with one more limit."""
         found = copy.copy(self)
         found.limits = (*self.limits, limit)
+        return found
+
+    def with_shares(self, shares: Array) -> Retimer:
+        """Return the same for paths that are driven at shares of the speed (points,) at the points of `grid`:
+        accelerations are less by their squares there, as in a motion that is slowed."""
+        found = copy.copy(self)
+        found.shares = shares
         return found
 
     def standing(self, query: Query) -> Query:
@@ -338,8 +346,9 @@ class Retimer:
     def _time_optimal(self, spline: PathSpline) -> Stepwise:
         """Return the fastest law within the limits that it knows."""
         path = OnGrid.of(spline)
-        asked = [limit.rows(path) for limit in self.limits]
-        return time_optimal([rows for rows in asked if rows is not None])
+        asked = [rows for limit in self.limits if (rows := limit.rows(path)) is not None]
+        squares = self.shares[:, None] ** 2  # a ü + b u̇² ≤ s² c: u̇/s and ü/s² keep the limit
+        return time_optimal([rows._replace(c=squares * rows.c) for rows in asked])
 
     def _check_rows(self, duration: float, rows: float = 0.0) -> None:
         """Refuse a motion with more rows than are allowed, those that the rate asks for or more, before computing

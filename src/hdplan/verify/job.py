@@ -12,7 +12,7 @@ import itertools
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +69,8 @@ class Job(Hands):
         self.stages, self.rows = stages, reader.rows
         self.corner: Corner | None = None  # of the stage before, if that is blended into this one
         self.marks = self.marks_of(reader.rows)
+        ends = zip(stages, self.marks[1:], strict=True)
+        self.stages = [replace(x, blend=0.0, stops=True) if x.blend and self.rows.rests(row) else x for x, row in ends]
 
     def marks_of(self, rows: Rows) -> list[int]:
         """The rows at which the stages begin, and the last row."""
@@ -153,6 +155,7 @@ class Job(Hands):
         world = reader.world()
         touch = ", ".join("-".join(map(named, pair)) for pair in stage.touch) or "nothing"
         into = f"; goes over into the next within {stage.blend:g} m" if stage.blend else ""
+        into += "; stops, where the job blends it into the next" * stage.stops
         about = f"holds {', '.join(map(named, self.held)) or 'nothing'}; may touch, beside what it holds: {touch}{into}"
         name = f"stage {named(stage.name)}{', the arm that stands still' * arm}"
         read = reader.reading(world)

@@ -59,6 +59,11 @@ class Rows:
         at, *rates = self.given
         return bool((at != at[0]).any() or any(x.any() for x in rates))
 
+    def rests(self, row: int) -> bool:
+        """True if nothing moves at a row, and nothing speeds up: both have to be given."""
+        rates = self.given[1:]
+        return len(rates) == 2 and not any(x[row].any() for x in rates)
+
     def at(self, name: str, row: int) -> float:
         """The value of a joint at a row."""
         need(name in self.names, f"{self.path}: has no column of joint '{name}'")

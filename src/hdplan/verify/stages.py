@@ -40,6 +40,7 @@ class Stage:
     touch: list[tuple[str, str]]
     beside: dict[str, Any]  # what else it has
     blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
+    stops: bool = False  # whether the motion rests at its end, where it would have had a blend
 
     @property
     def fingers(self) -> bool:

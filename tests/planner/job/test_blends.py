@@ -3,6 +3,7 @@ simulation of its own; everything stays within its radius, and within the limits
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hdplan
+from hdplan.planner.job import blending
 from hdplan.planner.job.proof import prove_certified
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import StageMark
@@ -188,7 +190,15 @@ def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) ->
         marks = (motion.stages[0], StageMark("arc", motion.stages[1].row + by))
         assert not hdplan.certify_job(scene, replace(motion, stages=marks)).certified
     rested = hdplan.plan_job(job_of(replace(stages[0], blend=0.0), stages[1])).trajectory
-    assert not hdplan.certify_job(scene, rested).certified
+    stopped = hdplan.certify_job(scene, rested)  # as one that stops, and says so
+    assert stopped.certified
+    assert "each from rest to rest" in stopped.text
+    assert any("line: stops at its end" in note for note in stopped.notes)
+    assert rested.velocities is not None
+    for row in (stages_end := rested.stages[1].row, stages_end - 1):
+        creeps, marks = rested.velocities.copy(), (rested.stages[0], StageMark("arc", row))
+        creeps[stages_end] += 1e-9 * (row == stages_end)
+        assert not hdplan.certify_job(scene, replace(rested, velocities=creeps, stages=marks)).certified
 
 
 def test_moves_blend_within_the_radius() -> None:
@@ -278,6 +288,94 @@ def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -
     for share in (0.9, 1.2):
         asked = replace(scene, planner=hdplan.PlannerSettings(clearance=share * found.clearance))
         assert hdplan.certify_job(asked, motion).certified is (share < 1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_slow_stage_makes_no_job_slower_than_with_stops(seed: int) -> None:
+    """It is slow itself, and nothing else is; finer steps make no motion slower."""
+    rng = np.random.default_rng(seed)
+    line = hdplan.Line(by=[0.05, 0.12, 0.0], link=TOOL, blend=0.03, speed=1.0)
+    round_ = hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], link=TOOL, blend=0.03)
+    stages = [line, round_, hdplan.Line(by=[0.1, -0.05, 0.0], link=TOOL)]
+    slow = int(rng.integers(3))
+    speed = float(rng.choice([0.2, 0.4]))
+    stages[slow] = replace(stages[slow], speed=speed)
+    result = hdplan.plan_job(job_of(*stages))
+    rested = hdplan.plan_job(job_of(*(replace(stage, blend=0.0) for stage in stages)))
+    assert result.certified, result.text
+    assert "2 of them blended" in result.text
+    assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
+    motion, most = result.trajectory, hdplan.load_robot("panda").model.velocityLimit[:7]
+    rows = [*(mark.row for mark in motion.stages), len(motion) - 1]
+    assert motion.velocities is not None
+    for k in range(3):  # but for where it goes over into another
+        inner = slice(rows[k] + (rows[k + 1] - rows[k]) // 4, rows[k + 1] - (rows[k + 1] - rows[k]) // 4)
+        shares = np.abs(motion.velocities[inner, :7]) / most
+        assert shares.max() <= (speed if k == slow else 1.0) * (1.0 + 1e-6)
+
+
+def test_finer_steps_make_no_slower_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line into an arc: kinks between chords, and between steps to poses, were jerk; it took four times as long."""
+    fine = {"link": TOOL, "position_tolerance": 1e-3}
+    line = hdplan.Line(by=[0.1, 0.02, -0.05], blend=0.03, **fine)  # type: ignore[arg-type]
+    stages = [line, hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], **fine)]  # type: ignore[arg-type]
+    took = []
+    for finer in (1, 4, 12):
+        monkeypatch.setattr("hdplan.planner.job.blending.FINER", (finer,))
+        result = hdplan.plan_job(job_of(*stages))
+        assert "1 of them blended" in result.text
+        took.append(result.trajectory.duration)
+    assert max(took) <= 1.05 * min(took)  # type: ignore[operator, type-var]
+
+
+def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
+    """Almost back along the same line: the curve of such a blend is a cusp. What is driven is certified, proven, and
+    says that it stops."""
+    there = hdplan.Line(by=[0.0, 0.1, 0.0], name="there", blend=0.02, **FINE)
+    scene = job_of(there, hdplan.Line(by=[0.0, -0.1, 0.002], name="back", **FINE))
+    result = hdplan.plan_job(scene)
+    assert result.certified
+    assert "each from rest to rest" in result.text
+    said = [note for note in result.notes if note.startswith("there: ")]
+    assert any("stops at its end, where the job blends it into 'back'" in note for note in said)
+    assert any("not blended into 'back': it would take" in note for note in said)
+    assert hdplan.certify_job(scene, result.trajectory).text == result.text
+    scene.save(tmp_path / "scene.yaml")
+    result.save(tmp_path / "job.json")
+    proof = prove_certified(result.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    assert proof.text.startswith("accepted: a job of 2 stages")
+    assert "stops, where the job blends it into the next" in proof.text
+    said = json.loads((tmp_path / "job.json").read_text())
+    row = said["stages"][1]["row"]
+    for mark, creeps in ((row, 1e-9), (row - 1, 0.0), (row + 1, 0.0)):
+        said["stages"][1]["row"], said["velocities"][row][0] = mark, creeps
+        (tmp_path / "job.json").write_text(json.dumps(said))
+        with pytest.raises(RejectedError):
+            check_job(tmp_path / "scene.yaml", tmp_path / "job.json", proof.data)
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_what_ends_while_stages_are_blended_leaves_stops(monkeypatch: pytest.MonkeyPatch, pressed: bool) -> None:
+    """Ctrl-C in the first group of stages, or an end asked for there: what was planned is kept, and certified."""
+    begun: list[int] = []
+
+    def begin(*given: Any, **more: Any) -> Any:
+        begun.append(1)
+        if pressed:
+            raise KeyboardInterrupt
+        return worlds(*given, **more)
+
+    worlds = blending._worlds
+    monkeypatch.setattr(blending, "_worlds", begin)
+    lines = [hdplan.Line(by=by, blend=0.02 * (k % 2 == 0), link=TOOL) for k, by in enumerate(
+        ([0.0, 0.08, 0.0], [0.08, 0.0, 0.0], [0.0, 0.0, -0.08], [-0.08, 0.0, 0.0])
+    )]  # fmt: skip
+    result = hdplan.plan_job(job_of(*lines), stop=lambda: bool(begun))
+    assert result.certified
+    assert not result.failure
+    left = [note for note in result.notes if "not blended" in note]
+    assert [note.partition(":")[0] for note in left] == ["line 0", "line 2"]
+    assert all("interrupted before that was tried" in note for note in left)
 
 
 def test_moves_to_several_goals_blend_into_moves() -> None:
