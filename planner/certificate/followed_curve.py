@@ -25,6 +25,8 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.certificate import places_loop
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
 from hdplan.planner.motion.curve import Curve, Index
@@ -102,16 +104,27 @@ class PoseCurve:
             found[-1] = last
             return np.asarray(np.minimum(found, last))
         far, angle = self.tolerances
-        ahead = self.ahead
-        way = np.diff(ahead)
         turned = _lengths(turn_vectors(rotations[:-1], rotations[1:], self.axis))
         moved = np.hypot(_lengths(np.diff(origins, axis=0)) / far, turned / angle)
-        found, final, gone = (
-            np.full(len(origins), first),
-            len(self.steps) - 1,
-            float(np.interp(first, np.arange(len(ahead)), ahead)),
-        )
-        for k in range(1, len(origins) - 1):
+        if loops := library():
+            how = LOOK_AHEAD, CATCH_UP, SOONER
+            found = places_loop.places(loops, self._record, how, rotations, origins, moved, first)
+        else:
+            found = self._places(rotations, origins, moved, first)
+        found[-1] = last
+        return np.asarray(np.minimum(found, last))
+
+    @cached_property
+    def _record(self) -> Record:
+        """For the loop in C."""
+        return places_loop.pose_curve(self, PARALLEL)
+
+    def _places(self, rotations: Array, origins: Array, moved: Array, first: float) -> Array:
+        """Return the places (k,) at which a link is that moves on by this much (k − 1,), in tolerances."""
+        far, angle = self.tolerances
+        ahead, way = self.ahead, np.diff(self.ahead)
+        found, final, gone = np.full(len(origins), first), len(self.steps) - 1, float(self.way_to(np.array([first]))[0])
+        for k in range(1, len(origins)):
             begin = min(int(found[k - 1]), final)
             end = int(np.searchsorted(ahead, gone + LOOK_AHEAD * moved[k - 1] + CATCH_UP))
             near = np.arange(begin, min(max(end, begin + 1), final + 1))
@@ -126,8 +139,7 @@ class PoseCurve:
                 best += 1
             found[k] = max(found[k - 1], near[best] + share[best])
             gone = ahead[near[best]] + share[best] * way[near[best]]
-        found[-1] = last
-        return np.asarray(np.minimum(found, last))
+        return found
 
     def _shares(self, rotations: Array, origins: Array) -> Array:
         """Return the shares (k,) of the first step that are nearest to rotations and origins of the link."""
