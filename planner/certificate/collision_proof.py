@@ -280,7 +280,7 @@ class _Run:
         for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
             node = int(items.node[i])
             if clear[node]:
-                values[i] = self._surface(nodes, node, int(items.pair[i]))
+                values[i] = self._surface(nodes, node, int(items.pair[i]), max(kept[i], 0.0) + less[i])
                 clear[node] = not close(values)[i]
         return clear
 
@@ -516,9 +516,10 @@ class _Run:
         interval = np.minimum(rows, len(self.curve) - 2)
         return self._place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
 
-    def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
+    def _surface(self, nodes: Intervals, node: int, pair: int, within: float = np.inf) -> float:
+        """Return the distance of two bodies; one larger than `within` [m] need not be exact."""
         self.exact_calls += 1
-        return distance(*self._posed(nodes, node, pair))
+        return distance(*self._posed(nodes, node, pair), within)
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)

@@ -4,7 +4,7 @@ Between two poses of the curve the origin moves straight, and the link turns abo
 motion follows it if there is a place u(t) on the curve for every instant, from the first pose at the beginning to the
 last at the end, that never goes back and at which the link is within the tolerances. Where it comes from elsewhere, or
 leaves, it does so within a radius around the curve's end, and all of the curve that it leaves out lies within that. Any
-such u is a proof; the one here is the nearest place at `NODES` of every interval between rows, ahead of the last one,
+such u is a proof; the one here is the nearest place at some nodes of every interval between rows, ahead of the last one,
 and even along the curve between these.
 
 Parts of the motion are cut where u passes a pose, so that on each, with t = t_m + s h, |s| ≤ 1, origin and rotation of
@@ -36,7 +36,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 
-NODES = 4  # of an interval between two rows, at which the nearest place is looked for
+NODES = (1, 4)  # of an interval between two rows, at which the nearest place is looked for: more where few prove nothing
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 SOONER = (
@@ -224,17 +224,17 @@ class Followed:
     after: Array  # (j,) nodes from the last of these on
 
     @classmethod
-    def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain) -> Followed:
-        """Look for the places."""
+    def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain, nodes: int) -> Followed:
+        """Look for the places at so many nodes of every interval."""
         count = len(motion) - 1
-        interval, fraction = np.repeat(np.arange(count), NODES), np.tile(np.arange(NODES) / NODES, count)
+        interval, fraction = np.repeat(np.arange(count), nodes), np.tile(np.arange(nodes) / nodes, count)
         interval, fraction = np.append(interval, count - 1), np.append(fraction, 1.0)
         rotations, origins = curve.poses(*chain.frames(robot.pin_q(motion.at(interval, fraction))))
         first, last, begins, ends = curve.on_it(rotations, origins)
-        nodes, on = interval + fraction, slice(first, last + 1)
+        at, on = interval + fraction, slice(first, last + 1)
         places = curve.places(rotations[on], origins[on], begins, ends)
-        around = nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :]
-        return cls(curve, nodes[on], places, *around)
+        around = at[: max(first, 1) + 1], at[min(last, len(at) - 2) :]
+        return cls(curve, at[on], places, *around)
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:

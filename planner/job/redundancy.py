@@ -113,9 +113,10 @@ class Layers:
         """Weigh the configurations and the steps between them."""
         robot = self.robot
         self._circles = robot.turning & ~robot.followed & ~(robot.upper - robot.lower < TURN)
-        middle, half = 0.5 * (robot.lower + robot.upper), 0.5 * (robot.upper - robot.lower)
-        bounded = np.isfinite(half)
-        shares = [np.abs(rows[:, bounded] - middle[bounded]) / half[bounded] for rows in self.configurations]
+        bounded = np.isfinite(robot.upper - robot.lower)
+        low, high = robot.lower[bounded], robot.upper[bounded]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        shares = [np.abs(rows[:, bounded] - middle) / half for rows in self.configurations]
         self._weights = [LIMITS * (share**STEEP).sum(axis=1) for share in shares]
         self._own = [each.copy() for each in self._weights]
         self._steps = [self._between(*pair) for pair in itertools.pairwise(self.configurations)]
@@ -125,15 +126,21 @@ class Layers:
 
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
-        cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
-        for joint, quick in enumerate(self.quick.tolist()):
-            step = np.subtract.outer(rows[:, joint], last[:, joint])
-            if self._circles[joint]:
-                step -= TURN * np.round(step / TURN)
-            far |= np.abs(step) > STEP
-            cost += (step / quick) ** 2
-        cost[far] = np.inf
+        cost = np.full((len(rows), len(last)), np.inf)
+        first, *others = np.argsort(-np.ptp(rows, axis=0)).tolist()  # the one that leaves the fewest
+        step = self._short(first, np.subtract.outer(rows[:, first], last[:, first]))
+        to, at = np.nonzero(np.abs(step) <= STEP)
+        total = (step[to, at] / self.quick[first]) ** 2
+        for joint in others:
+            step = self._short(joint, rows[to, joint] - last[at, joint])
+            near = np.abs(step) <= STEP
+            to, at, total = to[near], at[near], total[near] + (step[near] / self.quick[joint]) ** 2
+        cost[to, at] = total
         return cost
+
+    def _short(self, joint: int, step: Array) -> Array:
+        """Return steps of a joint as it makes them: the short way, where whole turns do not matter."""
+        return step - TURN * np.round(step / TURN) if self._circles[joint] else step
 
     def cheapest(self) -> list[int] | None:
         """Return which configuration of each layer the cheapest way takes; None if no way leads through."""
