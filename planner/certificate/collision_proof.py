@@ -260,21 +260,23 @@ class _Run:
         clear = np.ones(len(nodes.interval), dtype=bool)
         clear[[node for node, _ in self.containment.found(nodes)]] = False
         items = Items.all(len(clear), np.arange(len(self.pairs.a)))
-        bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[(bound <= floor.max(initial=0.0) + ROUNDING) & clear[items.node]]
+        bound, normal = self.bounds.by_ball(nodes, items)
+        near = (bound <= floor[items.pair] + ROUNDING) & clear[items.node]
+        items, normal = items[near], normal[near]
+        _, bound, _ = self.bounds.by_plane(nodes, items, normal)
+        items = items[bound <= floor[items.pair] + ROUNDING]
         if not len(items):
             return clear
         hollow = self.hollow[items.pair]
         values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
-        clear[items.node[deep & ~hollow]] = False
-        still = clear[items.node]
-        items, values, deep, hollow = items[still], values[still], deep[still], hollow[still]
-        values[~deep], *_ = self._exact(nodes, items[~deep])
         less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
         def close(apart: Array) -> Mask:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
 
+        clear[items.node[deep & ~hollow]] = False
+        rows = np.flatnonzero(close(values - ROUNDING) & ~deep & clear[items.node])  # by their first directions
+        values[rows], *_ = self._exact(nodes, items[rows])
         doubtful = close(values)
         clear[items.node[doubtful & ~hollow]] = False
         for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
