@@ -14,12 +14,13 @@ stays free.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
+from hdplan.planner.job.places import poses_of
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
@@ -69,7 +70,7 @@ def ways_along(
     one gets, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
-    found = _configurations(robot, start, follow, poses[::2], np.random.default_rng(seed), finer)
+    found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer)
     pace = quick / quick.max()
     layers = Layers(robot, found, pace)
     places = Places.of(robot, follow, poses, pace, low, high)
@@ -234,7 +235,7 @@ class Layers:
 
 
 def _configurations(
-    robot: Robot, start: Array | None, follow: Follow, poses: list[Pose], rng: np.random.Generator, finer: int
+    robot: Robot, start: Array | None, follow: Follow, poses: Sequence[Pose], rng: np.random.Generator, finer: int
 ) -> list[Array]:
     """Return configurations of places along a curve. Raises NotFollowedError where one has none."""
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
@@ -333,7 +334,7 @@ def _shortening(places: Places, way: Array, held: Mask) -> Array:
 def _refined(between: Places, follow: Follow, way: Array, fixed: bool, free: Free) -> Array:
     """Return a way with configurations between its own, evened too, where they are free then."""
     for _ in range(REFINED):
-        places = replace(between, poses=np.array([pose.matrix for pose in spread(follow, 2 * len(way) - 1)]))
+        places = replace(between, poses=spread(follow, 2 * len(way) - 1))
         finer, held = np.repeat(way, 2, axis=0)[:-1], np.zeros(2 * len(way) - 1, dtype=bool)
         finer[1::2] = 0.5 * (way[:-1] + way[1:])
         held[0] = fixed
