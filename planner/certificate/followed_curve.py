@@ -36,7 +36,10 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 
-NODES = (1, 4)  # of an interval between two rows, at which the nearest place is looked for: more where few prove nothing
+NODES = (
+    1,
+    4,
+)  # of an interval between two rows, at which the nearest place is looked for: more where few prove nothing
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 SOONER = (

@@ -24,7 +24,7 @@ from hdplan.planner.job.places import poses_of
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
@@ -128,16 +128,25 @@ class Layers:
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
         cost = np.full((len(rows), len(last)), np.inf)
-        first, *others = np.argsort(-np.ptp(rows, axis=0)).tolist()  # the one that leaves the fewest
-        step = self._short(first, np.subtract.outer(rows[:, first], last[:, first]))
-        to, at = np.nonzero(np.abs(step) <= STEP)
-        total = (step[to, at] / self.quick[first]) ** 2
+        first, *others = np.argsort(np.where(self._circles, 0.0, -np.ptp(rows, axis=0))).tolist()
+        to, at = self._close(first, last[:, first], rows[:, first])
+        total = (self._short(first, rows[to, first] - last[at, first]) / self.quick[first]) ** 2
         for joint in others:
             step = self._short(joint, rows[to, joint] - last[at, joint])
             near = np.abs(step) <= STEP
             to, at, total = to[near], at[near], total[near] + (step[near] / self.quick[joint]) ** 2
         cost[to, at] = total
         return cost
+
+    def _close(self, joint: int, last: Array, values: Array) -> tuple[Rows, Rows]:
+        """Return which of some values (l,) of a joint, and which of the last ones (k,), are a step apart."""
+        if self._circles[joint]:
+            to, at = np.nonzero(np.abs(self._short(joint, np.subtract.outer(values, last))) <= STEP)
+            return to, at
+        order = np.argsort(last)
+        begin, end = (np.searchsorted(last[order], values + far) for far in (-STEP, STEP))
+        to = np.repeat(np.arange(len(values)), end - begin)
+        return to, order[np.arange(len(to)) - np.repeat(np.cumsum(end - begin) - end, end - begin)]
 
     def _short(self, joint: int, step: Array) -> Array:
         """Return steps of a joint as it makes them: the short way, where whole turns do not matter."""
@@ -287,7 +296,17 @@ def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
 
 def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
     """Return a way (layers, n) on which joints make smaller steps, free where it was looked at. Configurations that
-    would not be free any more stay where they are."""
+    would not be free any more stay where they are; mostly all are, and it is enough to look at last."""
+    boldly = _with_smaller_steps(between, way, fixed, lambda rows: np.ones(len(rows), dtype=bool))
+    if free(boldly).all() and not _wrong_between(between, boldly, free).any():
+        return boldly
+    return _with_smaller_steps(
+        between, way, fixed, lambda rows: free(rows) & ~_beside(_wrong_between(between, rows, free))
+    )
+
+
+def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable[[Array], Mask]) -> Array:
+    """Return a way whose configurations all are `kept`, or as they were."""
     places = between.every(slice(0, None, 2))
     held = np.zeros(len(way), dtype=bool)
     held[0] = fixed
@@ -295,10 +314,7 @@ def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
         step = _shortening(places, way, held)
         moved = way + min(1.0, STEP / max(np.abs(step).max(), 1e-12)) * step
         moved[~held] = places.back(moved, BACK)[~held]
-        wrong = ~places.reached(moved) | ~free(moved)
-        far = np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP
-        far |= _wrong_between(between, moved, free)
-        wrong |= np.append(far, False) | np.append(False, far)
+        wrong = ~places.reached(moved) | ~kept(moved) | _beside(np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP)
         if (wrong & ~held).any():
             held |= wrong
             continue
@@ -306,6 +322,11 @@ def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
         if done:
             break
     return way
+
+
+def _beside(steps: Mask) -> Mask:
+    """True (layers,) at both ends of some of the steps (layers − 1,)."""
+    return np.append(steps, False) | np.append(False, steps)
 
 
 def _shortening(places: Places, way: Array, held: Mask) -> Array:
