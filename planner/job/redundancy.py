@@ -19,12 +19,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.job import layers_loop
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
+from hdplan.planner.job.layers_loop import TURN
 from hdplan.planner.job.places import poses_of
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.poses import Pose
@@ -48,7 +51,6 @@ EVEN = 1e-2  # [rad] or [m] below which a round of it ends
 DAMPED = 1e-3  # of evening
 REFINED, EVENED = 2, 2  # times that configurations are put in between at last, and evened each time
 LOOKS = 300  # ways that are looked at, at most
-TURN = 2.0 * np.pi
 
 Free = Callable[[Array], Mask]
 """True (B,) where configurations (B, n) are free."""
@@ -127,30 +129,17 @@ class Layers:
 
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
-        cost = np.full((len(rows), len(last)), np.inf)
-        first, *others = np.argsort(np.where(self._circles, 0.0, -np.ptp(rows, axis=0))).tolist()
-        to, at = self._close(first, last[:, first], rows[:, first])
-        total = (self._short(first, rows[to, first] - last[at, first]) / self.quick[first]) ** 2
-        for joint in others:
-            step = self._short(joint, rows[to, joint] - last[at, joint])
-            near = np.abs(step) <= STEP
-            to, at, total = to[near], at[near], total[near] + (step[near] / self.quick[joint]) ** 2
-        cost[to, at] = total
+        if loops := library():
+            return layers_loop.steps_between(loops, last, rows, self.quick, self._circles, STEP)
+        cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
+        for joint, quick in enumerate(self.quick.tolist()):
+            step = np.subtract.outer(rows[:, joint], last[:, joint])
+            if self._circles[joint]:
+                step -= TURN * np.round(step / TURN)
+            far |= np.abs(step) > STEP
+            cost += (step / quick) ** 2
+        cost[far] = np.inf
         return cost
-
-    def _close(self, joint: int, last: Array, values: Array) -> tuple[Rows, Rows]:
-        """Return which of some values (l,) of a joint, and which of the last ones (k,), are a step apart."""
-        if self._circles[joint]:
-            to, at = np.nonzero(np.abs(self._short(joint, np.subtract.outer(values, last))) <= STEP)
-            return to, at
-        order = np.argsort(last)
-        begin, end = (np.searchsorted(last[order], values + far) for far in (-STEP, STEP))
-        to = np.repeat(np.arange(len(values)), end - begin)
-        return to, order[np.arange(len(to)) - np.repeat(np.cumsum(end - begin) - end, end - begin)]
-
-    def _short(self, joint: int, step: Array) -> Array:
-        """Return steps of a joint as it makes them: the short way, where whole turns do not matter."""
-        return step - TURN * np.round(step / TURN) if self._circles[joint] else step
 
     def cheapest(self) -> list[int] | None:
         """Return which configuration of each layer the cheapest way takes; None if no way leads through."""

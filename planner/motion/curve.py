@@ -136,8 +136,9 @@ class Curve:
         rows = np.linspace(0.0, 1.0, len(self))
         return np.asarray(np.interp(np.asarray(parameter), rows, rows if self.times is None else self.times))
 
+    @cached_property
     def derivative(self) -> Curve:
-        """Return the time derivative: velocities of positions, accelerations of velocities.
+        """The time derivative: velocities of positions, accelerations of velocities.
 
         What the rows say it has to the bit, and no control point takes more rounding than they do: a rounding e of a
         position makes a jerk of 60 e/h³ between rows h apart, and would make the acceleration jump.
@@ -160,7 +161,7 @@ class Curve:
 
     def over_time(self, order: int) -> Curve:
         """Return the time derivative of that order."""
-        return self if order == 0 else self.derivative().over_time(order - 1)
+        return self if order == 0 else self.derivative.over_time(order - 1)
 
     def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
         """Return midpoint, slope and deviation on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
