@@ -2,7 +2,8 @@
 
 A curve and pairs of bodies → a proven lower bound, the closest place found, and every place where the proof fails.
 Each pair on each interval between waypoints is bounded, the most critical first, by ever tighter bounds
-(`interval_bounds`); an interval whose bound does not suffice is halved.
+(`interval_bounds`); an interval whose bound does not suffice is halved. Of long motions several intervals at a time are
+bounded first.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never 
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
+ROOTS = 128  # parts, at least, in which a motion is bounded first: of a longer one these are several intervals each
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 BATCH_FACTOR = 8  # times as many pairs at once where groups of bodies settle most of their items
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
@@ -177,8 +179,8 @@ class _Run:
     def _prove_all(self) -> None:
         """Prove the pairs in the order of how close they come, as bounded by a ball around the whole motion: the far
         ones are settled as soon as it is known how close the closest come."""
-        count = len(self.curve) - 1
-        roots = self._place(np.arange(count), np.zeros(count), np.ones(count))
+        roots = self._roots()
+        count = len(roots.interval)
         far = self.bounds.over_all(roots)  # (P,)
         order, size = np.argsort(far, kind="stable"), max(MOST_ITEMS // count, 1)
         grouped, first = self.bounds.by_groups(roots), 0
@@ -199,6 +201,16 @@ class _Run:
                     return
                 if items:
                     nodes, items = self._halve(nodes, items)
+
+    def _roots(self) -> Intervals:
+        """Return the parts of the motion to begin with: all of its intervals, or several of a long one each, where
+        nothing depends on time."""
+        intervals, width = len(self.curve) - 1, 1
+        if self.bodies.sizes is None and not self.bodies.drifting.any():
+            while intervals >= 2 * ROOTS * width:
+                width *= 2
+        first = np.minimum(np.arange(0, intervals, width), intervals - width)
+        return self._place(first, np.zeros(len(first)), np.full(len(first), float(width)))
 
     def _left(self, count: int, pairs: Index, grouped: tuple[Array, Index] | None) -> Items:
         """Return the pairs on all intervals, without those that the balls around groups settle."""
@@ -248,27 +260,29 @@ class _Run:
         clear = np.ones(len(nodes.interval), dtype=bool)
         clear[[node for node, _ in self.containment.found(nodes)]] = False
         items = Items.all(len(clear), np.arange(len(self.pairs.a)))
-        bound, _ = self.bounds.by_ball(nodes, items)
-        items = items[(bound <= floor.max(initial=0.0) + ROUNDING) & clear[items.node]]
+        bound, normal = self.bounds.by_ball(nodes, items)
+        near = (bound <= floor[items.pair] + ROUNDING) & clear[items.node]
+        items, normal = items[near], normal[near]
+        _, bound, _ = self.bounds.by_plane(nodes, items, normal)
+        items = items[bound <= floor[items.pair] + ROUNDING]
         if not len(items):
             return clear
         hollow = self.hollow[items.pair]
         values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
-        clear[items.node[deep & ~hollow]] = False
-        still = clear[items.node]
-        items, values, deep, hollow = items[still], values[still], deep[still], hollow[still]
-        values[~deep], *_ = self._exact(nodes, items[~deep])
         less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
         def close(apart: Array) -> Mask:
             return np.asarray((apart - less <= 0.0) | (apart - less < kept))
 
+        clear[items.node[deep & ~hollow]] = False
+        rows = np.flatnonzero(close(values - ROUNDING) & ~deep & clear[items.node])  # by their first directions
+        values[rows], *_ = self._exact(nodes, items[rows])
         doubtful = close(values)
         clear[items.node[doubtful & ~hollow]] = False
         for i in np.flatnonzero(doubtful)[np.argsort(values[doubtful])].tolist():  # their hulls, but maybe not they
             node = int(items.node[i])
             if clear[node]:
-                values[i] = self._surface(nodes, node, int(items.pair[i]))
+                values[i] = self._surface(nodes, node, int(items.pair[i]), max(kept[i], 0.0) + less[i])
                 clear[node] = not close(values)[i]
         return clear
 
@@ -374,7 +388,9 @@ class _Run:
     def _open(self, nodes: Intervals, items: Items) -> Items:
         """Return the items neither proven far enough apart nor failed, recording what the proven ones keep."""
         closed = (items.bound >= self._enough(items.pair)) & (items.bound > 0.0)
-        failed = self.failed[nodes.interval[items.node], items.pair] if self.failures else np.zeros(len(items), bool)
+        failed = np.zeros(len(items), dtype=bool)
+        if self.failures:
+            failed = self.failed[nodes.interval[items.node], items.pair] & (nodes.width[items.node] <= 1.0)
         if closed.any():
             kept = closed & ~failed
             proven, group = items.bound[kept], self.pairs.group[items.pair[kept]]
@@ -451,24 +467,29 @@ class _Run:
             moved = moved - nodes.instants.moved[a] - nodes.instants.moved[b]
             gone = nodes.latest[items.node] - nodes.instants.latest[items.node]
             moved = moved + sizes.speed[self.pairs.b[items.pair]] * gone
-        still = moved <= LEAST_MOTION
+        still = (moved <= LEAST_MOTION) & (nodes.width[items.node] <= 1.0)
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
         undecided = still | (nodes.width[items.node] <= self.shortest) | over
         for node, pair, bound in zip(
             items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):
-            self._fail(self._spot(nodes, int(node), int(pair), bound, False))
+            spot, first = self._spot(nodes, int(node), int(pair), bound, False), int(nodes.interval[node])
+            for interval in range(first, first + max(1, int(nodes.width[node]))):
+                self._fail(replace(spot, interval=interval))
         items = items[~undecided]
         used, row = np.unique(items.node, return_inverse=True)
         width = 0.5 * np.repeat(nodes.width[used], 2)
         start = np.repeat(nodes.start[used], 2) + width * np.tile([0.0, 1.0], len(used))
+        interval = np.repeat(nodes.interval[used], 2)
+        if len(width) and width[0] >= 1.0:  # whole intervals
+            interval, start = interval + start.astype(np.int64), np.zeros(len(start))
         halves = Items(
             np.concatenate([2 * row, 2 * row + 1]),
             np.tile(items.pair, 2),
             np.tile(items.bound, 2),
             np.tile(items.normal, (2, 1)),
         )
-        return self._place(np.repeat(nodes.interval[used], 2), start, width), halves
+        return self._place(interval, start, width), halves
 
     def _met(self, spot: Spot) -> None:
         """Record a distance that was found."""
@@ -497,9 +518,10 @@ class _Run:
         interval = np.minimum(rows, len(self.curve) - 2)
         return self._place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
 
-    def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
+    def _surface(self, nodes: Intervals, node: int, pair: int, within: float = np.inf) -> float:
+        """Return the distance of two bodies; one larger than `within` [m] need not be exact."""
         self.exact_calls += 1
-        return distance(*self._posed(nodes, node, pair))
+        return distance(*self._posed(nodes, node, pair), within)
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)
@@ -513,7 +535,8 @@ class _Run:
         self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool, unknown: float = 0.0
     ) -> Spot:
         fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
-        return Spot(int(nodes.interval[node]), fraction, pair, distance, touching, unknown)
+        whole = int(fraction) if nodes.width[node] > 1.0 else 0
+        return Spot(int(nodes.interval[node]) + whole, fraction - whole, pair, distance, touching, unknown)
 
 
 def _goal(distance: float) -> float:

@@ -4,7 +4,7 @@ Between two poses of the curve the origin moves straight, and the link turns abo
 motion follows it if there is a place u(t) on the curve for every instant, from the first pose at the beginning to the
 last at the end, that never goes back and at which the link is within the tolerances. Where it comes from elsewhere, or
 leaves, it does so within a radius around the curve's end, and all of the curve that it leaves out lies within that. Any
-such u is a proof; the one here is the nearest place at `NODES` of every interval between rows, ahead of the last one,
+such u is a proof; the one here is the nearest place at some nodes of every interval between rows, ahead of the last one,
 and even along the curve between these.
 
 Parts of the motion are cut where u passes a pose, so that on each, with t = t_m + s h, |s| ≤ 1, origin and rotation of
@@ -25,6 +25,8 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import Record, library
+from hdplan.planner.certificate import places_loop
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
 from hdplan.planner.motion.curve import Curve, Index
@@ -34,7 +36,10 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 
-NODES = 4  # of an interval between two rows, at which the nearest place is looked for
+NODES = (
+    1,
+    4,
+)  # of an interval between two rows, at which the nearest place is looked for: more where few prove nothing
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 SOONER = (
@@ -102,16 +107,27 @@ class PoseCurve:
             found[-1] = last
             return np.asarray(np.minimum(found, last))
         far, angle = self.tolerances
-        ahead = self.ahead
-        way = np.diff(ahead)
         turned = _lengths(turn_vectors(rotations[:-1], rotations[1:], self.axis))
         moved = np.hypot(_lengths(np.diff(origins, axis=0)) / far, turned / angle)
-        found, final, gone = (
-            np.full(len(origins), first),
-            len(self.steps) - 1,
-            float(np.interp(first, np.arange(len(ahead)), ahead)),
-        )
-        for k in range(1, len(origins) - 1):
+        if loops := library():
+            how = LOOK_AHEAD, CATCH_UP, SOONER
+            found = places_loop.places(loops, self._record, how, rotations, origins, moved, first)
+        else:
+            found = self._places(rotations, origins, moved, first)
+        found[-1] = last
+        return np.asarray(np.minimum(found, last))
+
+    @cached_property
+    def _record(self) -> Record:
+        """For the loop in C."""
+        return places_loop.pose_curve(self, PARALLEL)
+
+    def _places(self, rotations: Array, origins: Array, moved: Array, first: float) -> Array:
+        """Return the places (k,) at which a link is that moves on by this much (k − 1,), in tolerances."""
+        far, angle = self.tolerances
+        ahead, way = self.ahead, np.diff(self.ahead)
+        found, final, gone = np.full(len(origins), first), len(self.steps) - 1, float(self.way_to(np.array([first]))[0])
+        for k in range(1, len(origins)):
             begin = min(int(found[k - 1]), final)
             end = int(np.searchsorted(ahead, gone + LOOK_AHEAD * moved[k - 1] + CATCH_UP))
             near = np.arange(begin, min(max(end, begin + 1), final + 1))
@@ -126,8 +142,7 @@ class PoseCurve:
                 best += 1
             found[k] = max(found[k - 1], near[best] + share[best])
             gone = ahead[near[best]] + share[best] * way[near[best]]
-        found[-1] = last
-        return np.asarray(np.minimum(found, last))
+        return found
 
     def _shares(self, rotations: Array, origins: Array) -> Array:
         """Return the shares (k,) of the first step that are nearest to rotations and origins of the link."""
@@ -212,17 +227,17 @@ class Followed:
     after: Array  # (j,) nodes from the last of these on
 
     @classmethod
-    def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain) -> Followed:
-        """Look for the places."""
+    def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain, nodes: int) -> Followed:
+        """Look for the places at so many nodes of every interval."""
         count = len(motion) - 1
-        interval, fraction = np.repeat(np.arange(count), NODES), np.tile(np.arange(NODES) / NODES, count)
+        interval, fraction = np.repeat(np.arange(count), nodes), np.tile(np.arange(nodes) / nodes, count)
         interval, fraction = np.append(interval, count - 1), np.append(fraction, 1.0)
         rotations, origins = curve.poses(*chain.frames(robot.pin_q(motion.at(interval, fraction))))
         first, last, begins, ends = curve.on_it(rotations, origins)
-        nodes, on = interval + fraction, slice(first, last + 1)
+        at, on = interval + fraction, slice(first, last + 1)
         places = curve.places(rotations[on], origins[on], begins, ends)
-        around = nodes[: max(first, 1) + 1], nodes[min(last, len(nodes) - 2) :]
-        return cls(curve, nodes[on], places, *around)
+        around = at[: max(first, 1) + 1], at[min(last, len(at) - 2) :]
+        return cls(curve, at[on], places, *around)
 
     @property
     def spans(self) -> tuple[Index, Array, Array]:

@@ -95,10 +95,11 @@ class Found:
     closest: tuple[int, int]  # the two parts that are, if their distance was asked for
 
 
-def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
+def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array, within: float = np.inf) -> float:
     """Return the signed distance [m] of two pieces' parts, at poses (4, 4): 0 where triangles are in contact, minus the
-    depth where balls are. One piece wholly inside the other is not seen: see `containment`."""
-    return part_distance(Placed.at(a, pose_a), Placed.at(b, pose_b)).distance
+    depth where balls are. One larger than `within` [m] is a lower bound, larger, too. One piece wholly inside the other
+    is not seen: see `containment`."""
+    return part_distance(Placed.at(a, pose_a), Placed.at(b, pose_b), within=within).distance
 
 
 def closest_parts(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Piece, Array, Piece, Array]:

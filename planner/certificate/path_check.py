@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.planner.certificate import tool_rates
-from hdplan.planner.certificate.followed_curve import Followed, NearEnd, OnCurve, PoseCurve, TurnedAlong
+from hdplan.planner.certificate.followed_curve import NODES, Followed, NearEnd, OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import HeldAlong, Part, Stated, Valued, between_rows, held_by
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain
@@ -102,18 +102,23 @@ class PathCheck:
         """Prove every constraint over the whole motion, or find where it cannot be proven."""
         spans = between_rows(len(curve) - 1)
         proofs = [self._prove(held, spans, lambda *_, held=held: held, curve) for held in self.constraints]
-        proofs += [self._prove(held, held.spans, held.on, curve) for held in self._along(curve)]
+        along: list[tuple[Kept, list[Departure], int]] = []
+        for nodes in () if self.follow is None else NODES:
+            along = [self._prove(held, held.spans, held.on, curve) for held in self._along(curve, nodes)]
+            if not any(departures for _, departures, _ in along):
+                break
+        proofs += along
         return PathProof(
             tuple(kept for kept, _, _ in proofs),
             tuple(departure for _, departures, _ in proofs for departure in departures),
             sum(count for _, _, count in proofs),
         )
 
-    def _along(self, motion: Curve) -> Iterator[HeldAlong]:
-        """Yield what following a curve means for one motion."""
-        if self.follow is None or self._curve is None:
-            return
-        followed = Followed.by(motion, self._curve, self.robot, self.chain)
+    def _along(self, motion: Curve, nodes: int) -> Iterator[HeldAlong]:
+        """Yield what following a curve means for one motion, with places at so many nodes of every interval."""
+        assert self.follow is not None
+        assert self._curve is not None
+        followed = Followed.by(motion, self._curve, self.robot, self.chain, nodes)
         yield OnCurve(followed, self.follow.position_tolerance)
         yield TurnedAlong(followed, self.follow.orientation_tolerance)
         for name, at_end in (("begin_tolerance", False), ("end_tolerance", True)):

@@ -60,7 +60,7 @@ class RateCheck:
 
     def _use(self, quantity: str, below: Curve, limit: Array) -> Use:
         """Bound the derivative of a curve, which is infinite where the curve itself jumps."""
-        low, high = below.derivative().bounds()
+        low, high = below.derivative.bounds()
         shares = np.maximum(-low, high) / limit  # (N − 1, n)
         if DERIVATIVES[quantity] > 1:
             steps = below.steps(*self._around(DERIVATIVES[quantity] - 1))  # (N, n) before each row

@@ -121,7 +121,7 @@ class TorqueCheck:
         """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, which
         it may at the first row and the last, the torque is infinite."""
         checked = check_torques(self.model, self.robot, curve, self.limits["torque"])
-        jumps = curve.derivative().jumps(*self._around)  # (N, n)
+        jumps = curve.derivative.jumps(*self._around)  # (N, n)
         abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
         if abrupt.any() and curve.times is not None:
             proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))

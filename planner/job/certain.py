@@ -4,6 +4,7 @@ outputs and waits."""
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -40,6 +41,7 @@ from hdplan.scenes.timing import Timing
 
 STEADY = 48  # places along a curve that is followed as steadily as the joints go
 PLACES = (12, 24, 48, 96, 192, 384, 768, 1536)  # along it, as many as its tolerances need
+ORDER = 4  # of what the motion between places is off, in their distance (`drawn_through`)
 CLOSE = 0.5  # share of the tolerances that the motion between places may take
 HAND_PLACES = 5
 POSED = 6  # coordinates of a pose
@@ -193,12 +195,14 @@ def _drawn(
     Raises NotFollowedError."""
     if guide is None:
         guide = smooth(drawn_through(along_poses(robot, begins, part, STEADY)))
-    for number in range(least, len(PLACES)):
+    number, last = least, len(PLACES) - 1
+    while True:
         rows = near_guide(robot, begins, part, PLACES[number], guide)
         off, turned = drawn_off(robot, part, rows)
-        if off <= CLOSE * whole.position_tolerance and turned <= CLOSE * whole.orientation_tolerance:
-            break
-    return rows, number
+        beyond = max(off / whole.position_tolerance, turned / whole.orientation_tolerance) / CLOSE
+        if beyond <= 1.0 or number == last:
+            return rows, number
+        number = min(number + max(1, int(math.log2(beyond) / ORDER)), last)
 
 
 def _between(way: Callable[[Array], Array], first: float, last: float, shares: Array) -> Array:

@@ -231,7 +231,8 @@ class Search:
         yield from ((goal, plain or opened) for goal in goals)
         if not opened:
             return
-        robot = stage_setup(world, number).robot
+        here = stage_setup(world, number)
+        robot, start = here.robot, here.robot.configuration(here.asked.start)
         beginnings, curves = [], list[Follow]()
         for goal in goals:
             assert goal.positions is not None
@@ -255,7 +256,10 @@ class Search:
                 name, why = stage_name(self.stages[number + 1], number + 1), self._failed(number + 1, str(error))
                 self._refuse(number, f"rejected, as stage '{name}' cannot follow it from wherever it begins: {why}")
                 continue
-            if way is None or (key := (number + 1, way[0].tobytes())) in self.certain.ways:
+            if way is None:
+                continue
+            way = way + (robot.nearest_turn(way[0], start) - way[0])  # as the move will lead there
+            if (key := (number + 1, way[0].tobytes())) in self.certain.ways:
                 continue
             self.certain.ways[key] = way
             yield JointTarget(goal.field, positions=tuple(way[0].tolist())), False

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdplan.planner.geometry.rotations import matrices_of, quaternions_of, vectors_of
+from hdplan.planner.geometry.rotations import matrices_of, vectors_of
+from hdplan.planner.job.places import poses_of
 from hdplan.planner.kinematics.inverse import DAMPING, LONGEST_STEP, Aim, LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.path_spline import smooth
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
-from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import PoseTarget
 
 STEPS = 60  # of damped least squares at a place, at most
@@ -42,10 +42,10 @@ class Places:
     high: Array  # (n,)
 
     @classmethod
-    def of(cls, robot: Robot, follow: Follow, poses: Sequence[Pose], quick: Array, low: Array, high: Array) -> Places:
-        """Take the poses of the link that follows a curve."""
-        target = PoseTarget(follow.link, poses[0], free_rotation=follow.free_rotation)
-        return cls(LinkPose.of(robot, target), np.array([pose.matrix for pose in poses]), quick, low, high)
+    def of(cls, robot: Robot, follow: Follow, poses: Array, quick: Array, low: Array, high: Array) -> Places:
+        """Take poses (N, 4, 4) of the link that follows a curve."""
+        target = PoseTarget(follow.link, follow.poses[0], free_rotation=follow.free_rotation)
+        return cls(LinkPose.of(robot, target), poses, quick, low, high)
 
     def every(self, which: slice) -> Places:
         """Return some of them."""
@@ -117,7 +117,8 @@ def along_poses(robot: Robot, start: Array, follow: Follow, count: int) -> Array
     steadily as they go. Raises NotFollowedError."""
     rows = [start]
     aim = Aim.at(robot, PoseTarget(follow.link, follow.poses[0], free_rotation=follow.free_rotation))
-    for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), spread(follow, count)[1:], strict=True):
+    poses = poses_of(spread(follow, count)[1:])
+    for share, pose in zip(np.linspace(0.0, 1.0, count)[1:].tolist(), poses, strict=True):
         aim = aim.elsewhere(PoseTarget(follow.link, pose, free_rotation=follow.free_rotation))
         steady = 2.0 * rows[-1] - rows[-2] if len(rows) > 1 else start
         reached = brought(robot, aim, np.clip(steady, robot.lower, robot.upper))
@@ -189,8 +190,8 @@ def length_of(follow: Follow) -> float:
     return float(lengths_of(np.array([pose.matrix for pose in follow.poses]), follow.free_rotation)[0].sum())
 
 
-def spread(follow: Follow, count: int) -> list[Pose]:
-    """Return poses that are spread evenly over a curve."""
+def spread(follow: Follow, count: int) -> Array:
+    """Return poses (count, 4, 4) that are spread evenly over a curve."""
     poses = np.array([pose.matrix for pose in follow.poses])
     steps, turns = lengths_of(poses, follow.free_rotation)
     along = np.interp(
@@ -198,9 +199,10 @@ def spread(follow: Follow, count: int) -> list[Pose]:
     )
     segment = np.minimum(along.astype(np.int64), len(poses) - 2)
     share = (along - segment)[:, None]
-    turned = quaternions_of(matrices_of(share * turns[segment]) @ poses[segment, :3, :3])
-    places = (1.0 - share) * poses[segment, :3, 3] + share * poses[segment + 1, :3, 3]
-    return [Pose(place, turn) for place, turn in zip(places.tolist(), turned.tolist(), strict=True)]
+    found = np.tile(np.eye(4), (count, 1, 1))
+    found[:, :3, :3] = matrices_of(share * turns[segment]) @ poses[segment, :3, :3]
+    found[:, :3, 3] = (1.0 - share) * poses[segment, :3, 3] + share * poses[segment + 1, :3, 3]
+    return found
 
 
 def lengths_of(poses: Array, free: str) -> tuple[Array, Array]:

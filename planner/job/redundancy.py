@@ -14,12 +14,16 @@ where all stays free.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.job import layers_loop
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
+from hdplan.planner.job.layers_loop import TURN
+from hdplan.planner.job.places import poses_of
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
@@ -47,7 +51,6 @@ EVEN = 1e-2  # [rad] or [m] below which a round of it ends
 DAMPED = 1e-3  # of evening
 REFINED, EVENED = 2, 2  # times that configurations are put in between at last, and evened each time
 LOOKS = 300  # ways that are looked at, at most
-TURN = 2.0 * np.pi
 
 Free = Callable[[Array], Mask]
 """True (B,) where configurations (B, n) are free."""
@@ -69,7 +72,7 @@ def ways_along(
     one gets, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
-    found = _configurations(robot, start, follow, poses[::2], np.random.default_rng(seed), finer)
+    found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer)
     pace = quick / quick.max()
     layers = Layers(robot, found, pace)
     places = Places.of(robot, follow, poses, pace, low, high)
@@ -113,9 +116,10 @@ class Layers:
         """Weigh the configurations and the steps between them."""
         robot = self.robot
         self._circles = robot.turning & ~robot.followed & ~(robot.upper - robot.lower < TURN)
-        middle, half = 0.5 * (robot.lower + robot.upper), 0.5 * (robot.upper - robot.lower)
-        bounded = np.isfinite(half)
-        shares = [np.abs(rows[:, bounded] - middle[bounded]) / half[bounded] for rows in self.configurations]
+        bounded = np.isfinite(robot.upper - robot.lower)
+        low, high = robot.lower[bounded], robot.upper[bounded]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        shares = [np.abs(rows[:, bounded] - middle) / half for rows in self.configurations]
         self._weights = [LIMITS * (share**STEEP).sum(axis=1) for share in shares]
         self._own = [each.copy() for each in self._weights]
         self._steps = [self._between(*pair) for pair in itertools.pairwise(self.configurations)]
@@ -125,6 +129,8 @@ class Layers:
 
     def _between(self, last: Array, rows: Array) -> Array:
         """The costs (l, k) of steps to some configurations from others."""
+        if loops := library():
+            return layers_loop.steps_between(loops, last, rows, self.quick, self._circles, STEP)
         cost, far = np.zeros((len(rows), len(last))), np.zeros((len(rows), len(last)), dtype=bool)
         for joint, quick in enumerate(self.quick.tolist()):
             step = np.subtract.outer(rows[:, joint], last[:, joint])
@@ -227,7 +233,7 @@ class Layers:
 
 
 def _configurations(
-    robot: Robot, start: Array | None, follow: Follow, poses: list[Pose], rng: np.random.Generator, finer: int
+    robot: Robot, start: Array | None, follow: Follow, poses: Sequence[Pose], rng: np.random.Generator, finer: int
 ) -> list[Array]:
     """Return configurations of places along a curve. Raises NotFollowedError where one has none."""
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
@@ -279,7 +285,17 @@ def _wrong_between(places: Places, way: Array, free: Free) -> Mask:
 
 def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
     """Return a way (layers, n) on which joints make smaller steps, free where it was checked. Configurations that
-    would not be free any more stay where they are."""
+    would not be free any more stay where they are; mostly all are free, and one check at the end is enough."""
+    boldly = _with_smaller_steps(between, way, fixed, lambda rows: np.ones(len(rows), dtype=bool))
+    if free(boldly).all() and not _wrong_between(between, boldly, free).any():
+        return boldly
+    return _with_smaller_steps(
+        between, way, fixed, lambda rows: free(rows) & ~_beside(_wrong_between(between, rows, free))
+    )
+
+
+def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable[[Array], Mask]) -> Array:
+    """Return a way whose configurations all are `kept`, or as they were."""
     places = between.every(slice(0, None, 2))
     held = np.zeros(len(way), dtype=bool)
     held[0] = fixed
@@ -287,10 +303,7 @@ def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
         step = _shortening(places, way, held)
         moved = way + min(1.0, STEP / max(np.abs(step).max(), 1e-12)) * step
         moved[~held] = places.back(moved, BACK)[~held]
-        wrong = ~places.reached(moved) | ~free(moved)
-        far = np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP
-        far |= _wrong_between(between, moved, free)
-        wrong |= np.append(far, False) | np.append(False, far)
+        wrong = ~places.reached(moved) | ~kept(moved) | _beside(np.abs(np.diff(moved, axis=0)).max(axis=1) > STEP)
         if (wrong & ~held).any():
             held |= wrong
             continue
@@ -298,6 +311,11 @@ def _evened(between: Places, way: Array, fixed: bool, free: Free) -> Array:
         if done:
             break
     return way
+
+
+def _beside(steps: Mask) -> Mask:
+    """True (layers,) at both ends of some of the steps (layers − 1,)."""
+    return np.append(steps, False) | np.append(False, steps)
 
 
 def _shortening(places: Places, way: Array, held: Mask) -> Array:
@@ -326,7 +344,7 @@ def _shortening(places: Places, way: Array, held: Mask) -> Array:
 def _refined(between: Places, follow: Follow, way: Array, fixed: bool, free: Free) -> Array:
     """Return a way with configurations between its own, evened too, where they are free then."""
     for _ in range(REFINED):
-        places = replace(between, poses=np.array([pose.matrix for pose in spread(follow, 2 * len(way) - 1)]))
+        places = replace(between, poses=spread(follow, 2 * len(way) - 1))
         finer, held = np.repeat(way, 2, axis=0)[:-1], np.zeros(2 * len(way) - 1, dtype=bool)
         finer[1::2] = 0.5 * (way[:-1] + way[1:])
         held[0] = fixed

@@ -136,8 +136,9 @@ class Curve:
         rows = np.linspace(0.0, 1.0, len(self))
         return np.asarray(np.interp(np.asarray(parameter), rows, rows if self.times is None else self.times))
 
+    @cached_property
     def derivative(self) -> Curve:
-        """Return the time derivative: velocities of positions, accelerations of velocities.
+        """The time derivative: velocities of positions, accelerations of velocities.
 
         What the rows say it has to the bit, and no control point takes more rounding than they do: a rounding e of a
         position makes a jerk of 60 e/h³ between rows h apart, and would make the acceleration jump.
@@ -160,7 +161,7 @@ class Curve:
 
     def over_time(self, order: int) -> Curve:
         """Return the time derivative of that order."""
-        return self if order == 0 else self.derivative().over_time(order - 1)
+        return self if order == 0 else self.derivative.over_time(order - 1)
 
     def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
         """Return midpoint, slope and deviation on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
@@ -168,8 +169,11 @@ class Curve:
             |q(s) − q_m − s δ| ≤ ε,   −1 ≤ s ≤ 1 over the part,   q_m = q(0) on the curve,
 
         since the difference has the control points c_i − q_m − s_i δ, s_i = 2 i/d − 1. ε is 0 for straight lines and
-        falls with the square of the width.
+        falls with the square of the width. Parts of an even width are so many whole intervals, and all are of one
+        width: s is even over each of them, and has a share of [−1, 1] for it.
         """
+        if len(width) and width[0] > 1.0:
+            return self._several(interval, int(width[0]))
         control = self.control[interval]
         if self.degree == 1:
             step = control[:, 1] - control[:, 0]
@@ -181,6 +185,14 @@ class Curve:
         places = np.linspace(-1.0, 1.0, self.degree + 1)[:, None]
         away = np.abs(control - middle[:, None] - places * delta[:, None]).max(axis=1)
         return middle, delta, away
+
+    def _several(self, first: Index, count: int) -> tuple[Array, Array, Array]:
+        """Return the same over an even number of intervals each, from the first ones (k,) on."""
+        control = self.control[first[:, None] + np.arange(count)]  # (k, count, d + 1, n)
+        middle, delta = control[:, count // 2, 0], 0.5 * (control[:, -1, -1] - control[:, 0, 0])
+        places = np.add.outer(np.arange(count), np.linspace(0.0, 1.0, self.degree + 1)) * (2.0 / count) - 1.0
+        straight = middle[:, None, None] + places[:, :, None] * delta[:, None, None]
+        return middle, delta, np.abs(control - straight).max(axis=(1, 2))
 
     def span(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array]:
         """Return the middle of parts of intervals and half their duration (k,) [s]; the curve must have times."""

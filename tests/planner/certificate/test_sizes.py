@@ -170,7 +170,7 @@ def test_joints_keep_their_limits_with_what_they_may_be_off() -> None:
     np.testing.assert_allclose(known.limits["velocity"] - setup.limits["velocity"], 0.01)
     result = hdplan.plan(scene)
     curve = result.trajectory.curve
-    assert (curve.derivative().largest() <= setup.limits["velocity"]).all()
+    assert (curve.derivative.largest() <= setup.limits["velocity"]).all()
     with pytest.raises(InputError, match=r"robot.tracking.velocity: 9 of joint 'panda_joint1' leaves nothing"):
         hdplan.plan(sized(scene, tracking=Tracking(velocity=9.0)))
     with pytest.raises(InputError, match=r"robot.tracking.position: 1 of joint 'a' leaves nothing") as error:
