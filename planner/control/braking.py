@@ -18,7 +18,7 @@ same, to rounding.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,6 +87,16 @@ class Rates:
         up, down = (_root((self.velocity - side * last.velocity) / (period * step)) * step for side in (1.0, -1.0))
         low, high = np.clip(-down, low, high), np.clip(up, low, high)
         return last.velocity + period * np.minimum(low, high), last.velocity + period * np.maximum(low, high)
+
+    def toward(self, aim: Array, velocity: Array) -> Array:
+        """Return velocities (n,) of the next period that near `aim` (n,) from a velocity (n,) without passing it: from
+        them the acceleration can come to zero before. They need not be within reach."""
+        left, step = aim - velocity, self.step
+        return np.asarray(velocity + np.copysign(self.period * step * _root(np.abs(left) / (self.period * step)), left))
+
+    def scaled(self, share: float) -> Rates:
+        """Return a share of the accelerations and jerks, with the same velocities."""
+        return replace(self, acceleration=share * self.acceleration, jerk=share * self.jerk)
 
     def braked(self, velocity: Array, acceleration: Array) -> Array:
         """Return the velocities (K, ..., n) of the K periods in which joints of these velocities and accelerations

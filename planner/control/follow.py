@@ -3,18 +3,23 @@
 Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
 that waits for the robot,
 
-    τ̇ = max(0, 1 − |e| / LAG),   nominal velocity  u* = (r(τ + τ̇ T) − r(τ))/T + min(k, √(A/|e|)) e,   e = r(τ) − q,
+    τ̇ = max(0, 1 − |e| / LAG),   nominal velocity  u* = (r(τ + τ̇ T) − r(τ))/T + v,   e = r(τ) − q,
 
-so that a blocked robot is not drawn through what blocks it, and joints can brake where they catch up (A is half of each
-one's greatest acceleration). The controller takes the velocity closest to u* that its
-barriers allow (`controller`). A path without times is followed from rest to rest, at half the joints' speed limits or
-over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind (`Run.executed`): that
-motion, with its velocities and accelerations, is saved, and certified as by `hdplan check`.
+so that a blocked robot is not drawn through what blocks it. v, the velocity beside the reference, heads for
+
+    min(k |e|, √(A |e|), ∛(J e²)) sign(e)
+
+from which a joint can brake at e = 0, and nears it without passing it (`Rates.toward`), with half of the joint's
+acceleration A and jerk J; so it passes neither. The controller takes the velocity closest to u* that its
+barriers allow (`controller`). A trajectory that asks for more than the joints' limits is slowed evenly, a path without
+times is followed from rest to rest, at half of them or over the scene's `timing.duration` (`pacing`). The joints follow
+the commands smoothly, one period behind (`Run.executed`): that motion, with its velocities and accelerations, is saved,
+and certified as by `hdplan check`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,13 +28,13 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.control.barrier_settings import BarrierSettings
 from hdplan.planner.control.braking import Rates
 from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.pacing import feasible, paced
 from hdplan.planner.control.rollout import Run, simulate
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
 
 LAG = 0.3  # [rad] or [m] of any joint behind the reference, at which the reference stops
@@ -37,7 +42,7 @@ GAIN = 4.0  # k [1/s]
 ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, within which it counts as reached
 SETTLED = 5e-7  # the same, at which the run ends, so that the executed motion ends where the certificate requires,
 SETTLING = 3.0  # or this long after arrival [s], if a barrier keeps the robot off
-SHARE = 0.5  # of the speed limits, at which a path without times is followed
+CATCHING_UP = 0.5  # share of the limits of acceleration and jerk for that
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
 MARGIN = -2.5e-4  # [m] for obstacles and links, and
 GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
@@ -57,6 +62,7 @@ class Followed:
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
     held: float  # how long it was HELD or more from it [s]
     unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller does not check
+    slowed: float = 1.0  # times as long as in the file: it asks for more than the limits allow
 
     @property
     def succeeded(self) -> bool:
@@ -77,6 +83,7 @@ class Followed:
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
         yielded = ", ".join(f"{a} to {b} ({count} periods)" for (a, b), count in self.run.gave.most_common(3))
         return [
+            *([("slowed", f"{self.slowed:.3g} times: it asks for more than the limits allow")] if self.slowed > 1 else []),
             *([("not kept apart", f"{unguarded}: their outer bodies overlap anyway")] if unguarded else []),
             ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
             *([("not kept", f"the margin of {yielded}")] if yielded else []),
@@ -91,6 +98,7 @@ class Followed:
             "text": self.text,
             "arrived_s": self.arrived,
             "duration_s": self.duration,
+            "slowed": self.slowed,
             "away": self.away,
             "held_s": self.held,
             "clearance_m": self.certificate.clearance,
@@ -121,8 +129,10 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:
-        curve = paced(curve, SHARE * controller.rates.velocity, scene.end_time)
-    task = FollowTask(curve, controller.rates)
+        asked = curve = paced(curve, controller.rates, scene.end_time)
+    else:
+        asked, curve = curve, feasible(curve, controller.rates)
+    task, duration = FollowTask(curve, controller.rates), float(asked.widths.sum())
     most = PATIENCE[0] * task.duration + PATIENCE[1]
     assert curve.times is not None
     begin = float(curve.times[0])
@@ -133,11 +143,12 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
         executed,
         run,
         Certifier(setup).certify(executed),
-        task.duration,
+        duration,
         None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),
         settings.period * int((behind >= HELD).sum()),
         controller.barriers.unguarded,
+        task.duration / duration,
     )
 
 
@@ -150,6 +161,8 @@ class FollowTask:
     phase: float = 0.0  # τ [s] since the curve's first row
     behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, in each period
     since: float | None = None  # when the robot arrived [s]
+
+    _before: Array | None = None  # e of the last period
 
     @property
     def duration(self) -> float:
@@ -164,8 +177,15 @@ class FollowTask:
         self.behind.append(behind)
         pace = max(0.0, 1.0 - behind / LAG)
         self.phase = min(self.phase + pace * period, self.duration)
-        gain = np.minimum(GAIN, np.sqrt(0.5 * self.rates.acceleration / np.maximum(np.abs(error), SETTLED)))
-        return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + gain * error)
+        return np.eye(len(q)), -((self._at(self.phase) - wanted) / period + self._catching_up(error))
+
+    def _catching_up(self, error: Array) -> Array:
+        """Return the velocity beside the reference (n,)."""
+        rates, size = self.rates.scaled(CATCHING_UP), np.abs(error)
+        heading = np.minimum(np.minimum(GAIN * size, np.sqrt(rates.acceleration * size)), np.cbrt(rates.jerk * size**2))
+        velocity = np.zeros_like(error) if self._before is None else (self._before - error) / rates.period
+        self._before = error
+        return rates.toward(np.copysign(heading, error), velocity)
 
     def met(self, q: Array, time: float) -> bool:
         """True if the robot has settled at the curve's end."""
@@ -179,12 +199,3 @@ class FollowTask:
     def _at(self, phase: float) -> Array:
         assert self.curve.times is not None  # `follow` gives it times
         return self.curve.at_parameter(self.curve.parameter_of(self.curve.times[0] + phase))
-
-
-def paced(path: Curve, fastest: Array, duration: float = 0.0) -> Curve:
-    """Return a path with times, from rest to rest, with no joint faster than `fastest` (n,), over `duration` [s] or as
-    long as that takes."""
-    needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / fastest).max(axis=1), 1e-6)
-    law = MinimumJerk(max(duration, 1.875 * float(needed.sum())))  # its peak speed is 1.875 times the mean
-    share = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()
-    return replace(path, times=law.time_at(share))

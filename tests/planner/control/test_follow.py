@@ -13,9 +13,12 @@ import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
-from hdplan.planner.control.follow import ARRIVED, Followed, follow, follow_settings, paced
+from hdplan.planner.control.braking import Rates
+from hdplan.planner.control.follow import ARRIVED, Followed, follow, follow_settings
 from hdplan.planner.control.look_ahead import Mode
+from hdplan.planner.control.pacing import SHARE, paced, slowed, slowness
 from hdplan.planner.kinematics.forward import kinematics_of
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -182,13 +185,53 @@ def test_what_is_executed_follows_the_commands(free: Followed) -> None:
 
 
 def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> None:
-    fastest = 0.5 * np.array(robot.model.velocityLimit)
-    curve = paced(sweep.curve, fastest)
+    velocity = np.array(robot.model.velocityLimit)
+    rates = Rates.of({"velocity": velocity, "acceleration": 100.0 * velocity}, 0.005, 0.2, np.full(7, 4.0))
+    fastest, curve = SHARE * velocity, paced(sweep.curve, rates)
     assert curve.times is not None
     times = np.linspace(*curve.times[[0, -1]], 2000)
     speeds = np.abs(np.diff(curve.at_parameter(curve.parameter_of(times)), axis=0)) / np.diff(times)[:, None]
     assert (speeds <= fastest * 1.02).all()
     assert speeds[0].max() < 0.5 * speeds.max()
+
+
+@pytest.mark.sampled(7)
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("jerk", [40.0, 88.0, 500.0])
+@pytest.mark.parametrize("acceleration", [2.0, 5.0, 15.0])
+def test_it_arrives_without_overshoot_within_any_limits(acceleration: float, jerk: float, timed: bool) -> None:
+    """Random motions, without times or much faster than the limits allow: no joint passes its goal or its limits, and
+    what waits for no obstacle stays by the motion."""
+    rng = np.random.default_rng(int(acceleration + jerk))
+    limits = Limits(velocity=3.0, acceleration=acceleration, jerk=jerk)
+    scene = replace(hdplan.load_scene("planar_arm"), obstacles=(), limits=limits)
+    robot = load_scene_robot(scene)
+    side = rng.choice([-1.0, 1.0], 2)
+    share = np.linspace(0.0, 1.0, 12)[:, None]
+    rows = side * rng.uniform(0.3, 1.2, 2) * share ** rng.uniform(1.0, 1.5, 2)
+    motion = Trajectory(robot.joint_names, rows, {}, np.linspace(0.0, 0.4, 12) if timed else None)
+    found = follow(Setup.of(between(scene, motion), robot), motion, replace(follow_settings(), period=0.01))
+    assert found.arrived is not None
+    assert (found.slowed > 1.5) == timed
+    assert found.away < 0.15
+    assert (side * (found.run.positions - rows[-1])).max() < (side * (rows - rows[-1])).max() + 1e-3
+    settling = found.run.positions[found.run.times >= found.arrived]
+    assert np.abs(settling - rows[-1]).max() <= ARRIVED
+    uses = {use.quantity: use.share for use in found.certificate.uses}
+    assert max(uses[name] for name in ("velocity", "acceleration", "jerk")) <= 1.0 + 1e-9
+
+
+def test_a_motion_that_is_slowed_asks_for_what_it_may(robot: Robot) -> None:
+    """Whatever it knows of its derivatives: positions, velocities and accelerations."""
+    rng, times = np.random.default_rng(3), np.linspace(0.0, 0.8, 9)
+    rows, rates = rng.uniform(-1.0, 1.0, (3, 9, 2)), Rates(*np.full((3, 2), 2.0), 0.005)
+    for known in (1, 2, 3):
+        motion = Curve.through(rows[0], times, *rows[1:known])
+        longer = slowness(motion, rates)
+        assert slowness(slowed(motion, longer), rates) == pytest.approx(1.0)
+        np.testing.assert_allclose(slowed(motion, 3.0).at_time(1.3), motion.at_time(1.3 / 3.0), atol=1e-12)
+        for order in range(1, known + 1):
+            assert slowed(motion, longer).over_time(order).largest().max() <= 2.0 + 1e-9
 
 
 def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:

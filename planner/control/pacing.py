@@ -1,0 +1,120 @@
+"""The pace of a motion that is followed: as fast as the joints' limits of velocity, acceleration and jerk allow.
+
+A motion in time asks for more than a robot can do where its limits are lower than those that it was planned for. Over
+s times its duration, velocities are 1/s of theirs, accelerations 1/s², jerks 1/s³, and its curve stays the same. One
+that begins or ends at a speed, as straight lines between rows do, is brought there and to rest by halves of a motion of
+minimum jerk, each along one interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hdplan.planner.control.braking import Rates
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.scenes.array_types import Array
+
+SHARE = 0.5  # of the speed limits, at which a path without times is followed
+PEAK = 1.875  # speed of a motion of minimum jerk, times its mean
+RESERVE = 0.8  # share of the other limits for its own, the rest for what it rounds
+SMOOTH = 5  # degree of motions whose accelerations do not jump
+ROWS = 64  # beside the waypoints, so that it slows down evenly at its ends
+APART = 1e-9  # share of the way between rows, at least
+NOTICED = 1e-3  # relative, by which a motion may ask for more than the limits before it is slowed
+
+
+def paced(path: Curve, rates: Rates, duration: float = 0.0) -> Curve:
+    """Return a path with times, from rest to rest, within SHARE of the speeds and the other rates, over `duration` [s]
+    or as long as that takes."""
+    limits = SHARE * rates.velocity, RESERVE * rates.acceleration, RESERVE * rates.jerk
+    needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / limits[0]).max(axis=1), 1e-6)
+    places = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()
+    law = MinimumJerk(max(duration, PEAK * float(needed.sum())))
+    even = law(np.linspace(0.0, law.duration, ROWS))
+    law = MinimumJerk(law.duration * max(1.0, _times_as_long(_along(path.rows, places, even), limits)))
+    after = np.searchsorted(places, even[0]).clip(1, len(places) - 1)
+    apart = np.minimum(np.abs(even[0] - places[after]), np.abs(even[0] - places[after - 1])) > APART
+    shares = np.sort(np.concatenate([places, even[0][apart]]))
+    rows = np.stack([np.interp(shares, places, joint) for joint in path.rows.T], axis=1)
+    return Curve.through(rows, law.time_at(shares))
+
+
+def _along(rows: Array, places: Array, law: Array) -> tuple[Array, Array, Array]:
+    """Return the greatest velocity, acceleration and jerk (n,) on waypoints (N, n) at places s (N,), by a law s(t) and
+    its derivatives (4, k): corners count as if they were spread over the intervals beside them."""
+    middles, slope, found = 0.5 * (places[1:] + places[:-1]), np.diff(rows, axis=0) / np.diff(places)[:, None], []
+    for _ in range(3):
+        found.append(np.stack([np.interp(law[0], middles, joint) for joint in slope.T], axis=1))
+        slope = np.gradient(slope, middles, axis=0) if len(middles) > 1 else np.zeros_like(slope)
+    first, second, third = found
+    speed, rise, jerk = law[1:, :, None]
+    rates = first * speed, first * rise + second * speed**2
+    both = *rates, first * jerk + 3.0 * second * speed * rise + third * speed**3
+    velocity, acceleration, jerks = (np.abs(each).max(axis=0) for each in both)
+    return velocity, acceleration, jerks
+
+
+def slowness(motion: Curve, rates: Rates) -> float:
+    """Return how many times as long a motion with times has to take, so that it asks for no more than the rates; less
+    than 1 if it may be faster."""
+    return _times_as_long(_largest(motion), (rates.velocity, rates.acceleration, rates.jerk))
+
+
+def feasible(motion: Curve, rates: Rates) -> Curve:
+    """Return a motion with times as it is, or slowed, if it asks for more than the rates."""
+    longer = slowness(motion, rates)
+    if longer > 1.0 + NOTICED and motion.degree < SMOOTH:
+        longer = slowness(motion, rates.scaled(RESERVE))
+    return motion if longer <= 1.0 + NOTICED else _eased(slowed(motion, longer))
+
+
+def slowed(motion: Curve, by: float) -> Curve:
+    """Return the same curve over so many times its duration, from the same time on."""
+    assert motion.times is not None
+    times = motion.times[0] + by * (motion.times - motion.times[0])
+    return replace(motion, times=times, given=tuple(each / by**order for order, each in enumerate(motion.given, 1)))
+
+
+def _eased(motion: Curve) -> Curve:
+    """Return a motion whose velocities jump, from rest to rest."""
+    if motion.degree > 1 or motion.times is None:
+        return motion
+    rows, times = motion.rows, motion.times
+    if len(rows) == 2:
+        rows, times = (np.stack([each[0], 0.5 * (each[0] + each[1]), each[1]]) for each in (rows, times))
+    ramp = np.linspace(0.0, 1.0, ROWS)
+    way, duration = 2.0 * MinimumJerk(2.0)(1.0 + ramp)[0] - 1.0, PEAK * ramp  # the second half, from full speed
+    first, last = np.diff(rows[:2], axis=0), np.diff(rows[-2:], axis=0)
+    into, out = (1.0 - way[::-1])[:, None] * first, way[:, None] * last
+    inner, width = times[1:-1] - times[1] + times[0] + PEAK * (times[1] - times[0]), times[-1] - times[-2]
+    return Curve.through(
+        np.concatenate([rows[0] + into[:-1], rows[1:-1], rows[-2] + out[1:]]),
+        np.concatenate([times[0] + (times[1] - times[0]) * duration[:-1], inner, inner[-1] + width * duration[1:]]),
+    )
+
+
+def _times_as_long(largest: Iterable[Array], limits: Sequence[Array]) -> float:
+    """Return how many times as long a motion has to take whose first, second and third derivatives are so large (n,)."""
+    orders = enumerate(zip(largest, limits, strict=True), 1)
+    return max(float((most / limit).max()) ** (1.0 / order) for order, (most, limit) in orders)
+
+
+def _largest(motion: Curve) -> Iterator[Array]:
+    """Yield the greatest velocity, acceleration and jerk of each joint (n,): proven bounds of what changes without a
+    jump; of the rest, means from the middle of an interval to that of the next, and to the ends, at rest."""
+    known = (motion.degree + 1) // 2
+    for order in range(1, known + 1):
+        yield motion.over_time(order).largest()
+    widths = motion.widths
+    middles = np.concatenate([[0.0], widths.cumsum() - 0.5 * widths, [widths.sum()]])
+    values, places = motion.over_time(known).at(np.arange(len(widths)), np.full(len(widths), 0.5)), middles
+    values = np.concatenate([np.zeros_like(values[:1]), values, np.zeros_like(values[:1])])
+    for _ in range(known + 1, 4):
+        values = np.diff(values, axis=0) / np.diff(places)[:, None]
+        places = np.concatenate([middles[:1], 0.5 * (places[1:] + places[:-1]), middles[-1:]])
+        yield np.abs(values).max(axis=0)
+        values = np.concatenate([np.zeros_like(values[:1]), values, np.zeros_like(values[:1])])
