@@ -25,6 +25,7 @@ import json
 import math
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass
@@ -33,7 +34,7 @@ from typing import Any
 
 import numpy as np
 from replanning_foresight import Past, goals_of_who_knows
-from replanning_world import LAG, SIGHT, Judge, Rider, World, scene_of
+from replanning_world import LAG, OFF, SIGHT, SPEED, Gaps, Judge, Rider, World, scene_of
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -41,6 +42,7 @@ from hdplan.planner.studies.report import markdown_text
 PERIOD, LATENCY, SETTLING = 0.04, 0.01, 0.1  # [s]
 PICTURES, SEEN_AFTER = 0.05, (0.03, 0.08)  # [s]
 LAG_TIME = 0.03  # [s] in which a joint follows
+NEAREST = 0.1  # [m] above which the distance of a robot that moves is not measured
 NEAR = 0.03  # [m] at which a body turns back from a robot that stands
 CHECK, MOVES = 0.005, 1e-3  # [s] between two looks; [rad/s] of a joint that moves
 
@@ -62,6 +64,7 @@ class Outcome:
     way: list[float]  # [s] median, 99 % of looking at the way
     picture: list[float]  # [s] median, 99 % of taking a picture
     late: int  # steps that took longer than their period
+    causes: dict[str, int]  # steps by what kept them from proving a motion
     trusting: dict[str, float] | None = None  # contacts, least and goals of the run without sizes
 
 
@@ -91,47 +94,91 @@ class Beside(Executor):
 
 
 class Arm:
-    """Follows commands, up to LAG off in each joint."""
+    """Follows commands, up to a lag off in each joint."""
 
-    def __init__(self, q: np.ndarray, speeds: np.ndarray) -> None:
-        self.q, self.dq, self.behind, self.speeds = q, np.zeros(len(q)), np.zeros(len(q)), speeds
+    def __init__(self, q: np.ndarray, speeds: np.ndarray, lag: float) -> None:
+        self.q, self.dq, self.behind, self.speeds, self.lag = q, np.zeros(len(q)), np.zeros(len(q)), speeds, lag
+        self.command: hdplan.Command | None = None
+        self.samples: hdplan.Samples | None = None
+        self.began = 0
 
-    def follow(self, position: np.ndarray, velocity: np.ndarray, dt: float) -> None:
-        target = LAG * velocity / self.speeds
-        self.behind = self.behind + (target - self.behind) * (1.0 - math.exp(-dt / LAG_TIME))
-        q = position - np.clip(self.behind, -LAG, LAG)
-        self.q, self.dq = q, (q - self.q) / dt
+    def take(self, command: hdplan.Command, look: int) -> None:
+        """Execute a command from now on, at a look."""
+        ends = command.time + float(command.motion.times[-1])
+        count = max(math.ceil(ends / CHECK) - look, 0) + 1
+        self.command, self.began = command, look
+        self.samples = command.at(np.maximum(CHECK * (look + np.arange(count)), command.time))
+
+    def follow(self, look: int) -> None:
+        if self.samples is None:
+            return
+        at = min(look - self.began, len(self.samples.positions) - 1)
+        target = self.lag * self.samples.velocities[at] / self.speeds
+        self.behind = self.behind + (target - self.behind) * (1.0 - math.exp(-CHECK / LAG_TIME))
+        q = self.samples.positions[at] - np.clip(self.behind, -self.lag, self.lag)
+        self.q, self.dq = q, (q - self.q) / CHECK
 
 
-def run(seed: int, seconds: float, empty: bool = False, trusting: bool = False) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Senses:
+    """What a replanner is told of the world, and how soon."""
+
+    off: float | None = OFF  # [m] by which pictures are off; None: as far, but they hold no sizes
+    every: float = PICTURES  # [s] between two of them
+    after: tuple[float, float] = SEEN_AFTER  # [s] in which they come
+    lag: float = LAG  # [rad]
+    latency: float = LATENCY  # [s]
+    settling: float = SETTLING  # [s]
+    computes: bool = True  # whether its computing takes time
+    empty: bool = False  # nothing is there
+
+
+TRUSTING, EMPTY = Senses(off=None), Senses(empty=True)
+PRESENT = Senses(off=0.0, every=PERIOD, after=(0.0, 0.0), lag=0.0, latency=0.0, settling=0.0, computes=False)
+
+
+def cause(command: hdplan.Command, room: float, due: float) -> str:
+    """Return what kept a step from proving a motion, by the words of its command; `room` [m] is left around the robot,
+    and `due` for a motion that ends at once."""
+    if not command.why:
+        return {"moving": "proven", "arrived": "at its goal"}.get(command.mode.value, "waits")
+    if command.why.startswith("too close"):
+        return "shut in" if room < due else "way is not free"
+    return "late" if command.why.startswith("the step took") else "no way"
+
+
+def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
     """Simulate one run."""
-    scene, goals = scene_of(seed)
+    scene, goals = scene_of(seed, senses.lag)
     world, beside = World(seed), Beside()
-    if empty:
+    if senses.empty:
         world.walkers = []
     rng = np.random.default_rng([seed, 2])
-    clock, steps, pictures = [0.0], list[float](), list[float]()
+    clock, steps, pictures, causes = [0.0], list[float](), list[float](), Counter[str]()
 
     def now() -> float:
-        return clock[0] + time.process_time() - begun[0] - beside.spent
+        return clock[0] + (time.process_time() - begun[0] - beside.spent if senses.computes else 0.0)
 
     begun = [0.0]
-    replanner = hdplan.Replanner(scene, period=PERIOD, latency=LATENCY, settling=SETTLING, clock=now, executor=beside)
+    replanner = hdplan.Replanner(
+        scene, period=PERIOD, latency=senses.latency, settling=senses.settling, clock=now, executor=beside
+    )
     judge = Judge(replanner.robot)
-    arm = Arm(replanner.robot.configuration(scene.start), np.array(replanner.robot.model.velocityLimit[:7]))
-    command: hdplan.Command | None = None
+    gaps = Gaps(judge)
+    speeds = np.array(replanner.robot.model.velocityLimit[:7])
+    arm = Arm(replanner.robot.configuration(scene.start), speeds, senses.lag)
     coming: list[tuple[float, hdplan.Command]] = []  # commands on their way to the arm
     taken: list[tuple[float, float, list[hdplan.Obstacle]]] = []  # pictures on their way: when they come, and are of
     next_step = next_picture = 0.0
-    reached, first, contacts, least, moving, late = 0, math.inf, 0, math.inf, 0, 0
-    count, past = round(seconds / CHECK), Past()
+    reached, first, contacts, least, moving, late = 0, math.inf, 0, NEAREST, 0, 0
+    count, past, seen_at = round(seconds / CHECK), Past(), 0.0
     for k in range(count):
         t = k * CHECK
         past.note(t, world.walkers)
         if t >= next_picture - 1e-9:
-            next_picture += PICTURES
-            seen = [each.seen(trusting) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
-            taken.append((t + rng.uniform(*SEEN_AFTER), t, seen))
+            next_picture += senses.every
+            seen = [each.seen(senses.off) for each in world.there(t) if np.linalg.norm(each.at[:2]) <= SIGHT + 1e-6]
+            taken.append((t + rng.uniform(*senses.after), t, seen))
         if t >= next_step - 1e-9:
             next_step += PERIOD
             beside.advance(t)
@@ -139,39 +186,40 @@ def run(seed: int, seconds: float, empty: bool = False, trusting: bool = False) 
                 began = time.process_time()
                 replanner.update(obstacles=seen, at=at)
                 pictures.append(time.process_time() - began)
-                taken = [each for each in taken if each[0] > come and each[1] > at]
-            if command is not None:
+                taken, seen_at = [each for each in taken if each[0] > come and each[1] > at], at
+            if arm.command is not None:
                 replanner.state(arm.q, np.clip(arm.dq, -arm.speeds, arm.speeds), at=t - CHECK)
             clock[0], begun[0], beside.spent = t, time.process_time(), 0.0
             found = replanner.step(t)
             took = now() - t
             steps.append(took)
             late += took > PERIOD
-            coming.append((t + took + LATENCY, found))
+            coming.append((t + took + senses.latency, found))
             next_step = max(next_step, t + took)
+            due = SPEED * (t - seen_at + senses.latency + 2.0 * PERIOD + senses.settling) + (senses.off or 0.0)
+            near = gaps.below(world.there(t), due) if gaps.at is not None and found.why else due
+            causes[cause(found, near, due)] += 1
             if found.mode.value == "arrived":
                 reached += 1
                 first = min(first, t)
                 replanner.aim(goals[reached % len(goals)])
         for at, found in coming:
             if at <= t:
-                command = found
+                arm.take(found, k)
         coming = [each for each in coming if each[0] > t]
-        if command is not None:
-            sample = command.at(t)
-            arm.follow(sample.positions, sample.velocities, CHECK)
-        hand = judge.hand(arm.q)
+        arm.follow(k)
+        gaps.move(arm.q, CHECK)
         if np.abs(arm.dq).max() > MOVES:
             moving += 1
-            distance = judge.distance(arm.q, world.there(t))
+            distance = gaps.below(world.there(t), max(least, 0.0) + 1e-9, floor=True)
             least = min(least, distance)
             contacts += distance <= 0.0
         elif k % 4 == 0:
             for each in world.there(t):
-                if not isinstance(each, Rider) and t >= each.turned + 1.0 and judge.distance(arm.q, [each]) < NEAR:
+                if not isinstance(each, Rider) and t >= each.turned + 1.0 and gaps.below([each], NEAR) < NEAR:
                     each.turned = t
                     each.turn_back(t)
-        world.go(t, CHECK, hand)
+        world.go(t, CHECK, lambda: judge.hand(arm.q))
     ways = beside.seconds or [0.0]
     return {
         "seed": seed,
@@ -184,6 +232,7 @@ def run(seed: int, seconds: float, empty: bool = False, trusting: bool = False) 
         "way": [float(x) for x in (np.median(ways), np.quantile(ways, 0.99))],
         "picture": [float(x) for x in (np.median(pictures), np.quantile(pictures, 0.99))],
         "late": late,
+        "causes": dict(causes),
         "past": past,
     }
 

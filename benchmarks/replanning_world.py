@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import coal
@@ -13,6 +15,7 @@ from hdplan.planner.robot.setup import Setup
 
 SPEED, SIGHT, OFF = 0.5, 1.5, 0.01  # [m/s] of people and boxes; [m] from the base; [m] by which pictures are off
 BELT_SPEED, BELT_OFF = 0.2, 0.02  # [m/s] of the conveyor; how much faster or slower a box on it may be
+FAR = 0.4  # [m] up to which distances are measured
 LAG = 0.005  # [rad] by which a joint may be off
 LIMITS = hdplan.Limits(
     velocity="urdf", acceleration=(15, 7.5, 10, 12.5, 15, 20, 20), jerk=(7500, 3750, 5000, 6250, 7500, 10000, 10000)
@@ -22,6 +25,8 @@ FLOOR = hdplan.Obstacle("floor", hdplan.Box([2.4, 2.4, 0.1]), pose=[0.0, 0.0, -0
 
 class Walker:
     """A body that goes where it likes: its points are never faster than a speed."""
+
+    speed = SPEED  # [m/s] by which a picture says that it may leave where it would be
 
     def __init__(self, rng: np.random.Generator, name: str, kind: str) -> None:
         self.rng, self.name, self.kind = rng, name, kind
@@ -41,12 +46,12 @@ class Walker:
             self.shape, self.lever = hdplan.Box(size), float(np.linalg.norm(size)) / 2
         self.begins = rng.uniform(0.0, 10.0) if kind == "box" else 0.0
 
-    def decide(self, t: float, hand: np.ndarray) -> None:
+    def decide(self, t: float, hand: Callable[[], np.ndarray]) -> None:
         """Take another way, maybe towards the robot's hand."""
         rng = self.rng
         self.until = t + rng.uniform(0.2, 1.5)
         share = rng.choice([0.0, 0.3, 1.0], p=[0.2, 0.2, 0.6])
-        target = hand if rng.uniform() < 0.1 else np.append(rng.uniform(-1.6, 1.6, 2), rng.uniform(0.1, 1.2))
+        target = hand() if rng.uniform() < 0.1 else np.append(rng.uniform(-1.6, 1.6, 2), rng.uniform(0.1, 1.2))
         if self.kind == "box":
             stand = rng.uniform() < 0.5
             share = 0.0 if stand and np.linalg.norm(self.at[:2]) < 0.8 else share
@@ -56,7 +61,7 @@ class Walker:
         self.velocity = part * share * SPEED * way / max(np.linalg.norm(way), 1e-9)
         self.spin = (1.0 - part) * share * SPEED / max(self.lever, 1e-9) * spin / np.linalg.norm(spin)
 
-    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+    def go(self, t: float, dt: float, hand: Callable[[], np.ndarray]) -> None:
         if t >= self.until:
             self.decide(t, hand)
         self.at = self.at + dt * self.velocity
@@ -69,16 +74,20 @@ class Walker:
     def there(self, t: float) -> bool:
         return t >= self.begins
 
-    def seen(self, trusting: bool) -> hdplan.Obstacle:
+    def seen(self, off: float | None) -> hdplan.Obstacle:
+        """Return what a picture shows that is up to so much off; None: as far, but it does not say so, nor that
+        anything moves."""
         way = self.rng.normal(size=3)
-        off = self.rng.uniform(0.0, OFF) * way / np.linalg.norm(way)
-        pose = hdplan.Pose(self.at + off, pin.Quaternion(self.turn).normalized().coeffs())
-        sizes = hdplan.Uncertainty() if trusting else hdplan.Uncertainty(OFF, 0.0, SPEED)
+        away = self.rng.uniform(0.0, OFF if off is None else off) * way / np.linalg.norm(way)
+        pose = hdplan.Pose(self.at + away, pin.Quaternion(self.turn).normalized().coeffs())
+        sizes = hdplan.Uncertainty() if off is None else hdplan.Uncertainty(off, 0.0, self.speed)
         return hdplan.Obstacle(self.name, self.shape, pose, uncertainty=sizes)
 
 
 class Rider(Walker):
     """A box on the conveyor, which runs past the robot."""
+
+    speed = BELT_OFF
 
     def __init__(self, rng: np.random.Generator, name: str, at: float, side: float) -> None:
         super().__init__(rng, name, "box")
@@ -86,7 +95,7 @@ class Rider(Walker):
         self.begins, self.until = 0.0, np.inf
         self.shape = hdplan.Box(rng.uniform(0.08, 0.2, 3))
 
-    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+    def go(self, t: float, dt: float, hand: Callable[[], np.ndarray]) -> None:
         if t >= self.until or self.until == np.inf:
             self.until = t + 0.5
             self.velocity = np.array([BELT_SPEED + self.rng.uniform(-1.0, 1.0) * BELT_OFF, 0.0, 0.0])
@@ -95,14 +104,10 @@ class Rider(Walker):
     def there(self, t: float) -> bool:
         return bool(abs(self.at[0]) < 1.4)
 
-    def seen(self, trusting: bool) -> hdplan.Obstacle:
-        found = super().seen(trusting)
-        if trusting:
-            return found
-        motion = hdplan.SteadyMotion([BELT_SPEED, 0.0, 0.0])
-        return hdplan.Obstacle(
-            found.name, found.shape, found.pose, motion=motion, uncertainty=hdplan.Uncertainty(OFF, 0.0, BELT_OFF)
-        )
+    def seen(self, off: float | None) -> hdplan.Obstacle:
+        found = super().seen(off)
+        motion = None if off is None else hdplan.SteadyMotion([BELT_SPEED, 0.0, 0.0])
+        return hdplan.Obstacle(found.name, found.shape, found.pose, motion=motion, uncertainty=found.uncertainty)
 
 
 class World:
@@ -115,7 +120,7 @@ class World:
         side = 0.65 * rng.choice([-1.0, 1.0])
         self.walkers += [Rider(rng, f"rider{i}", -1.3 - 0.8 * i, side) for i in range(5)]
 
-    def go(self, t: float, dt: float, hand: np.ndarray) -> None:
+    def go(self, t: float, dt: float, hand: Callable[[], np.ndarray]) -> None:
         for each in self.walkers:
             if each.there(t) or isinstance(each, Rider):
                 each.go(t, dt, hand)
@@ -141,23 +146,38 @@ class Judge:
         self._place(q)
         return np.array(self.places.oMg[self.moving[-1]].translation)
 
+    def levers(self) -> np.ndarray:
+        """Return how far what each joint moves is from its axis at most (n,) [m], in any configuration of a robot whose
+        n joints turn; those that are locked, such as fingers, may slide."""
+        reach = np.zeros(self.model.njoints)
+        for i in self.moving:
+            item = self.items.geometryObjects[i]
+            center = item.placement.act(np.array(item.geometry.aabb_center))
+            reach[item.parentJoint] = max(reach[item.parentJoint], np.linalg.norm(center) + item.geometry.aabb_radius)
+        for j in range(self.model.njoints - 1, 1, -1):
+            parent, step = self.model.parents[j], np.linalg.norm(self.model.jointPlacements[j].translation)
+            at, slides = self.model.idx_qs[j], self.model.joints[j].shortname().startswith("JointModelP")
+            limits = self.model.lowerPositionLimit[at], self.model.upperPositionLimit[at]
+            reach[parent] = max(reach[parent], step + reach[j] + (np.abs(limits).max() if slides else 0.0))
+        return reach[1 : 1 + self.robot.n]
+
     def _place(self, q: np.ndarray) -> None:
         full = np.asarray(self.robot.unfolded.pin_q(self.robot.expand(q)[None])[0])
         pin.updateGeometryPlacements(self.model, self.data, self.items, self.places, full)
 
-    def distance(self, q: np.ndarray, walkers: list[Walker]) -> float:
-        """Return the least distance [m], if it is below 0.1; 0 or less in contact."""
+    def distance(self, q: np.ndarray, walkers: list[Walker], within: float = 0.1, floor: bool = True) -> float:
+        """Return the least distance [m], if it is below `within`; 0 or less in contact."""
         self._place(q)
-        least = 0.1
+        others = (self.floor if floor else []) + [
+            (self._shape(each), coal.Transform3s(each.turn, each.at), each.lever + 0.2, each.at) for each in walkers
+        ]
+        least = within
         for i in self.moving:
             geometry, place = self.items.geometryObjects[i].geometry, self.places.oMg[i]
             center = place.rotation @ geometry.aabb_center + place.translation
             one = coal.Transform3s(place.rotation, place.translation)
-            others = self.floor + [
-                (self._shape(each), coal.Transform3s(each.turn, each.at), each.lever + 0.2, each.at) for each in walkers
-            ]
             for shape, other, radius, at in others:
-                if np.linalg.norm(center - at) - geometry.aabb_radius - radius < least:
+                if math.dist(center, at) - geometry.aabb_radius - radius < least:
                     found = coal.distance(geometry, one, shape, other, coal.DistanceRequest(), coal.DistanceResult())
                     least = min(least, float(found))
         return least
@@ -174,10 +194,33 @@ class Judge:
         return self.shapes[walker.name]
 
 
-def scene_of(seed: int) -> tuple[hdplan.Scene, list[np.ndarray]]:
+class Gaps:
+    """Lower bounds on the distance of the robot from each body: what was measured last, less what both have gone since.
+    Measured again only where that does not suffice."""
+
+    def __init__(self, judge: Judge) -> None:
+        self.judge, self.levers = judge, judge.levers()
+        self.least: dict[str, float] = {}
+        self.at: np.ndarray | None = None
+
+    def move(self, q: np.ndarray, dt: float) -> None:
+        """Note that the robot is at q now, and that the bodies have moved on."""
+        gone = SPEED * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
+        self.at, self.least = q, {name: bound - gone for name, bound in self.least.items()}
+
+    def below(self, walkers: list[Walker], most: float, floor: bool = False) -> float:
+        """Return the least distance [m] of the robot from these bodies if it is below `most`, and otherwise that."""
+        for name, group in [("floor", []), *((each.name, [each]) for each in walkers)][0 if floor else 1 :]:
+            if self.least.get(name, -np.inf) < most:
+                self.least[name] = self.judge.distance(self.at, group, FAR, floor=not group)
+            most = min(most, self.least[name])
+        return most
+
+
+def scene_of(seed: int, lag: float = LAG) -> tuple[hdplan.Scene, list[np.ndarray]]:
     """Return the scene of a run and its goals: free of the floor and of the robot itself."""
     rng = np.random.default_rng([seed, 0])
-    spec = hdplan.RobotSpec("panda", tracking=hdplan.Tracking(LAG))
+    spec = hdplan.RobotSpec("panda", tracking=hdplan.Tracking(lag))
     start = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
     scene = hdplan.Scene(robot=spec, obstacles=[FLOOR], start=start, goal=start, limits=LIMITS)
     robot = Setup.of(scene).robot

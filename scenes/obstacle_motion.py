@@ -65,8 +65,9 @@ class ObstacleMotion:
         row = self.segment(times)
         elapsed = (times - self.anchors[row])[:, None]
         placements = self.poses[row].copy()
-        turned = scipy.spatial.transform.Rotation.from_rotvec(elapsed * self.spin[row]).as_matrix()
-        placements[:, :3, :3] = turned @ placements[:, :3, :3]
+        if self.spin.any():
+            turned = scipy.spatial.transform.Rotation.from_rotvec(elapsed * self.spin[row]).as_matrix()
+            placements[:, :3, :3] = turned @ placements[:, :3, :3]
         placements[:, :3, 3] += elapsed * self.velocity[row]
         return placements
 

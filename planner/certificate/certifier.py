@@ -181,9 +181,9 @@ class Certifier:
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
-        failures are not complete. At ends that are `passing` the robot does not stop: the motion itself says where
-        those are, so that no lesser clearance is required for them. What is neither proven nor refuted on the
-        `shortest` part of a waypoint interval is given up as not proven."""
+        failures are not complete, nor is the cost of the unknown then given. At ends that are `passing` the robot does
+        not stop: the motion itself says where those are, so that no lesser clearance is required for them. What is
+        neither proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
@@ -250,7 +250,7 @@ class Certifier:
             required=required,
             notes=(
                 *reductions,
-                *self._unknown(moved, proof),
+                *(self._unknown(moved, proof) if suspect is None else ()),
                 *self.holes,
                 *self.weightless,
                 *self.setup.units,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -126,20 +126,32 @@ class Bodies:
         shape = (len(middle), len(self.moving))
         placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         first, second = np.zeros(shape), np.zeros(shape)
-        for g in np.flatnonzero(self.drifting[self.moving]).tolist():
-            motion, lever = self._motion(self.moving[g]), self._lever(self.moving[g])
+        for g, motion, lever, turn, speeds in self._drifts:
             placements[:, g] = motion.at(middle)
-            begin = motion.segment(middle - half)
-            end = np.maximum(np.searchsorted(motion.begins, middle + half, side="left") - 1, begin)
-            turn = np.linalg.norm(motion.spin, axis=1)
-            speeds = np.linalg.norm(motion.velocity, axis=1) + turn * lever
-            first[:, g] = half * [speeds[i : j + 1].max() for i, j in zip(begin, end, strict=True)]
-            one = begin == end
+            if len(speeds) == 1:
+                begin, one = np.zeros(len(middle), dtype=np.int64), np.ones(len(middle), dtype=bool)
+                first[:, g] = half * speeds[0]
+            else:
+                begin = motion.segment(middle - half)
+                end = np.maximum(np.searchsorted(motion.begins, middle + half, side="left") - 1, begin)
+                first[:, g] = half * [speeds[i : j + 1].max() for i, j in zip(begin, end, strict=True)]
+                one = begin == end
             omega[:, g] = np.where(one[:, None], half[:, None] * motion.spin[begin], 0.0)
             velocity[:, g] = np.where(one[:, None], half[:, None] * motion.velocity[begin], 0.0)
             velocity[:, g] -= cross(omega[:, g], placements[:, g, :3, 3])
             second[:, g] = np.where(one, 0.5 * (half * turn[begin]) ** 2 * lever, first[:, g])
         return placements, Motion(omega, velocity, first, second)
+
+    @cached_property
+    def _drifts(self) -> list[tuple[int, ObstacleMotion, float, Array, Array]]:
+        """Of each drifting one of the `moving` bodies: its place among them, its motion, lever [m], and in each segment
+        |ω| [rad/s] and the greatest speed of its points [m/s]."""
+        found = []
+        for g in np.flatnonzero(self.drifting[self.moving]).tolist():
+            motion, lever = self._motion(self.moving[g]), self._lever(self.moving[g])
+            turn = np.linalg.norm(motion.spin, axis=1)
+            found.append((g, motion, lever, turn, np.linalg.norm(motion.velocity, axis=1) + turn * lever))
+        return found
 
     def reach(self, curve: Curve) -> Array:
         """Return ρ (g, n) for all configurations of a motion."""
@@ -234,8 +246,7 @@ class Intervals:
             placements, own = bodies.drift(when, half)
             free = bodies.drifting[moving]
             rotation[:, free], origin[:, free] = placements[:, free, :3, :3], placements[:, free][..., :3, 3]
-            parts = own.omega, own.velocity, own.first, own.second
-            drift = Motion(*(_rows(np.zeros((len(rho), *part.shape[2:])), part) for part in parts))
+            drift = Motion(*(_rows(np.zeros((len(rho), *part.shape[2:])), part) for part in own.parts))
         center = origin + np.einsum("kgij,gj->kgi", rotation, bodies.center[moving])
         axes = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes)
         axes, points = np.ascontiguousarray(axes), np.ascontiguousarray(moved[:, 1:])
@@ -250,8 +261,24 @@ class Intervals:
     def instants(self) -> Intervals:
         """Their midpoints, as intervals that take no time."""
         assert self.of_curve is not None
-        none = np.zeros(len(self.width))
-        return Intervals.of(self.bodies, *self.of_curve, self.interval, self.start + 0.5 * self.width, none)
+        bodies, still = self.bodies, len(self.bodies.bodies)
+        curve, rho = self.of_curve
+        delta, joint = np.zeros_like(self.delta), bodies.joint[bodies.moving]
+        deviation = delta if bodies.sizes is None else delta + bodies.sizes.joints
+        center = self.center[still:].reshape(len(self.width), len(bodies.moving), 3)
+        balls = center, bodies.radius[bodies.moving], self.axes, self.points
+        reach = bodies.chain.local_reach(rho[bodies.moving], joint, *balls, deviation)
+        when = curve.span(self.interval, self.start, self.width)[0] if self.latest.any() else self.latest
+        return replace(
+            self,
+            start=self.start + 0.5 * self.width,
+            width=np.zeros_like(self.width),
+            delta=delta,
+            deviation=deviation,
+            reach=_rows(np.zeros(rho.shape), reach),
+            drift=None if self.drift is None else Motion(*(np.zeros_like(part) for part in self.drift.parts)),
+            latest=np.abs(when),
+        )
 
     def row(self, node: Index | int, body: Index | int) -> Any:
         """Return the rows of bodies' places on intervals."""

@@ -75,6 +75,11 @@ class Motion:
             0.5 * (speed * (turn + 2.0 * before)).sum(axis=1) + leaving,
         )
 
+    @property
+    def parts(self) -> tuple[Array, Array, Array, Array]:
+        """Its arrays."""
+        return self.omega, self.velocity, self.first, self.second
+
     def __add__(self, other: Motion) -> Motion:
         """Return the sum of two motions of the same bodies, one of which is rest."""
         return Motion(

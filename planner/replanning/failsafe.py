@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hdplan.planner.replanning.nominal import STILL, Nominal, Rows
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.timing.braking import brake
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.once import read_only
 
 STRONGEST = (24.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5)  # [1/s] of s̈
 SOFTER = (4.0, 1.0)  # times s̈², of s⃛ [1/s²]
@@ -70,22 +72,9 @@ class FailsafeMotions:
 
     def _law(self, progress: Array, speed: float, strong: float, soft: float) -> Array | None:
         """Return s, ṡ and s̈ (k, 3) of a law that speeds up, or slows down, and then brakes; None if there is none."""
-        most = {"acceleration": np.array([strong]), "jerk": np.array([soft])}
         s, v, a = progress.tolist()
-        if abs(a) > LONGEST * soft:
-            return None
-        toward = brake(np.array([v - speed]), np.array([a]), most, self.h)
-        if isinstance(toward, int):
-            return None
-        lead = np.minimum(np.arange(self.lead + 1), len(toward))
-        gone = toward.away[lead, 0] - toward.away[0, 0] + speed * self.h * np.arange(self.lead + 1)
-        first = np.stack([s + gone, speed + toward.velocity[lead, 0], toward.acceleration[lead, 0]], axis=1)
-        braking = brake(first[-1:, 1], first[-1:, 2], most, self.h)
-        if isinstance(braking, int):
-            return None
-        then = [braking.away - braking.away[0] + first[-1, 0], braking.velocity, braking.acceleration]
-        law = np.concatenate([first, np.concatenate(then, axis=1)[1:]])
-        return law if law[:, 1].min() >= -BACKWARDS else None
+        found = _law(v, a, speed, strong, soft, self.h, self.lead)
+        return None if found is None else found + [s, 0.0, 0.0]
 
     def _keeps(self, rows: Rows) -> bool:
         """True if a motion keeps the joints' limits of rates."""
@@ -94,6 +83,27 @@ class FailsafeMotions:
         curve = Curve.through(rows[0], self.h * np.arange(len(rows[0]), dtype=np.float64), rows[1], rows[2])
         within = 1.0 - ROOM
         return all((curve.over_time(order).largest() <= within * most).all() for order, most in self.limits.items())
+
+
+@lru_cache(maxsize=1024)  # the same again and again while the robot moves on as planned
+def _law(v: float, a: float, speed: float, strong: float, soft: float, h: float, lead: int) -> Array | None:
+    """Return the law that begins at s = 0 with ṡ and s̈; see `FailsafeMotions`."""
+    if abs(a) > LONGEST * soft:
+        return None
+    most = {"acceleration": np.array([strong]), "jerk": np.array([soft])}
+    toward = brake(np.array([v - speed]), np.array([a]), most, h)
+    if isinstance(toward, int):
+        return None
+    rows = np.arange(lead + 1)
+    there = np.minimum(rows, len(toward))
+    gone = toward.away[there, 0] - toward.away[0, 0] + speed * h * rows
+    first = np.stack([gone, speed + toward.velocity[there, 0], toward.acceleration[there, 0]], axis=1)
+    braking = brake(first[-1:, 1], first[-1:, 2], most, h)
+    if isinstance(braking, int):
+        return None
+    then = [braking.away - braking.away[0] + first[-1, 0], braking.velocity, braking.acceleration]
+    law = np.concatenate([first, np.concatenate(then, axis=1)[1:]])
+    return read_only(law) if law[:, 1].min() >= -BACKWARDS else None
 
 
 def _trimmed(rows: Rows, law: Array) -> Failsafe:
