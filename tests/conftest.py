@@ -22,7 +22,6 @@ from hdplan.distance.compiled import c_library
 from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
 
-
 LITTLE_XLA = (  # which compiles in a third of the time
     "--xla_backend_optimization_level=0",
     "--xla_cpu_use_fusion_emitters=false",
