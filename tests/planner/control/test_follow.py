@@ -204,9 +204,9 @@ def test_command(
     sweep: Trajectory, free: Followed,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    motion = replace(sweep, positions=sweep.positions[:4])
-    ball = ball_that_comes(robot, motion, (-0.3, 0.0, 0.0), 0.5)
-    scene = replace(between(room, motion), obstacles=(ball,), timing=Timing(duration=1.0))
+    motion = replace(sweep, positions=sweep.positions[:8])
+    ball = ball_that_comes(robot, motion, (-0.3, 0.0, 0.0), 1.0)
+    scene = replace(between(room, motion), obstacles=(ball,), timing=Timing(duration=2.0))
     (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
     motion.save(tmp_path / "plan.json")
     run = in_process(monkeypatch, capsys)
