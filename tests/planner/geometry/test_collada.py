@@ -202,9 +202,11 @@ FAULTS = {
 }
 
 
-def test_500_files_are_read_as_written_and_as_others_read_them(tmp_path: Path) -> None:
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("first", [0, 170, 340])
+def test_170_files_are_read_as_written_and_as_others_read_them(first: int, tmp_path: Path) -> None:
     confirmed = Counter[str]()
-    for seed in range(500):
+    for seed in range(first, first + 170):
         made, path = Writer(np.random.default_rng(seed)), tmp_path / "a.dae"
         path.write_text(made.text, encoding="utf-8")
         vertices, corners = read_mesh_file(path)
@@ -217,8 +219,8 @@ def test_500_files_are_read_as_written_and_as_others_read_them(tmp_path: Path) -
             assert theirs is not None
             assert apart(ours, made.meter * theirs) <= SAME, (seed, reader.__name__)
             confirmed[reader.__name__] += 1
-    assert confirmed["by_assimp"] > 120
-    assert confirmed["by_trimesh"] > 20
+    assert confirmed["by_assimp"] > 40
+    assert confirmed["by_trimesh"] > 6
 
 
 def spoilt(text: str, rng: np.random.Generator) -> str:

@@ -181,12 +181,14 @@ def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(reproduce_corridor, "NAMES", (NAMES[0], AS_SAFE))
     for name, seconds in (("CRITICAL", 0.3), ("DURATION", 0.4), ("SWEPT", 0.2)):
         monkeypatch.setattr(reproduce_corridor, name, seconds)
+    changes = sweep()[::4]
+    monkeypatch.setattr(reproduce_corridor, "sweep", lambda: changes)
     seen: list[str] = []
     found = reproduce_corridor.reproduce_corridor(
         tmp_path, False, lambda done, of, what: seen.append(f"{done} {of} {what}"), lambda: False
     )
     assert found.complete
-    assert len(seen) == 2 + len(sweep())
+    assert len(seen) == 2 + len(changes)
     assert found.notes[0][0] == "claim"
     assert {path.name for path in found.files} == {path.name for path in tmp_path.iterdir()}
     with (tmp_path / "corridor.csv").open(encoding="utf-8") as file:
