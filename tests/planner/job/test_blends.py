@@ -416,7 +416,7 @@ def _certified(scene: hdplan.Scene, result: JobResult) -> bool:
         ([f"{LINE}, blend: 0.25", UP], "first.*larger than the stage that"),
         ([f"{LINE}, blend: 0.2", "line: {to: [0.2, 0.4, 0.6]}, blend: 0.2", DOWN], "second.*overlap"),
         (["line: {to: [0.4, 0.2, 0.7], free_rotation: z}, blend: 0.1", UP], "free_rotation"),
-        ([f"{LINE}, blend: 0.1"], "first.*nothing follows"),
+        ([f"{LINE}, blend: 0.1"], "first.*there is no next stage"),
         ([f"{LINE}, blend: 0.1", "wait: 1.0"], "first.*stands still"),
         ([f"{LINE}, blend: -0.1", UP], "blend"),
         ([f"{LINE}, blend: .nan", UP], "blend"),
