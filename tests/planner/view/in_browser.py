@@ -38,16 +38,21 @@ PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has not
 
 
 def opened_browser() -> Iterator[Any]:
-    """One whose pages share what was loaded once, and draw a few pictures a second: each is the processor's work."""
+    """One whose pages share what was loaded once."""
     playwright = pytest.importorskip("playwright.sync_api", reason="not installed: pip install playwright")
     if CHROMIUM is None:
         pytest.skip("no chromium found: apt-get install chromium")
     with playwright.sync_playwright() as running:
         found = running.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        pages = found.new_context(viewport=SIZE)
-        pages.add_init_script(SELDOM)
-        yield pages
+        yield screen(found, viewport=SIZE)
         found.close()
+
+
+def screen(browser: Any, **its: Any) -> Any:
+    """A screen of a browser, on which a few pictures a second are drawn."""
+    pages = browser.new_context(**its)
+    pages.add_init_script(SELDOM)
+    return pages
 
 
 def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
