@@ -34,6 +34,7 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
 SCENE = 340  # [px] of its width, where the panel is not
+LOST = ("ERR_CONNECTION", "WebSocket")  # words of a page whose server has ended, perhaps before it: no fault of its own
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
 
@@ -76,13 +77,17 @@ class Tabs:
         page = self.browser.new_page()
         self.pages.append(page)
         page.set_default_timeout(PATIENCE)
-        page.on("console", lambda message: self.complaints.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", lambda message: self._heard(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self._heard(str(error)))
         page.goto(address)
         page.wait_for_selector("canvas")
         page.get_by_text("Software WebGL").wait_for()
         page.locator(".mantine-Notification-closeButton").dispatch_event("click")  # it lies over the scene
         return page
+
+    def _heard(self, text: str) -> None:
+        if not any(each in text for each in LOST):
+            self.complaints.append(text)
 
     def close(self) -> None:
         for page in self.pages:
