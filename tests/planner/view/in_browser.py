@@ -34,20 +34,26 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
 SCENE = 340  # [px] of its width, where the panel is not
+LOST = ("ERR_CONNECTION", "WebSocket")  # words of a page whose server has ended, perhaps before it: no fault of its own
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
 
 def opened_browser() -> Iterator[Any]:
-    """One whose pages share what was loaded once, and draw a few pictures a second: each is the processor's work."""
+    """One whose pages share what was loaded once."""
     playwright = pytest.importorskip("playwright.sync_api", reason="not installed: pip install playwright")
     if CHROMIUM is None:
         pytest.skip("no chromium found: apt-get install chromium")
     with playwright.sync_playwright() as running:
         found = running.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        pages = found.new_context(viewport=SIZE)
-        pages.add_init_script(SELDOM)
-        yield pages
+        yield screen(found, viewport=SIZE)
         found.close()
+
+
+def screen(browser: Any, **its: Any) -> Any:
+    """A screen of a browser, on which a few pictures a second are drawn."""
+    pages = browser.new_context(**its)
+    pages.add_init_script(SELDOM)
+    return pages
 
 
 def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
@@ -71,13 +77,17 @@ class Tabs:
         page = self.browser.new_page()
         self.pages.append(page)
         page.set_default_timeout(PATIENCE)
-        page.on("console", lambda message: self.complaints.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", lambda message: self._heard(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self._heard(str(error)))
         page.goto(address)
         page.wait_for_selector("canvas")
         page.get_by_text("Software WebGL").wait_for()
         page.locator(".mantine-Notification-closeButton").dispatch_event("click")  # it lies over the scene
         return page
+
+    def _heard(self, text: str) -> None:
+        if not any(each in text for each in LOST):
+            self.complaints.append(text)
 
     def close(self) -> None:
         for page in self.pages:

@@ -100,7 +100,9 @@ def handled(page: Any, viewer: Viewer) -> None:
     def stands() -> bool:
         viewer.worker.settle(PATIENCE)
         handle = viewer.panel.handles._handle
-        return bool(page.evaluate(STANDS, (handle.name, tuple(handle.position.tolist()), SAME_PLACE)))
+        return handle is not None and bool(
+            page.evaluate(STANDS, (handle.name, tuple(handle.position.tolist()), SAME_PLACE))
+        )
 
     until(stands, "the handle is not drawn")
     drawn(page)

@@ -10,7 +10,7 @@ import pytest
 from hdplan.planner.view.page_script import LOW, SHEET
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from tests.planner.view.in_browser import SELDOM, Tabs, address, calm, selected
+from tests.planner.view.in_browser import Tabs, address, calm, screen, selected
 from tests.planner.view.in_page import HOLDS, grip, look, seen, wait_for
 from tests.waiting import until
 
@@ -21,8 +21,7 @@ BALL = Thing("obstacle", "ball")
 @pytest.fixture
 def tab(browser: Any) -> Any:
     """Opens pages on a screen that is touched."""
-    context = browser.browser.new_context(viewport=NARROW, has_touch=True)
-    context.add_init_script(SELDOM)
+    context = screen(browser.browser, viewport=NARROW, has_touch=True)
     tabs = Tabs(context)
     yield tabs
     tabs.close()
