@@ -474,8 +474,8 @@ class _Run:
             items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):
             spot, first = self._spot(nodes, int(node), int(pair), bound, False), int(nodes.interval[node])
-            for interval in range(first, first + max(1, int(nodes.width[node]))):
-                self._fail(replace(spot, interval=interval))
+            for each in range(first, first + max(1, int(nodes.width[node]))):
+                self._fail(replace(spot, interval=each))
         items = items[~undecided]
         used, row = np.unique(items.node, return_inverse=True)
         width = 0.5 * np.repeat(nodes.width[used], 2)

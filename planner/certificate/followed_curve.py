@@ -4,8 +4,8 @@ Between two poses of the curve the origin moves straight, and the link turns abo
 motion follows it if there is a place u(t) on the curve for every instant, from the first pose at the beginning to the
 last at the end, that never goes back and at which the link is within the tolerances. Where it comes from elsewhere, or
 leaves, it does so within a radius around the curve's end, and all of the curve that it leaves out lies within that. Any
-such u is a proof; the one here is the nearest place at some nodes of every interval between rows, ahead of the last one,
-and even along the curve between these.
+such u is a proof; the one here is the nearest place at some nodes of every interval between rows, ahead of the last
+one, and even along the curve between these.
 
 Parts of the motion are cut where u passes a pose, so that on each, with t = t_m + s h, |s| ≤ 1, origin and rotation of
 the curve are c(s) = c + s c', ‖c'‖ half the way, and C(s) = exp(s [w]×) C, w half the turn. With the link's origin p,

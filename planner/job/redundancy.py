@@ -136,7 +136,7 @@ class Layers:
             step = np.subtract.outer(rows[:, joint], last[:, joint])
             if self._circles[joint]:
                 step -= TURN * np.round(step / TURN)
-            far |= np.abs(step) > STEP
+            far |= ~(np.abs(step) <= STEP)
             cost += (step / quick) ** 2
         cost[far] = np.inf
         return cost
@@ -315,7 +315,7 @@ def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable
 
 def _beside(steps: Mask) -> Mask:
     """True (layers,) at both ends of some of the steps (layers − 1,)."""
-    return np.append(steps, False) | np.append(False, steps)
+    return np.asarray(np.append(steps, False) | np.append(False, steps))
 
 
 def _shortening(places: Places, way: Array, held: Mask) -> Array:
