@@ -33,7 +33,7 @@ RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never 
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
-ROOTS = 128  # parts, at least, in which a motion is bounded first: of a longer one these are several intervals each
+ROOTS = 64  # parts, at least, in which a motion is bounded first: of a longer one these are several intervals each
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 BATCH_FACTOR = 8  # times as many pairs at once where groups of bodies settle most of their items
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
@@ -474,8 +474,8 @@ class _Run:
             items.node[undecided], items.pair[undecided], items.bound[undecided].tolist(), strict=True
         ):
             spot, first = self._spot(nodes, int(node), int(pair), bound, False), int(nodes.interval[node])
-            for interval in range(first, first + max(1, int(nodes.width[node]))):
-                self._fail(replace(spot, interval=interval))
+            for each in range(first, first + max(1, int(nodes.width[node]))):
+                self._fail(replace(spot, interval=each))
         items = items[~undecided]
         used, row = np.unique(items.node, return_inverse=True)
         width = 0.5 * np.repeat(nodes.width[used], 2)

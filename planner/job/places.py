@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from hdplan.planner.geometry.rotations import quaternions_of
@@ -36,6 +38,13 @@ def pose_of(matrix: Array) -> Pose:
 
 
 def poses_of(matrices: Array) -> tuple[Pose, ...]:
-    """Return homogeneous matrices (k, 4, 4) as poses."""
+    """Return homogeneous matrices (k, 4, 4) as poses: the same ones for the same matrices, as curves are asked for from
+    many beginnings."""
+    return _poses(np.ascontiguousarray(matrices).tobytes())
+
+
+@functools.lru_cache(maxsize=64)
+def _poses(numbers: bytes) -> tuple[Pose, ...]:
+    matrices = np.frombuffer(numbers).reshape(-1, 4, 4)
     turns = quaternions_of(matrices[:, :3, :3])
     return tuple(Pose(place, turn) for place, turn in zip(matrices[:, :3, 3].tolist(), turns.tolist(), strict=True))

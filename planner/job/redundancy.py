@@ -44,7 +44,7 @@ INNER, ROOM = (
     0.01,
 )  # [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
 NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
-STEEP, LIMITS = 10, 0.05  # power and weight of how close joints are to their limits
+STEEP, LIMITS = 5, 0.05  # power of the square, and weight, of how close joints are to their limits
 SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other
 ROUNDS, BACK = 10, 8  # of evening, and steps back to the poses after each
 EVEN = 1e-2  # [rad] or [m] below which a round of it ends
@@ -120,7 +120,7 @@ class Layers:
         low, high = robot.lower[bounded], robot.upper[bounded]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         shares = [np.abs(rows[:, bounded] - middle) / half for rows in self.configurations]
-        self._weights = [LIMITS * (share**STEEP).sum(axis=1) for share in shares]
+        self._weights = [LIMITS * ((share * share) ** STEEP).sum(axis=1) for share in shares]
         self._own = [each.copy() for each in self._weights]
         self._steps = [self._between(*pair) for pair in itertools.pairwise(self.configurations)]
         self._unknown = [np.ones(len(rows), dtype=bool) for rows in self.configurations]
@@ -136,7 +136,7 @@ class Layers:
             step = np.subtract.outer(rows[:, joint], last[:, joint])
             if self._circles[joint]:
                 step -= TURN * np.round(step / TURN)
-            far |= np.abs(step) > STEP
+            far |= ~(np.abs(step) <= STEP)
             cost += (step / quick) ** 2
         cost[far] = np.inf
         return cost
@@ -315,7 +315,7 @@ def _with_smaller_steps(between: Places, way: Array, fixed: bool, kept: Callable
 
 def _beside(steps: Mask) -> Mask:
     """True (layers,) at both ends of some of the steps (layers − 1,)."""
-    return np.append(steps, False) | np.append(False, steps)
+    return np.asarray(np.append(steps, False) | np.append(False, steps))
 
 
 def _shortening(places: Places, way: Array, held: Mask) -> Array:

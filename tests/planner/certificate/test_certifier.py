@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from scipy.interpolate import make_interp_spline
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.build import build
+from hdplan.planner.certificate import collision_proof
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
 from hdplan.planner.certificate.verdict import Certificate, Status
@@ -202,6 +205,36 @@ def test_every_contact_found_is_one(tmp_path: Path) -> None:
         env, own = sampled(robot, obstacles, path.at(place.parameter))
         either = {frozenset(pair): value for pair, value in {**env, **own}.items()}
         assert either[frozenset((place.link, place.other))] <= 1e-6
+
+
+def test_long_motions_bounded_in_few_parts_first_have_the_same_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the parts are, what is proven is no more than what samples find, and all that touches is found."""
+    rng, verdicts = np.random.default_rng(17), []
+    spec = RobotSpec(name="panda")
+    robot = load_robot(spec)
+    for count in (0, 1, 12):
+        obstacles, rows = random_obstacles(rng, count, tmp_path, 0.5), random_waypoints(rng, robot, 6, 0.1)
+        motion = Trajectory(robot.joint_names, make_interp_spline(np.arange(6.0), rows)(np.linspace(0.0, 5.0, 44)))
+        certifier = Certifier(Setup.of(scene_of(spec, motion.positions[0], motion.positions[-1], *obstacles)))
+        found = []
+        for roots in (1000, 2):  # of one interval, and of up to 16
+            monkeypatch.setattr(collision_proof, "ROOTS", roots)
+            found.append(certifier.certify(motion, check_ends=False))
+        fine, coarse = found
+        touching = {(place.link, place.other) for place in fine.failures}
+        least = [math.inf, math.inf]
+        for time in np.linspace(0.0, 1.0, 61) if fine.certified else ():
+            for group, place in enumerate(certifier.nearest(motion.at(float(time)))):
+                least[group] = min(least[group], math.inf if place is None else place.distance)
+        assert coarse.status is fine.status
+        assert {(place.link, place.other) for place in coarse.failures} == touching
+        assert {place.interval for place in coarse.failures} == {place.interval for place in fine.failures}
+        for proven, sampled_least in zip((coarse.clearance, coarse.self_clearance), least, strict=True):
+            assert proven is None or proven <= sampled_least + 1e-9
+        verdicts.append(fine.certified)
+    assert {True, False} == set(verdicts)
 
 
 # --- what must not pass ---------------------------------------------------------------------------

@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
-from hdplan.planner.certificate import tool_rates
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.certificate import followed_curve, tool_rates
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.followed_curve import OnCurve, PoseCurve, TurnedAlong
 from hdplan.planner.certificate.path_bounds import Part
@@ -90,7 +91,7 @@ def test_bounds_hold_within_parts(name: str, free: str) -> None:
         )
         check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
         motion = random_motion(rng, setup.robot.n)
-        helds = list(check._along(motion))
+        helds = list(check._along(motion, 4))
         assert [type(each) for each in helds] == [OnCurve, TurnedAlong, tool_rates.ToolRate, tool_rates.ToolRate]
         for held in helds:
             interval, start, width = held.spans
@@ -113,7 +114,7 @@ def test_rates_are_those_of_the_tool(name: str) -> None:
     check = PathCheck(setup, Chain.of(setup.robot.unfolded.model))
     motion = random_motion(rng, setup.robot.n)
     assert motion.times is not None
-    speed, acceleration = list(check._along(motion))[2:]
+    speed, acceleration = list(check._along(motion, 4))[2:]
     middle = np.full(len(motion) - 1, 0.43)
     spans = np.arange(len(motion) - 1), middle, np.zeros(len(middle))
     when, tick = motion.times[:-1] + 0.43 * motion.widths, 1e-4
@@ -301,6 +302,52 @@ def test_bad_curves_are_refused() -> None:
         Certifier(slow)
     with pytest.raises(InputError, match="a single motion is not planned along a curve"):
         hdplan.plan(setup.asked)
+
+
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
+@pytest.mark.parametrize("axis", ["none", "z"])
+def test_places_in_c_are_those_in_numpy(axis: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along random curves, of which some poses repeat and others turn back, near them and anywhere else."""
+    robot, rng = hdplan.load_robot("panda"), np.random.default_rng(len(axis))
+    for count in (2, 3, 40):
+        turns = Rotation.from_rotvec(np.cumsum(rng.normal(scale=0.05, size=(count, 3)), axis=0))
+        origins = np.cumsum(rng.normal(scale=0.01, size=(count, 3)), axis=0)
+        kept = np.sort(rng.integers(count, size=count - 2)) if count > 3 else np.arange(count)
+        poses = poses_of(origins[kept], turns.as_matrix()[kept])
+        curve = PoseCurve.of(robot, hdplan.Follow("panda_hand", poses, 1e-3, 1e-2, axis))
+        along = np.sort(rng.uniform(0.0, len(kept) - 1.0, 120))
+        segment = np.minimum(along.astype(int), len(kept) - 2)
+        rotations, places = curve.at(segment, along - segment)
+        rotations = Rotation.from_rotvec(rng.normal(scale=1e-3, size=(120, 3))).as_matrix() @ rotations
+        for off in (1e-4, 0.3):
+            near = places + rng.normal(scale=off, size=places.shape)
+            found = []
+            for begins in (0.0, 0.7):
+                given = rotations, near, begins, len(kept) - 1.0
+                found.append(curve.places(*given))
+                with monkeypatch.context() as without:
+                    without.setattr(followed_curve, "library", lambda: None)
+                    np.testing.assert_allclose(found[-1], curve.places(*given), rtol=0, atol=1e-9)
+                assert (np.diff(found[-1]) >= 0.0).all()
+                assert found[-1][0] == begins
+    nowhere = curve.places(np.full_like(rotations, np.nan), near, 0.0, len(kept) - 1.0)
+    assert (nowhere[:-1] == 0.0).all()  # what is not a number leads nowhere
+
+
+def test_few_nodes_prove_what_many_do_and_more_are_taken_where_they_do_not() -> None:
+    """A tool that wheels bring along a line from rest to rest, in one interval, is not where it would be evenly."""
+    begins = np.concatenate([np.zeros(3), READY])
+    rows = np.stack([begins, begins + 0.2 * np.eye(10)[0]])
+    robot = setup_of("wheeled", [hdplan.Pose([k, 0, 0]) for k in range(2)]).robot
+    line = poses_of(*tool_poses(robot, rows, TOOLS["wheeled"]))
+    setup = setup_of("wheeled", line, position_tolerance=0.012, orientation_tolerance=1e-2)
+    check, still = PathCheck(setup, Chain.of(setup.robot.model)), np.zeros((2, 10))
+    motion = Curve.through(rows, np.array([0.0, 1.0]), still, still)
+    few, many = ([check._prove(held, held.spans, held.on, motion) for held in check._along(motion, n)] for n in (1, 4))
+    assert any(departures for _, departures, _ in few)
+    assert not any(departures for _, departures, _ in many)
+    assert not check.prove(motion).departures
+    assert check.prove(Curve.through(rows + 0.02 * np.eye(10)[1], motion.times, still, still)).departures
 
 
 @pytest.mark.parametrize("fastest", [0.01, 0.03])

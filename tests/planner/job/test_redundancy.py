@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import hdplan
+from hdplan.distance.compiled.loops import library
+from hdplan.planner.job import redundancy
 from hdplan.planner.job.following import NotFollowedError
-from hdplan.planner.job.redundancy import STEP, inner_limits, ways_along
+from hdplan.planner.job.redundancy import STEP, Layers, inner_limits, ways_along
 
 TOOL = "panda_hand_tcp"
 READY = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
@@ -72,3 +76,24 @@ def test_there_is_no_way_where_nothing_is_free_or_in_reach() -> None:
     ]
     with pytest.raises(NotFollowedError, match="no free way was found along it beyond 0%"):
         next(ways_along(robot, None, hdplan.Follow(TOOL, near), 0.1, quick, 0, lambda q: q[:, 0] > 9.0))
+
+
+@pytest.mark.skipif(not library(), reason="built without a C compiler")
+def test_steps_in_c_are_those_in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of joints that turn without an end, and of what is not a number, which leads nowhere."""
+    rng, high = np.random.default_rng(4), np.array([3.0, np.inf, 1.0, 7.0, np.inf])
+    endless = np.isinf(high)
+    robot: Any = SimpleNamespace(turning=np.arange(5) != 2, followed=np.zeros(5, dtype=bool), lower=-high, upper=high)
+    middle, far = rng.uniform(-1.0, 1.0, 5), np.minimum(high, 20.0)
+    rows = [np.clip(middle + rng.normal(scale=0.3, size=(count, 5)), -far, far) for count in (30, 1, 40, 25)]
+    for each in rows:
+        each[::3] += 2.0 * np.pi * rng.integers(-2, 3, (len(each[::3]), 1)) * endless
+    rows[2][7, 3] = np.nan
+    quick = rng.uniform(0.3, 1.0, 5)
+    compiled = Layers(robot, rows, quick)._steps
+    monkeypatch.setattr(redundancy, "library", lambda: None)
+    for found, expected in zip(compiled, Layers(robot, rows, quick)._steps, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert np.isfinite(compiled[1]).sum() > 5
+    assert not np.isfinite(compiled[1][7]).any()
+    assert not np.isfinite(compiled[2][:, 7]).any()

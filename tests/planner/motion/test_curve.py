@@ -89,6 +89,20 @@ def test_a_part_leaves_its_chord_no_farther_than_said(seed: int) -> None:
     assert np.median(half / whole) == pytest.approx(0.25, abs=0.15)  # it falls with the square of the width
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_several_intervals_leave_their_chord_no_farther_than_said(seed: int) -> None:
+    for curve in curves(seed):
+        for count in (2, 4):
+            first = np.arange(len(curve) - count)
+            middle, delta, away = curve.part(first, np.zeros(len(first)), np.full(len(first), float(count)))
+            np.testing.assert_array_equal(middle, curve.rows[first + count // 2])
+            for s in np.linspace(-1, 1, 81):
+                along = 0.5 * (1 + s) * count
+                whole = min(int(along), count - 1)
+                found = curve.at(first + whole, np.full(len(first), along - whole))
+                assert np.all(np.abs(found - middle - s * delta) <= away + 1e-12)
+
+
 @pytest.mark.parametrize("place", [0.0, 0.5, 1.0])
 def test_a_part_without_width_is_a_point(place: float) -> None:
     for curve in curves(1):
