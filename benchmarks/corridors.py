@@ -28,7 +28,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
-    CRITICAL,
+    CRITICAL_PHASE,
     EXACT_EVERY,
     NAMES,
     START,
@@ -92,7 +92,7 @@ def measured(make: Made, robot: Robot, scene: Scene, settings: ControlSettings) 
         if round(time / settings.period) % every == 0:
             clearances.append(float(exact.evaluate(q).value[: exact.obstacle_pairs].min()))
 
-    run = simulate(make(robot, scene, settings), np.array(START), tool_task(robot), CRITICAL, until_met=False,
+    run = simulate(make(robot, scene, settings), np.array(START), tool_task(robot), CRITICAL_PHASE, until_met=False,
                    watch=watch)  # fmt: skip
     return total_variation(run.velocities), fast_energy(run.velocities, settings.period), min(clearances)
 

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from hdplan.distance.unions import BodyUnion
 
 NONE = read_only(np.empty((0, 3)))
-FLAT = 1e-9  # an extent below this part of the body's size is zero: the body is a point, a segment or a flat polygon
+FLAT_RATIO = (
+    1e-9  # an extent below this part of the body's size is zero: the body is a point, a segment or a flat polygon
+)
 SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are merged
 SAME_PLANE = 1e-6  # of the body's size: triangles this close to one plane are one face, as in float32 meshes
 
@@ -222,7 +224,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
     along = (centred / size) @ axes.T
     extents = np.ptp(along, axis=0)
     rounding = 64 * np.finfo(float).eps * max(1.0, float(np.abs(points).max()) / size)
-    dimension = int(np.sum(extents > max(FLAT * extents.max(), rounding)))
+    dimension = int(np.sum(extents > max(FLAT_RATIO * extents.max(), rounding)))
     scaled = along[:, :dimension] / extents[:dimension]
     if dimension == 1:
         return points[[np.argmin(scaled), np.argmax(scaled)]], NONE, axes[:1], np.ones(1)

@@ -13,7 +13,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.values import Number, Whole, checked
 
-HIGHEST = 1_000_000  # of gamma: far above, 1/gamma and powers of it are nothing but rounding
+HIGHEST_GAMMA = 1_000_000  # of gamma: far above, 1/gamma and powers of it are nothing but rounding
 
 
 def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
@@ -123,8 +123,8 @@ def minimum_shares(values: ArrayLike, gamma: int) -> tuple[Array, Array]:
 
 
 def check_gamma(gamma: int) -> int:
-    """Return ``gamma`` if it is a whole number from 1 to HIGHEST, else raise InputError."""
-    return int(checked(Whole(1, HIGHEST), gamma, "gamma"))
+    """Return ``gamma`` if it is a whole number from 1 to HIGHEST_GAMMA, else raise InputError."""
+    return int(checked(Whole(1, HIGHEST_GAMMA), gamma, "gamma"))
 
 
 def _values(name: str, values: ArrayLike) -> Array:

@@ -35,7 +35,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import describe, shorten
 
-PARALLEL = 1e-14  # sine of the angle between two edges below which their cross product is left out
+PARALLEL_SINE = 1e-14  # sine of the angle between two edges below which their cross product is left out
 CENTRE_SOFTNESS = 0.1  # of the bodies' reach: distance of the centres below which the axis between them shrinks
 EDGE_SINE = 0.1  # sigma: sine of the angle of two edges below which the axis of their cross product fades
 EDGE_FADE = 0.5  # kappa, of the bodies' mean reach: penetration that this axis gives where the edges are parallel
@@ -185,10 +185,12 @@ def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, r
     edges_a, edges_b = body_a.edges @ rotation_a.T, body_b.edges @ rotation_b.T
     crosses = np.cross(edges_a[:, None], edges_b[None]).reshape(-1, 3)
     sines = np.linalg.norm(crosses, axis=1)
-    crosses = crosses[sines > PARALLEL] / sines[sines > PARALLEL, None]
+    crosses = crosses[sines > PARALLEL_SINE] / sines[sines > PARALLEL_SINE, None]
     span = np.vstack([edges_a, edges_b, np.zeros((3, 3))])
     _, extents, axes = np.linalg.svd(span)
-    return np.vstack([body_a.faces @ rotation_a.T, body_b.faces @ rotation_b.T, crosses, axes[extents <= PARALLEL]])
+    return np.vstack(
+        [body_a.faces @ rotation_a.T, body_b.faces @ rotation_b.T, crosses, axes[extents <= PARALLEL_SINE]]
+    )
 
 
 def _unknown(name: str) -> InputError:

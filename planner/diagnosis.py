@@ -29,9 +29,9 @@ from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import require_fields
 
 MOST_SECONDS = 10.0  # for one trial
-CLOSER = (0.9, 0.5, 0.0)  # times the clearance
-SURER = (0.5, 0.0)  # times what is unknown
-SLOWER = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)  # times the duration
+CLEARANCE_FACTORS = (0.9, 0.5, 0.0)  # times the clearance
+SIZE_FACTORS = (0.5, 0.0)  # times what is unknown
+DURATION_FACTORS = (1.2, 1.5, 2.0, 3.0, 5.0, 10.0)  # times the duration
 MOST_TOGETHER = 240.0  # [s] for all of them
 LONGER, LONGEST = 5.0, 60.0  # times the time limit, up to so much [s]
 AROUND, DRAWS = (0.01, 0.03, 0.1, 0.3), 60  # [rad or m] about an end in which so many configurations are drawn
@@ -125,7 +125,7 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
     if cause == "time":
         yield longer
     if cause in ("too_hurried", "torque", "rates") and (timing := scene.timing) is not None and timing.duration:
-        for share in SLOWER:
+        for share in DURATION_FACTORS:
             slower = dataclasses.replace(timing, duration=share * timing.duration)
             setting = f"timing.duration: {slower.duration:.4g}"
             yield _Trial("too_hurried", setting, dataclasses.replace(scene, timing=slower), seconds)
@@ -136,12 +136,12 @@ def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) 
     if ((searched and not shut) or cause == "end_off_path") and scene.path != PathConstraints():
         yield _Trial("path_constraint", "without path", dataclasses.replace(scene, path=PathConstraints()), seconds)
     if searched or cause == "end_too_close":
-        for share in CLOSER:
+        for share in CLEARANCE_FACTORS:
             if (closer := _closer(scene, share)) != scene:
                 asked = scene.planner.clearance
                 own = f" (planner.clearance: {share * asked:.4g})" if asked else ""
                 yield _Trial("clearance", f"{share:.0%} of the clearance{own}", closer, seconds)
-        for share in SURER:
+        for share in SIZE_FACTORS:
             if (surer := _surer(scene, share)) != scene:
                 setting = f"{share:.0%} of what is unknown" if share else "nothing unknown"
                 fields = "obstacles[].uncertainty, robot.tracking, robot.calibration"

@@ -25,7 +25,7 @@ AXES: Mapping[str, tuple[float, float, float]] = {
 FREE = ("none", "x", "y", "z")
 MOST_POSES = 20_000
 MOST_TURN = 3.0  # [rad] from one pose of a curve to the next
-ANYWHERE = (math.inf, math.inf, math.inf)
+UNBOUNDED_BOX = (math.inf, math.inf, math.inf)
 
 
 def direction(value: object) -> tuple[float, ...]:
@@ -44,7 +44,7 @@ def direction(value: object) -> tuple[float, ...]:
 def extent(value: object) -> tuple[float, ...]:
     """Return the edge lengths [m] of a box that may be infinite along some axes, but not along all."""
     size = Row(_edge, 3, "edge lengths")(value)
-    if size == ANYWHERE:
+    if size == UNBOUNDED_BOX:
         raise FieldError("is infinite along all axes, which constrains nothing: leave the section out")
     return size
 

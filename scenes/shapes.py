@@ -15,7 +15,7 @@ from hdplan.scenes.poses import AnyPose, Placement, Vector3
 from hdplan.scenes.values import Checked, FilePath, Name, Number, Numbers, Row, absolute_path, is_row
 
 Length = Annotated[float, Number(above=0.0, unit="m")]
-FLAT = 1e-9  # ratio of thickness to size below which points count as coplanar
+FLAT_RATIO = 1e-9  # ratio of thickness to size below which points count as coplanar
 
 
 def volume(value: object) -> tuple[tuple[float, ...], ...]:
@@ -24,7 +24,7 @@ def volume(value: object) -> tuple[tuple[float, ...], ...]:
         value = value.tolist()
     points = Row(Row(Number(unit="m"), 3), of="points")(value)
     spread = np.ptp(points, axis=0).max() if points else 0.0
-    if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT * spread) < 3:
+    if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT_RATIO * spread) < 3:
         raise FieldError(
             f"must be points that span a volume (four or more, not in one plane), found {len(points)} that do not"
         )

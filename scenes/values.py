@@ -34,7 +34,7 @@ in an ``__init__`` that only type checkers see; the fields hold the types of the
 
 LARGEST_NUMBER = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
 # of a number above 0: its square, and LARGEST_NUMBER divided by it, stay well within the range of floats
-SMALLEST = 1e-100
+SMALLEST_NUMBER = 1e-100
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a value that an error repeats
 
@@ -48,7 +48,7 @@ def wrong(allowed: str, value: object, kind: str = "") -> FieldError:
 class Number:
     """A finite number, at most LARGEST_NUMBER in size, with low <= value <= high and value > above; not a boolean.
 
-    A number that must be above 0 is at least SMALLEST, as it divides others.
+    A number that must be above 0 is at least SMALLEST_NUMBER, as it divides others.
     """
 
     low: float = -math.inf
@@ -68,8 +68,8 @@ class Number:
             raise wrong(self._allowed, value)
         if abs(number) > LARGEST_NUMBER:
             raise wrong(f"{self._allowed}, at most {LARGEST_NUMBER:g} in size", value)
-        if self.above == 0.0 and number < SMALLEST:
-            raise wrong(f"{self._allowed}, at least {SMALLEST:g}", value)
+        if self.above == 0.0 and number < SMALLEST_NUMBER:
+            raise wrong(f"{self._allowed}, at least {SMALLEST_NUMBER:g}", value)
         return number
 
     @property

@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 from hdplan.distance.baselines.ground_truth import Proximity, ground_truth
 from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody, check_bodies
-from hdplan.distance.normals import PARALLEL, own_directions, separating_axes
+from hdplan.distance.normals import PARALLEL_SINE, own_directions, separating_axes
 from hdplan.distance.poses import check_pose, check_pose_lists
 from hdplan.distance.unions import Body, pairs_of
 from hdplan.scenes.array_types import Array, Mask
 
 __all__ = ["CoalPair", "Proximity", "signed_distance", "signed_distances"]
 
-PLAUSIBLE = 1e-9  # of the size: tolerance of the check
+CHECK_TOLERANCE = 1e-9  # of the size: tolerance of the check
 BLOCK = 2**20  # numbers that the check of overlaps holds at once, about 8 MB
 REQUEST = coal.DistanceRequest()
 REQUEST.enable_signed_distance = True
@@ -169,7 +169,7 @@ def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: 
     rotations_a, offsets, rotations_b, _ = places
     distances, points_a, points_b, normals = found
     with np.errstate(invalid="ignore", over="ignore"):  # a wrong answer may be infinite: it is rejected
-        tolerance = PLAUSIBLE * np.minimum(np.maximum(1.0, np.abs(distances)), 1e300)
+        tolerance = CHECK_TOLERANCE * np.minimum(np.maximum(1.0, np.abs(distances)), 1e300)
         lowest_a = (_turned_back(normals, rotations_a) @ corners_a.T).min(1) + (normals * offsets).sum(1)
         highest_b = (_turned_back(normals, rotations_b) @ corners_b.T).max(1)
         misses = [
@@ -201,10 +201,10 @@ def _largest_gap(body_a: ConvexBody, body_b: ConvexBody, places: _Placements) ->
     edges_a, edges_b = body_a.edges @ turns_a.transpose(0, 2, 1), body_b.edges @ turns_b.transpose(0, 2, 1)
     across = np.cross(edges_a[:, :, None], edges_b[:, None]).reshape(len(turns_a), -1, 3)
     sines = np.sqrt((across * across).sum(2, keepdims=True))
-    normals = np.divide(across, sines, out=across, where=sines > PARALLEL).transpose(0, 2, 1)
+    normals = np.divide(across, sines, out=across, where=sines > PARALLEL_SINE).transpose(0, 2, 1)
     shadows_a, shadows_b = corners_a @ normals, corners_b @ normals
     gaps = np.maximum(shadows_a.min(1) - shadows_b.max(1), shadows_b.min(1) - shadows_a.max(1))
-    gaps[sines[..., 0] <= PARALLEL] = -np.inf
+    gaps[sines[..., 0] <= PARALLEL_SINE] = -np.inf
     return np.asarray(np.column_stack([along_a, along_b, gaps]).max(1))
 
 

@@ -36,7 +36,7 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError
 
 ANSWER = np.dtype([("done", "?"), ("distance", "f8"), ("point_a", "f8", 3), ("point_b", "f8", 3)])  # of the polytopes
-DEADLY = (signal.SIGABRT, signal.SIGSEGV)  # the signals by which FCL crashes
+CRASH_SIGNALS = (signal.SIGABRT, signal.SIGSEGV)  # the signals by which FCL crashes
 CHILD = "import sys; from hdplan.distance.baselines.fcl import _answer_all; _answer_all(sys.argv[1])"
 
 
@@ -157,7 +157,7 @@ def _answer_all(folder: str) -> None:
         code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
         if code == 0:
             return
-        if -code not in DEADLY:
+        if -code not in CRASH_SIGNALS:
             sys.exit(f"a worker ended with {code}")
         start += int(np.argmin(answers["done"][start:])) + 1
 

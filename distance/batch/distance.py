@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.batch.tables import FARTHEST, pair_tables
+from hdplan.distance.batch.tables import FARTHEST_POSITION, pair_tables
 from hdplan.distance.body_distance import BodyDistance
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
@@ -27,7 +27,7 @@ Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
 MOST_WITNESSES = 1000  # with each pose
-SHORTEST = {"float64": 1e-290, "float32": 1e-30}  # [m] with it, Phi maps the largest number < 0 to 0
+SHORTEST_SHAPING = {"float64": 1e-290, "float32": 1e-30}  # [m] with it, Phi maps the largest number < 0 to 0
 SIZES = (2, 2, 1, 2)  # array axes of the rotations of A and of B, the offset, and the witnesses
 
 # How many poses are evaluated at once: powers of two, as every number needs its own compilation.
@@ -102,9 +102,9 @@ class BatchDistance(BodyDistance[Array]):
             offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before rounding to fewer digits
             parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
             parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
-            near = bool((abs(offset) <= FARTHEST[self.dtype]).all())
+            near = bool((abs(offset) <= FARTHEST_POSITION[self.dtype]).all())
         if not near:
-            most = f"up to {FARTHEST[self.dtype]:g} m"
+            most = f"up to {FARTHEST_POSITION[self.dtype]:g} m"
             raise InputError(f"pose_b: found a body too far from the other, allowed in {self.dtype} is {most}")
         with jax.enable_x64(self.dtype == "float64"):
             shape = np.broadcast_shapes(*(part.shape[:-size] for part, size in zip(parts, SIZES, strict=True)))
@@ -152,15 +152,19 @@ def hdsdf_batch(
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     dtype = checked(Choice(DTYPES), dtype, "dtype")
     witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
-    if length < SHORTEST[dtype]:
-        raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST[dtype]:g} m or more")
+    if length < SHORTEST_SHAPING[dtype]:
+        raise InputError(
+            f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST_SHAPING[dtype]:g} m or more"
+        )
     tables = [pair_tables(normals, *pair) for pair in pairs_of(body_a, body_b)]
     for name, body in (
         *(("body_a", piece) for piece in pieces_of(body_a)),
         *(("body_b", p) for p in pieces_of(body_b)),
     ):
-        if (size := float(np.abs(body.vertices).max()) + body.radius) > FARTHEST[dtype]:
-            raise InputError(f"{name}: found a size of {size:g} m, allowed in {dtype} is up to {FARTHEST[dtype]:g} m")
+        if (size := float(np.abs(body.vertices).max()) + body.radius) > FARTHEST_POSITION[dtype]:
+            raise InputError(
+                f"{name}: found a size of {size:g} m, allowed in {dtype} is up to {FARTHEST_POSITION[dtype]:g} m"
+            )
     try:
         jax = importlib.import_module("jax")
     except ModuleNotFoundError:

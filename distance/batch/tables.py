@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Array = Any  # NumPy's here, JAX's on the device
 
 # [m] largest extent of a body, and distance from the other: sums of squares must not overflow
-FARTHEST = {"float64": 1e101, "float32": 1e15}
+FARTHEST_POSITION = {"float64": 1e101, "float32": 1e15}
 MERGED_PROJECTIONS = 1e-14  # projections this close, relative to the largest, are merged
 
 

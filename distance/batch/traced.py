@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 
 from hdplan.distance.batch.kernel import Places
-from hdplan.distance.batch.tables import FARTHEST
+from hdplan.distance.batch.tables import FARTHEST_POSITION
 from hdplan.distance.batch.unions import Pairs, evaluate, separation_gradient
 from hdplan.distance.normals import check_witness_count
 from hdplan.distance.poses import FARTHEST_POSE, RIGID
@@ -112,7 +112,9 @@ def _run(settings: Settings, pairs: Pairs, length: Array, a: Array, b: Array, wi
         a, b = (lax.convert_element_type(x, jnp.promote_types(given, settings.dtype)) for x in (a, b))
         rows = [a[:, :3, :3], b[:, :3, :3], b[:, :3, 3] - a[:, :3, 3], witnesses]  # rounded to fewer digits afterwards
         rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
-        mark += jnp.where(jnp.all(jnp.abs(rows[2][:count]) <= FARTHEST[settings.dtype], -1), 0, jnp.nan).astype(given)
+        mark += jnp.where(
+            jnp.all(jnp.abs(rows[2][:count]) <= FARTHEST_POSITION[settings.dtype], -1), 0, jnp.nan
+        ).astype(given)
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
         found: tuple[Array, ...]
         if settings.order < 0:

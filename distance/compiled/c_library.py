@@ -48,7 +48,7 @@ FLAGS: tuple[str, ...] = (
 
 # For whole programs, which are a hundred times as long: half of the compiler's time for code that is as fast, as almost
 # all of its work is done in loops.
-BRIEF = ("-O1", "-ftree-loop-vectorize", "-fno-ivopts")
+QUICK_FLAGS = ("-O1", "-ftree-loop-vectorize", "-fno-ivopts")
 
 
 # CasADi's product of dense matrices, whose innermost sum waits for itself; and the same sums, in the same order, of a
@@ -68,7 +68,7 @@ BY_COLUMNS = """\
       }
 """
 
-# Its smallest helpers (a square, fmin), which BRIEF would call for every number of a loop.
+# Its smallest helpers (a square, fmin), which QUICK_FLAGS would call for every number of a loop.
 HELPERS = re.compile(r"^casadi_real (casadi_\w+\(casadi_real x(?:, casadi_real y)?\) \{)", re.MULTILINE)
 INLINED = r"static __inline__ __attribute__((always_inline)) casadi_real \1"
 

@@ -71,17 +71,17 @@ class Plan:
 
 
 DOUBLE: tuple[Precision, ...] = ("float64",)
-SINGLE: tuple[Precision, ...] = ("float32",)
+SINGLE_PRECISION: tuple[Precision, ...] = ("float32",)
 NORMALS = (*RUNGS, "paper+centre+edges")
-FULL = Plan(
+FULL_PLAN = Plan(
     ("box - board", "capsule - box", "link - cylinder"),
-    (*product(NORMALS, (1, 2, 4, 8), DOUBLE), *product(NORMALS, (2, 8), SINGLE)),
+    (*product(NORMALS, (1, 2, 4, 8), DOUBLE), *product(NORMALS, (2, 8), SINGLE_PRECISION)),
 )
 QUICK = Plan(
     ("capsule - box",),
     (
         *product(("paper", "paper+centre", "paper+sphere-26", "paper+edges"), (2, 4), DOUBLE),
-        *product(("paper", "paper+edges"), (2,), SINGLE),
+        *product(("paper", "paper+edges"), (2,), SINGLE_PRECISION),
     ),
     orders=ORDERS[:2],
     random=4 * BLOCK,
@@ -111,7 +111,7 @@ class Study:
 
 
 def study(
-    plan: Plan = FULL,
+    plan: Plan = FULL_PLAN,
     *,
     seed: int = 0,
     report: Callable[[int, int, str], None] = lambda done, of, what: None,

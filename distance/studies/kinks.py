@@ -26,7 +26,7 @@ VELOCITY = (0.98, -0.41)  # [m/s] along x and y
 TURNING = 0.66  # [rad/s]
 GAMMA = 2
 SHAPING_LENGTHS = (1e-2, 1e-1)  # [m] the paper's epsilon = 1e-4, and a softer one
-SUSPECT = 0.02  # [m/s] a rate that changes more than this from one sample to the next is looked at closely
+SUSPECT_CHANGE = 0.02  # [m/s] a rate that changes more than this from one sample to the next is looked at closely
 INSTANT = 1e-8  # [s] across which a change is called a jump
 BESIDE_KINK = 1e-6  # [s] from a kink where its one-sided rates are taken: nearer, faces are parallel to the oracle
 JUMP = 1e-3  # [m/s] least change across an instant that counts
@@ -136,9 +136,9 @@ def _holder_rate(times: Array, length: float) -> Array:
 
 
 def _narrowed(rate: Callable[[Array], Array], times: Array, rates: Array) -> tuple[Array, Array, Array]:
-    """Return, for every step across which ``rates`` change by more than SUSPECT, an instant in it and the rates on both
-    sides, three arrays (K,): the step is halved, each time keeping the half with the larger change."""
-    k = np.flatnonzero(np.abs(np.diff(rates)) > SUSPECT)
+    """Return, for every step across which ``rates`` change by more than SUSPECT_CHANGE, an instant in it and the rates
+    on both sides, three arrays (K,): the step is halved, each time keeping the half with the larger change."""
+    k = np.flatnonzero(np.abs(np.diff(rates)) > SUSPECT_CHANGE)
     left, right, before, after = times[k], times[k + 1], rates[k], rates[k + 1]
     while len(k) and right[0] - left[0] > INSTANT:
         middle = 0.5 * (left + right)

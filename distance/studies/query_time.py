@@ -32,7 +32,7 @@ BATCH = 90**2  # poses at once for the batch, the paper's
 GAMMA, EPSILON = 2, 1e-4  # the paper's
 SMOOTHING, BULGING = 0.1, (1e-3, 1e-1)  # of GDF, the paper's h and the range of its ε
 TOLERANCE, ITERATIONS = 1e-3, 1000  # [m] of GDF
-CLEAR = 1e-5  # [m] poses with a smaller gap are drawn again: FCL could end the process there
+LEAST_GAP = 1e-5  # [m] poses with a smaller gap are drawn again: FCL could end the process there
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def query_times(
         body_a, body_b = map(ConvexBody.platonic, pair)
         rng = np.random.default_rng(seed)
         poses_a, poses_b = paper_poses(rng, BATCH)
-        clear = np.abs(signed_distances(body_a, poses_a, body_b, poses_b)) > CLEAR
+        clear = np.abs(signed_distances(body_a, poses_a, body_b, poses_b)) > LEAST_GAP
         poses_a, poses_b = poses_a[clear], poses_b[clear]
         seconds = {}
         for k, name in enumerate(names):

@@ -20,7 +20,7 @@ import casadi as ca
 from hdplan.distance.symbolic.all_axes import Maximum, maximum
 from hdplan.distance.symbolic.one_axis import TINY_NUMBER, Shaped, integer_power, shaped
 
-STAYS = {"never_inline": True}
+NEVER_INLINE = {"never_inline": True}
 SIZES = 3  # of a body, at most
 
 
@@ -73,7 +73,7 @@ def inside(
     total = (pull * r) @ given[3] + ca.logic_not(deep)  # of a plane that only touches: 1
     minima = shaped(deep * least, total, length, gamma, False)
     results = _combined(given, minima, _deepest(minima.value, gamma, length), [pull, sharp], order, placements)
-    return ca.Function("inside", given, results, STAYS)
+    return ca.Function("inside", given, results, NEVER_INLINE)
 
 
 @functools.cache
@@ -88,7 +88,7 @@ def outside(points: int, planes: int, gamma: int, order: int, length: float, pla
     minima = shaped(separates * least, total, length, gamma, True)
     found = maximum(minima.value, ca.MX.ones(planes), gamma, ca.MX(length))
     results = _combined(given, minima, found, [full * r, full * r * r], order, placements)
-    return ca.Function("outside", given, results, STAYS)
+    return ca.Function("outside", given, results, NEVER_INLINE)
 
 
 def _inputs(points: int, planes: int, grows: bool = False) -> list[ca.MX]:

@@ -15,7 +15,12 @@ from typing import Any
 import casadi as ca
 
 # CasADi takes a custom Jacobian only where it cannot inline the Function and has no derivative of its own.
-CLOSED: dict[str, Any] = {"jac_penalty": 0, "never_inline": True, "enable_forward": False, "enable_reverse": False}
+CLOSED_OPTIONS: dict[str, Any] = {
+    "jac_penalty": 0,
+    "never_inline": True,
+    "enable_forward": False,
+    "enable_reverse": False,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +68,11 @@ def closed_function(name: str, given: Sequence[ca.MX], form: ClosedForm, fixed: 
         f"jac_jac_{name}",
         [*(symbol if symbol.__hash__() in seen else _unseen(symbol) for symbol in every), *ignored],
         blocks,
-        CLOSED | {"is_diff_in": [*differs, *[False] * len(ignored)], "enable_jacobian": False},
+        CLOSED_OPTIONS | {"is_diff_in": [*differs, *[False] * len(ignored)], "enable_jacobian": False},
     )
-    options = CLOSED | {"is_diff_in": [*differs, False], "custom_jacobian": second}
+    options = CLOSED_OPTIONS | {"is_diff_in": [*differs, False], "custom_jacobian": second}
     slope = ca.Function(f"jac_{name}", [*every, ignored[0]], first, options)
-    return ca.Function(name, every, [form.value], CLOSED | {"is_diff_in": differs, "custom_jacobian": slope})
+    return ca.Function(name, every, [form.value], CLOSED_OPTIONS | {"is_diff_in": differs, "custom_jacobian": slope})
 
 
 def _unseen(part: ca.MX) -> ca.MX:

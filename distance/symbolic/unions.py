@@ -15,7 +15,7 @@ from hdplan.distance.symbolic.one_axis import integer_power
 from hdplan.distance.symbolic.polytopes import relative_function
 from hdplan.distance.unions import Body, pairs_of
 
-SMALLEST = 2.2250738585072014e-308  # [m] below, a number has not all of its digits, and is taken as 0
+SMALLEST_NORMAL = 2.2250738585072014e-308  # [m] below, a number has not all of its digits, and is taken as 0
 
 
 def union_function(body_a: Body, body_b: Body, gamma: int, normals: str, witness_count: int, order: int) -> ca.Function:
@@ -51,8 +51,8 @@ def _shares(count: int, gamma: int) -> ca.Function:
     p = gamma + 1
     x = ca.SX.sym("x", 1, count)
     m = ca.mmin(x)
-    above, below = m > SMALLEST, m < -SMALLEST
-    counted = ca.if_else(above, 1, below * (x < -SMALLEST))  # (1, n)
+    above, below = m > SMALLEST_NORMAL, m < -SMALLEST_NORMAL
+    counted = ca.if_else(above, 1, below * (x < -SMALLEST_NORMAL))  # (1, n)
     scale = ca.if_else(counted, 1 / ca.if_else(counted, x, 1), 0)
     ratio = counted * ca.if_else(above, m * scale, x / ca.if_else(below, m, 1))  # in [0, 1]
     power = integer_power(ratio, p)

@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.certificate.exact_proximity import Piece
 from hdplan.planner.certificate.intervals import Body
 from hdplan.planner.geometry.division import divided
-from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, thinness
+from hdplan.planner.geometry.meshes import FLAT_RATIO, TriangleMesh, thinness
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import made_once
@@ -22,8 +22,8 @@ from hdplan.scenes.once import made_once
 STEP = 1.0  # of a radius: the longest edge between points of one obstacle
 CROWD = 5_000  # points of one obstacle from which on
 CELL = 0.3  # of a radius: of those in a cube of this edge one is kept
-ROUND = 40  # corners in place of a circle
-BEYOND = 2.0  # radii beyond the reach up to which there are points
+CIRCLE_CORNERS = 40  # corners in place of a circle
+RADII_BEYOND_REACH = 2.0  # radii beyond the reach up to which there are points
 SPACING = 0.13  # of the reach, between points beyond it
 OUT = 3.0  # times the reach that these are beyond it
 ROUNDING = 1e-6  # [m]
@@ -93,7 +93,7 @@ def points_of(body: Body, keep: float, reach: Reach | None, ends: Array, most: f
 
     def near(points: Array, around: Array) -> Mask:
         found = off_ends(points, ends) <= around + most * keep
-        return found if reach is None else found & (reach.outside(points) <= around + BEYOND * keep)
+        return found if reach is None else found & (reach.outside(points) <= around + RADII_BEYOND_REACH * keep)
 
     piece = body.piece
     center = rotation @ piece.center + origin
@@ -124,7 +124,7 @@ def _triangles(piece: Piece) -> Array:
     if piece.surface is not None:
         return np.asarray(piece.surface.mesh.vertices[piece.surface.mesh.triangles])
     points = np.concatenate([piece.vertices + offset for offset in _swept(piece)])
-    if len(points) > 3 and thinness(points) > FLAT:
+    if len(points) > 3 and thinness(points) > FLAT_RATIO:
         hull = TriangleMesh.hull(points)
         return np.asarray(hull.vertices[hull.triangles])
     fan = np.stack(
@@ -135,12 +135,12 @@ def _triangles(piece: Piece) -> Array:
 
 def _swept(piece: Piece) -> Iterator[Array]:
     """Yield points (3,) of the disc or ellipsoid that sweeps a piece, or its centre."""
-    angles = 2.0 * np.pi * np.arange(ROUND) / ROUND
-    around = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(ROUND)])
+    angles = 2.0 * np.pi * np.arange(CIRCLE_CORNERS) / CIRCLE_CORNERS
+    around = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(CIRCLE_CORNERS)])
     if piece.disc:
         yield from piece.disc * around
     elif piece.radii is not None:
-        tilts = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ROUND // 2)
+        tilts = np.linspace(-0.5 * np.pi, 0.5 * np.pi, CIRCLE_CORNERS // 2)
         for tilt in tilts:
             yield from piece.radii * (np.cos(tilt) * around + [0.0, 0.0, np.sin(tilt)])
     else:

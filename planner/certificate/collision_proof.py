@@ -26,7 +26,7 @@ from hdplan.scenes.errors import TimeLimitError
 
 SHORTEST_INTERVAL = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
-CLEARLY = 1e-3  # [m] by which hulls overlap where no closer look is needed
+CLEAR_OVERLAP = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
 # share of this tolerance by which a place must be closer than the closest one known to be looked at
@@ -268,7 +268,7 @@ class _Run:
         if not len(items):
             return clear
         hollow = self.hollow[items.pair]
-        values, deep = self.bounds.overlapping(nodes, items, CLEARLY)
+        values, deep = self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)
         less, kept = self.bounds.unknown(nodes, items), floor[items.pair]
 
         def close(apart: Array) -> Mask:
@@ -292,7 +292,7 @@ class _Run:
         items = Items.all(1, np.flatnonzero(self.pairs.group == 0))
         bound, _ = self.bounds.by_ball(nodes, items)
         items = items[bound <= within + ROUNDING]
-        return float(self.bounds.overlapping(nodes, items, CLEARLY)[0].min(initial=within))
+        return float(self.bounds.overlapping(nodes, items, CLEAR_OVERLAP)[0].min(initial=within))
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""

@@ -30,10 +30,10 @@ from hdplan.scenes.sizes import chord
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 MOST_POINTS = 12_000  # of a barrier: it takes half a second then
-NEAR = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
+END_RADII = (20.0, 40.0, 80.0)  # radii from an end up to which there are points, if they are not too many
 OFF = 1e-4  # [m] by which a ball may be off where a configuration is reached up to rounding
 BETWEEN_POINTS = 1.1  # radii from the nearest point within which a ball may touch what is between points
-BETWEEN = 4  # places of a ball looked at between two waypoints
+PLACES_BETWEEN = 4  # places of a ball looked at between two waypoints
 NAMED = 3  # obstacles in words
 
 Target = JointTarget | PoseTarget | AllOf
@@ -115,7 +115,7 @@ class Cage:
         others = [bodies.bodies[row] for row in (pairs.a[own] + pairs.b[own] - ball.body).tolist()]
         floor = certifier.floor(required)[own].tolist()
         stands = [(body, keep) for body, keep in zip(others, floor, strict=True) if _stands(body)]
-        for near in NEAR:
+        for near in END_RADII:
             gathered = [points_of(body, ball.radius + keep, reach, ends, near) for body, keep in stands]
             counts = [len(points) for points, _ in gathered]
             if sum(counts) > MOST_POINTS:
@@ -172,7 +172,7 @@ def _travel(certifier: Certifier) -> Array:
 
 def _between(rows: Array) -> Array:
     """Return configurations along a motion (N, n)."""
-    steps = np.linspace(0.0, 1.0, BETWEEN, endpoint=False)[:, None, None]
+    steps = np.linspace(0.0, 1.0, PLACES_BETWEEN, endpoint=False)[:, None, None]
     return np.concatenate([*(rows[:-1] + steps * np.diff(rows, axis=0)), rows[-1:]])
 
 

@@ -14,7 +14,7 @@ from hdplan.planner.certificate.exact_proximity import KEPT_MESHES, PIECES, Piec
 from hdplan.planner.certificate.part_distance import distance
 from hdplan.planner.certificate.solids import link_bodies
 from hdplan.planner.geometry.division import divided
-from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, thinness
+from hdplan.planner.geometry.meshes import FLAT_RATIO, TriangleMesh, thinness
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -26,8 +26,8 @@ FINENESS = 16  # edges of the surface's triangles after division, over the size 
 GRID = 9  # points a side, in the bounding box
 STEPS = 16  # moves to deeper points, each SHORTER than the last
 SHORTER = 0.75
-TRIED = 150  # points of the grid of which one must be inside
-LEAST = 1e-3  # [m] smaller balls are of no use
+GRID_POINTS = 150  # points of the grid of which one must be inside
+SMALLEST_RADIUS = 1e-3  # [m] smaller balls are of no use
 ROUNDING = 1e-9  # [m]
 
 
@@ -72,8 +72,8 @@ def inscribed_ball(piece: Piece) -> tuple[Array, float] | None:
     else:
         if piece.surface is not None:
             return _inside(piece.surface.solid)
-        return None if thinness(piece.vertices) <= FLAT else _inside(Solid(TriangleMesh.hull(piece.vertices)))
-    return (middle, radius) if piece.grains is None and radius >= LEAST else None
+        return None if thinness(piece.vertices) <= FLAT_RATIO else _inside(Solid(TriangleMesh.hull(piece.vertices)))
+    return (middle, radius) if piece.grains is None and radius >= SMALLEST_RADIUS else None
 
 
 @made_once(KEPT_MESHES)
@@ -86,7 +86,7 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
     tree = scipy.spatial.cKDTree(divided(corners, size / FINENESS).mean(axis=1))
     axes = (np.linspace(a, b, GRID + 2)[1:-1] for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    deepest = grid[np.argsort(-tree.query(grid)[0])[:TRIED]]
+    deepest = grid[np.argsort(-tree.query(grid)[0])[:GRID_POINTS]]
     center = next((point for point in deepest if solid.holds(point)), None)
     if center is None:
         return None
@@ -98,6 +98,6 @@ def _inside(solid: Solid) -> tuple[Array, float] | None:
         return None
     place = np.eye(4)
     place[:3, 3] = center
-    (least,), whole = PIECES[Sphere](radius=LEAST), hull_piece(mesh.vertices, Surface(mesh, solid))
-    radius = LEAST + distance(least, place, whole, np.eye(4)) - ROUNDING
-    return (center, radius) if radius >= LEAST else None
+    (least,), whole = PIECES[Sphere](radius=SMALLEST_RADIUS), hull_piece(mesh.vertices, Surface(mesh, solid))
+    radius = SMALLEST_RADIUS + distance(least, place, whole, np.eye(4)) - ROUNDING
+    return (center, radius) if radius >= SMALLEST_RADIUS else None

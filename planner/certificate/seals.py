@@ -30,9 +30,9 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import freeze
 
-SHRUNK = 1.0 - 1e-6  # of the radii: rounding
+RADIUS_SHRINK = 1.0 - 1e-6  # of the radii: rounding
 JOGGLE = 1e-6  # of the weights: no five points are on one sphere
-WHOLE = 1e-2  # by which a winding number may differ from a whole number
+WINDING_ERROR = 1e-2  # by which a winding number may differ from a whole number
 FACETS = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, opposite to each corner, outward
 
 
@@ -69,11 +69,11 @@ class Barrier:
                 return False
         mesh = TriangleMesh(self.points, surface)
         turns = np.array([mesh.winding_number(center) for center in (start, goal)])
-        return bool((np.abs(turns - turns.round()) < WHOLE).all() and turns[0].round() != turns[1].round())
+        return bool((np.abs(turns - turns.round()) < WINDING_ERROR).all() and turns[0].round() != turns[1].round())
 
     def shut(self, triangles: Rows) -> Mask:
         """True for triangles (f, 3) every point of which is within the radius of a corner."""
-        corners, radii = self.points[triangles], SHRUNK * self.radii[triangles]
+        corners, radii = self.points[triangles], RADIUS_SHRINK * self.radii[triangles]
         ends, other = np.roll(corners, -1, axis=1), np.roll(radii, -1, axis=1)
         apart = ((corners - ends) ** 2).sum(axis=2)
         q = 0.5 * (radii**2 + other**2 - apart) / (radii * other)  # (f, 3)

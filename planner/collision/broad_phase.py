@@ -30,7 +30,7 @@ from hdplan.scenes.once import read_only
 WIDEST, WIDEST_OF_FACES = 1.13, 3**0.5
 
 LANES = 4  # numbers in a vector of the processor
-NOWHERE = 1e30  # [m] support of a plane that fills a vector: its share in a maximum is below rounding
+FAR_SUPPORT = 1e30  # [m] support of a plane that fills a vector: its share in a maximum is below rounding
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class BodyPairs:
         for number, table in self.plane_tables.items():
             wide = -(-number // LANES) * LANES
             padded = np.zeros((len(table), 4, wide))
-            padded[:, 3] = NOWHERE
+            padded[:, 3] = FAR_SUPPORT
             padded[:, :3, :number] = table[:, : 3 * number].reshape(-1, number, 3).transpose(0, 2, 1)
             padded[:, 3, :number] = table[:, 3 * number :]
             first[slots == number] = count + 4 * wide * row[slots == number]

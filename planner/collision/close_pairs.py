@@ -18,7 +18,7 @@ from hdplan.distance.compiled.loops import Record
 from hdplan.scenes.array_types import Array, Rows
 
 FIRST_ROWS = 1 << 10  # rows that there is room for at first
-LEAST = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
+LEAST_SEPARATION = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 
 def close_rows(
@@ -34,7 +34,7 @@ def close_rows(
     given = [None if x is None else np.ascontiguousarray(x) for x in (placements, centres, reach)]
     while True:
         sample, pair = np.empty(room, np.int64), np.empty(room, np.int64)
-        count = loops.close_rows(tables.struct, *given, LEAST, sample, pair)
+        count = loops.close_rows(tables.struct, *given, LEAST_SEPARATION, sample, pair)
         if count <= room:
             return sample[:count], pair[:count]
         room = count

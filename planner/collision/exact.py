@@ -35,7 +35,7 @@ from hdplan.scenes.shapes import Shape
 LANES = 8  # numbers in the widest vector of a processor
 CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be looked at
 ROUNDING = 1e-12  # [–]
-MANY = 256  # vertices of a hull from which on clusters pay
+CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 
 
 class ExactPairs(PairDistance):
@@ -103,7 +103,7 @@ class _Held(NamedTuple):
 @functools.lru_cache(maxsize=1024)
 def _held(vertices: bytes) -> _Held:
     points = np.frombuffer(vertices).reshape(-1, 3)
-    if len(points) <= MANY:
+    if len(points) <= CLUSTERED_VERTICES:
         filled = _filled(points, LANES)
         return _Held(filled.T.ravel(), len(filled), 0)
     filled = _filled(_clustered(points), LANES * CLUSTER)

@@ -32,7 +32,7 @@ from hdplan.scenes.shapes import Box, Points, Shape
 from hdplan.scenes.voxel_grids import Map
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
-SPREAD = 96  # additional ones for "sphere"
+SPHERE_DIRECTIONS = 96  # additional ones for "sphere"
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def few_directions(planes: str) -> Array:
 
 def _many(directions: Array, planes: str) -> Array:
     """These directions, and additional ones for "sphere"."""
-    return np.vstack([directions, _fibonacci(SPREAD)]) if planes == "sphere" else directions
+    return np.vstack([directions, _fibonacci(SPHERE_DIRECTIONS)]) if planes == "sphere" else directions
 
 
 def _placed(

@@ -24,7 +24,7 @@ else:
     trimesh = LazyModule("trimesh")
 
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
-PROMISING = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
+PROMISING_OVERHANG = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
 LARGE_DIAGONAL = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
 TELLING = 4  # vertices of a body from which on it tells how tight others can be
 # axes whose rough fits stand out by no more than this many times the least are told apart by measuring
@@ -51,7 +51,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
     in proportion to their vertices.
     """
     link = _Link(triangles)
-    limit = PROMISING * link.slack
+    limit = PROMISING_OVERHANG * link.slack
     best: _Rough | None = None
     scored: list[tuple[float, tuple[Swept, ...]]] = []
     along: tuple[int, ...] = (0, 1, 2)  # axes; those that do worse with bodies of some vertices are given up

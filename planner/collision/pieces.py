@@ -16,7 +16,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Shape
 
-ALIKE = 1e-9  # between directions that count as the same
+DIRECTION_TOLERANCE = 1e-9  # between directions that count as the same
 
 
 class Planes(NamedTuple):
@@ -87,7 +87,7 @@ class Pieces(Sequence[HalfspaceBody]):
 
     @cached_property
     def directions(self) -> tuple[Array, ...]:
-        """The sets of `HalfspaceBody.directions` that occur, to ALIKE: one for all cells of a cloud."""
+        """The sets of `HalfspaceBody.directions` that occur, to DIRECTION_TOLERANCE: one for all cells of a cloud."""
         found: list[Array] = []
         for own in self.planes:
             boxes = self.boxes[own.pieces]
@@ -96,7 +96,7 @@ class Pieces(Sequence[HalfspaceBody]):
             left = np.where(used[..., None], own.normals @ boxes[:, :3, :3], 0.0)
             while len(left):
                 found.append(left[0][left[0].any(axis=1)])
-                left = left[(np.abs(left - left[0]) > ALIKE).any(axis=(1, 2))]
+                left = left[(np.abs(left - left[0]) > DIRECTION_TOLERANCE).any(axis=(1, 2))]
         return tuple(found)
 
     def on(self, joints: Rows) -> Pieces:

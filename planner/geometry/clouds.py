@@ -108,7 +108,7 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
     sizes = np.diff(np.append(first, len(order)))
     middle = 0.5 * (np.minimum.reduceat(found, first) + np.maximum.reduceat(found, first))[:, :3]
     away = np.linalg.norm(found[:, :3] - np.repeat(middle, sizes, axis=0), axis=1)
-    radius = np.maximum.reduceat(away + found[:, 3], first) * _ABOVE
+    radius = np.maximum.reduceat(away + found[:, 3], first) * _RADIUS_FACTOR
     added = float((radius - np.minimum.reduceat(found[:, 3], first)).max())
     return FixedArray(np.column_stack([middle, radius])), added
 
@@ -166,4 +166,4 @@ _SIDES = read_only(
         :, [[0, 1, 2], [0, 2, 3]]
     ].reshape(-1, 3)
 )
-_ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small
+_RADIUS_FACTOR = 1.0 + 1e-12  # so that rounding makes no ball too small

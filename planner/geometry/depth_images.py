@@ -7,13 +7,13 @@ p ± a/2 ± b/2, and parallelograms of neighbours leave no hole between them. It
 
 with a of either side, and so with b: the largest of the four counts. Where one side has no such neighbour the other's
 way is taken; without both the surface is taken to face the camera, with a = (z/fx, 0, 0) and b = (0, z/fy, 0). Two
-pixels whose depths differ by more than STEEPEST times z/fx, or z/fy, with the smaller z, are not of one surface: there
-is an edge between them, and nothing was seen there.
+pixels whose depths differ by more than STEEPEST_STEP times z/fx, or z/fy, with the smaller z, are not of one surface:
+there is an edge between them, and nothing was seen there.
 
 How steep that is counts from the ray, not from the picture: the way between the two pixels is w e + Δz d, with w = z/fx
-of the nearer one, e = (1, 0, 0) and d = (s, t, 1) the ray of the farther one. For |Δz| = STEEPEST w its angle with the
-ray is atan(√(1 + t²) / (STEEPEST |d|² ± s)), 11.5° at most, wherever in the picture. So a surface whose normal is
-inclined against the rays by up to 78.5° is one surface.
+of the nearer one, e = (1, 0, 0) and d = (s, t, 1) the ray of the farther one. For |Δz| = STEEPEST_STEP w its angle with
+the ray is atan(√(1 + t²) / (STEEPEST_STEP |d|² ± s)), 11.5° at most, wherever in the picture. So a surface whose normal
+is inclined against the rays by up to 78.5° is one surface.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from hdplan.scenes.files import Stamps, read_file
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
 
-NEARLY = 1.0 + 1e-12  # by which depths may be beyond the range, and steps steeper, as they are rounded
-STEEPEST = 5.0  # step in depth over a pixel's width: an inclination of 78.5° against the ray
-ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small
+ROUNDING_FACTOR = 1.0 + 1e-12  # by which depths may be beyond the range, and steps steeper, as they are rounded
+STEEPEST_STEP = 5.0  # step in depth over a pixel's width: an inclination of 78.5° against the ray
+RADIUS_FACTOR = 1.0 + 1e-12  # so that rounding makes no ball too small
 MOST_PIXELS = 20_000_000  # of an image: a larger one would fill the memory
 
 
@@ -47,7 +47,7 @@ def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
     low, high = depth.range
     with np.errstate(invalid="ignore"):
         measured = (image > 0.0) & (z < np.inf)
-        seen = measured & (z * NEARLY >= low) & (z <= high * NEARLY)
+        seen = measured & (z * ROUNDING_FACTOR >= low) & (z <= high * ROUNDING_FACTOR)
     if not seen.any():
         raise InputError(f"has no pixel from {low:g} to {high:g} m: is its scale {depth.scale:g} m?")
     height, width = image.shape
@@ -60,7 +60,7 @@ def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
         square = (a**2).sum(axis=1) + (b**2).sum(axis=1) + 2.0 * np.abs((a * b).sum(axis=1))
         squares = np.maximum(squares, square)
     out_of_range = int(np.count_nonzero(measured & ~seen))
-    return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * ABOVE]), out_of_range)
+    return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * RADIUS_FACTOR]), out_of_range)
 
 
 def _ways(place: Array, seen: Mask, axis: int, facing: Array) -> tuple[Array, Array]:
@@ -69,7 +69,7 @@ def _ways(place: Array, seen: Mask, axis: int, facing: Array) -> tuple[Array, Ar
     one, other = (slice(None),) * axis + (slice(None, -1),), (slice(None),) * axis + (slice(1, None),)
     step = place[other] - place[one]
     across = facing.max(axis=2)
-    steep = STEEPEST * NEARLY * np.minimum(across[one], across[other])
+    steep = STEEPEST_STEP * ROUNDING_FACTOR * np.minimum(across[one], across[other])
     joined = seen[one] & seen[other] & (np.abs(step[..., 2]) <= steep)
     before, after = facing.copy(), facing.copy()
     for way, last in ((before, other), (after, one)):

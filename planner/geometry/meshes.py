@@ -22,7 +22,7 @@ from hdplan.scenes.shapes import Mesh
 
 CONVEX = 1e-3  # a solid that lacks less than this part of its hull's volume is replaced by its hull, which contains it
 LARGEST_COORDINATE = 1e6  # [m] beyond which distances are lost in rounding
-FLAT = 1e-6  # a mesh thinner than this part of its length encloses nothing but rounding errors
+FLAT_RATIO = 1e-6  # a mesh thinner than this part of its length encloses nothing but rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class TriangleMesh:
     @property
     def hull_volume(self) -> float:
         """The volume [m³] of its convex hull; 0 for a flat one."""
-        return float(scipy.spatial.ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+        return float(scipy.spatial.ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT_RATIO else 0.0
 
     @property
     def convex(self) -> bool:
@@ -168,7 +168,7 @@ def load_mesh(shape: Mesh, where: str, upright: bool = False) -> TriangleMesh:
         if np.abs(vertices[used]).max() > LARGEST_COORDINATE:
             raise InputError(f"reaches farther than {LARGEST_COORDINATE:g} m (its scale is {shape.scale[0]:g})")
         mesh = TriangleMesh.merged(vertices, triangles).trimmed()
-        if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
+        if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT_RATIO:
             raise InputError("is flat; a body with some thickness is needed")
     return mesh
 

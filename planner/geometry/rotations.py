@@ -11,7 +11,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-SMALL = 1e-3  # [rad] below which sines are series
+SERIES_ANGLE = 1e-3  # [rad] below which sines are series
 
 
 def quaternions_of(matrices: Array) -> Array:
@@ -43,7 +43,7 @@ def vectors_of(matrices: Array) -> Array:
     sine = np.linalg.norm(q[:, :3], axis=1)
     angle = 2.0 * np.arctan2(sine, q[:, 3])
     series = 2.0 + angle**2 / 12.0 + 7.0 * angle**4 / 2880.0
-    scale = np.where(angle < SMALL, series, angle / np.maximum(sine, np.sin(0.25 * SMALL)))
+    scale = np.where(angle < SERIES_ANGLE, series, angle / np.maximum(sine, np.sin(0.25 * SERIES_ANGLE)))
     return np.asarray(scale[:, None] * q[:, :3])
 
 
@@ -51,7 +51,7 @@ def matrices_of(vectors: Array) -> Array:
     """Return rotation matrices (k, 3, 3) of rotation vectors (k, 3) [rad]."""
     angle = np.linalg.norm(vectors, axis=1)
     series = 0.5 - angle**2 / 48.0 + angle**4 / 3840.0
-    share = np.where(angle < SMALL, series, np.sin(0.5 * angle) / np.maximum(angle, SMALL))
+    share = np.where(angle < SERIES_ANGLE, series, np.sin(0.5 * angle) / np.maximum(angle, SERIES_ANGLE))
     x, y, z = (share[:, None] * vectors).T
     w = np.cos(0.5 * angle)
     rows = [

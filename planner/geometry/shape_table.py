@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from hdplan.planner.geometry.coal_shapes import convex_hull, hull_triangles, triangle_tree
 from hdplan.planner.geometry.drawn_shapes import drawn_box, drawn_capsule, drawn_cylinder
-from hdplan.planner.geometry.meshes import FLAT, ReadMesh, TriangleMesh, thinness
+from hdplan.planner.geometry.meshes import FLAT_RATIO, ReadMesh, TriangleMesh, thinness
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import LazyModule
@@ -92,7 +92,7 @@ def _points_words(shape: Points) -> str:
 
 def _points_coal(shape: Points, field: str) -> Any:
     corners = np.array(shape.points)
-    if thinness(corners) <= FLAT:
+    if thinness(corners) <= FLAT_RATIO:
         raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
     return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
 

@@ -31,9 +31,9 @@ from hdplan.scenes.targets import PoseTarget
 
 SOLVED = 6  # joints
 MOST_HELD = 3  # of the others
-CLOSE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
-REGULAR = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
-SAME = 1e-6  # [rad] between configurations that are one
+AXIS_TOLERANCE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
+LEAST_DETERMINANT = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
+SAME_ANGLE = 1e-6  # [rad] between configurations that are one
 PLACES = 5  # random places of an arm where its geometry is looked at
 PER_HELD = 16  # values of held joints that are tried
 
@@ -130,7 +130,7 @@ class ClosedForm(NamedTuple):
         rows = each[0]
         for more in each[1:]:
             apart = np.abs(rows[:, None] - more[None]).max(axis=2, initial=0.0)
-            rows = np.concatenate([rows, more[(apart > SAME).all(axis=0)]])
+            rows = np.concatenate([rows, more[(apart > SAME_ANGLE).all(axis=0)]])
         found = np.repeat(np.minimum(np.maximum(seed, robot.lower), robot.upper)[None], len(rows), axis=0)
         found[:, self.planned[own]] = rows[:, own]
         return found
@@ -218,7 +218,7 @@ def choice(joints: Joints) -> tuple[Way, ...]:
     found: list[tuple[bool, float, Way]] = []
     for held in itertools.combinations(range(k), k - SOLVED):
         solved = np.setdiff1d(np.arange(k), held)
-        if not joints.turns[solved].all() or axes.determinant(solved) < REGULAR:
+        if not joints.turns[solved].all() or axes.determinant(solved) < LEAST_DETERMINANT:
             continue
         for first, backwards in itertools.product(range(SOLVED), (False, True)):
             order = np.roll(solved, -first)[:: -1 if backwards else 1]
@@ -253,12 +253,12 @@ class _Axes(NamedTuple):
         across = np.cross(one, other)
         sine = np.linalg.norm(across, axis=3)
         between = points[:, None] - points[:, :, None]
-        parallel = sine <= CLOSE
+        parallel = sine <= AXIS_TOLERANCE
         square = np.where(parallel, 1.0, sine**2)
         gap = np.abs((across * between).sum(axis=3)) / np.sqrt(square)
         along = (np.cross(between, other) * across).sum(axis=3) / square
         nearest = points[:, :, None] + along[..., None] * one
-        return cls(directions, points, parallel, ~parallel & (gap <= CLOSE), nearest)
+        return cls(directions, points, parallel, ~parallel & (gap <= AXIS_TOLERANCE), nearest)
 
     def determinant(self, solved: NDArray[np.int64]) -> float:
         """The size [m³] of the determinant of six turning joints' Jacobian; no point of the link matters."""
@@ -277,7 +277,7 @@ class _Axes(NamedTuple):
         if not self.meeting[:, four, five].all():
             return None
         arm = self.nearest[:, four, five] - self.points[:, three]
-        through = np.linalg.norm(np.cross(self.directions[:, three], arm), axis=1) <= CLOSE
+        through = np.linalg.norm(np.cross(self.directions[:, three], arm), axis=1) <= AXIS_TOLERANCE
         wrist = through & ~self.parallel[:, three, four]
         middle = self.parallel[:, one, two] & self.parallel[:, two, three]
         kinds = np.where(wrist, Kind.WRIST, np.where(middle, Kind.PARALLEL, Kind.MEETING))

@@ -24,7 +24,7 @@ from hdplan.scenes.targets import AllOf, PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST_STEP = 0.4  # [rad] or [m] of one step of a joint
-PARALLEL = 1e-9  # sine below which two directions define no axis
+PARALLEL_SINE = 1e-9  # sine below which two directions define no axis
 
 
 class LinkPose(NamedTuple):
@@ -160,7 +160,7 @@ def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops
         np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
         for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
     )
-    limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST_STEP])
+    limits, rule = (tolerances.ravel(), robot.lower, robot.upper), np.array([PARALLEL_SINE, DAMPING, LONGEST_STEP])
     moved = arm.supports[joints].astype(np.int64)
     goal = Record("goal", arm.tree, joints, freedoms, moved, placed, wanted, *limits, rule)
     return inverse_loop.Loops(functions, goal, len(links), arm.n)
@@ -190,7 +190,7 @@ def _turn_between(directions: Array, wanted: Array) -> Array:
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
     across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin(axis=-1)])
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across)
+    axis = np.where(sine > PARALLEL_SINE, cross / np.maximum(sine, PARALLEL_SINE), across)
     cosine = np.sum(directions * wanted, axis=1, keepdims=True)
     turn: Array = axis * np.arctan2(sine, cosine)
     return turn

@@ -10,9 +10,9 @@ two rows, 0 ≤ s ≤ 1: a polynomial lies within the hull of its control points
 the hulls of theirs (Farin, Curves and Surfaces for CAGD, chapters 4 and 5). So all bounds here are proven, up to
 rounding. Units: [rad] or [m], and [s].
 
-Numbers have bounds (FARTHEST, SHORTEST, LONGEST), so that nothing overflows: a derivative of order k ≤ 4 is at most
-d! / (d − k)! 2ᵏ FARTHEST / SHORTESTᵏ < 1e250, and so are products of rates whose orders add up to four, as in bounds on
-torques.
+Numbers have bounds (FARTHEST_VALUE, SHORTEST, LONGEST), so that nothing overflows: a derivative of order k ≤ 4 is at
+most d! / (d − k)! 2ᵏ FARTHEST_VALUE / SHORTESTᵏ < 1e250, and so are products of rates whose orders add up to four, as
+in bounds on torques.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hdplan.scenes.once import read_only
 
 Index = NDArray[np.int64]
 
-FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
+FARTHEST_VALUE = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
 ROW_RATES = ("velocities", "accelerations")  # that rows may hold beside times and positions
 RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree

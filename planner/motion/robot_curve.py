@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.motion.curve import FARTHEST, Curve, halves
+from hdplan.planner.motion.curve import FARTHEST_VALUE, Curve, halves
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, nearest
@@ -47,11 +47,11 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
         every = zip(robot.linkage.names, np.moveaxis(robot.expand(curve.control), 2, 0), strict=True)
         _check_following({**trajectory.locked, **held}, dict(every))
     far = np.abs(curve.control)
-    if far.max() > FARTHEST:
+    if far.max() > FARTHEST_VALUE:
         interval, point, joint = np.unravel_index(far.argmax(), far.shape)
         row = interval + (point == curve.degree)  # the last control point is the next waypoint's
         raise InputError(
-            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than {FARTHEST:g}"
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} exceeds {FARTHEST_VALUE:g}"
         )
     return curve
 

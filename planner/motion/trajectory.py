@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, Curve
+from hdplan.planner.motion.curve import FARTHEST_VALUE, LONGEST, ROW_RATES, SHORTEST, Curve
 from hdplan.planner.motion.samples import Samples
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
@@ -97,11 +97,11 @@ class Trajectory:
             object.__setattr__(self, "stages", _marks(self.stages, len(positions), self.times is not None))
 
     def _check_small(self, rates: NDArray[np.float64], key: str) -> None:
-        """Refuse rates that lead farther than FARTHEST within the interval before or after their row."""
+        """Refuse rates that lead farther than FARTHEST_VALUE within the interval before or after their row."""
         assert self.times is not None
         widths = np.diff(self.times)
         widest = np.maximum(np.r_[widths, 0.0], np.r_[0.0, widths])[:, None]  # on both sides of each row
-        most = FARTHEST / widest ** (1 + ROW_RATES.index(key))
+        most = FARTHEST_VALUE / widest ** (1 + ROW_RATES.index(key))
         if (np.abs(rates) > most).any():
             row, column = (int(i) for i in np.argwhere(np.abs(rates) > most)[0])
             raise InputError(

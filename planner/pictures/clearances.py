@@ -20,7 +20,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import derived
 
-FARTHEST = 1.0  # [m] the greatest activation distance of the planner's settings
+GREATEST_ACTIVATION = 1.0  # [m] the greatest activation distance of the planner's settings
 FARTHER, FARTHER_BY = 1.2, 0.01  # the next distance is searched for within the last one times this, plus [m]
 
 
@@ -56,11 +56,11 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     [s].
 
     Lower bounds of the exact distance, with the bodies, normals and distance of the scene's settings; links that do not
-    move are ignored. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf where no pair is
-    left.
+    move are ignored. Pairs farther apart than `within` [m], or GREATEST_ACTIVATION, are left out, for speed: inf where
+    no pair is left.
     """
     scene = setup.scene
-    settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
+    settings = replace(scene.planner, clearance=0.0, activation=min(within, GREATEST_ACTIVATION), swept=False)
     problem = problem_of(Setup.of(derived(scene, planner=settings), setup.robot))
     least = np.full(len(positions), np.inf)
     kinematics = problem.placed(positions)

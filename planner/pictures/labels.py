@@ -14,7 +14,7 @@ from hdplan.scenes.once import read_only
 REACHES = (9, 15, 24, 36, 50)  # [pt] from a point to its label, the nearest free place first
 TURNS = read_only(np.radians([0, 180, 40, -40, 140, -140, 90, -90, 65, -65, 115, -115]))
 DOT = 5  # [pt] around a point that stays free
-LED = 12  # [pt] beyond which a line connects the label with its point
+LEADER_LENGTH = 12  # [pt] beyond which a line connects the label with its point
 
 
 def name_points(axis: Any, points: Sequence[tuple[float, float]], names: Sequence[str], bold: int = 0) -> None:
@@ -37,7 +37,7 @@ def name_points(axis: Any, points: Sequence[tuple[float, float]], names: Sequenc
             box = written.get_window_extent()
             if not any(box.overlaps(other) for other in taken) and _within(frame, box):
                 taken.append(box)
-                if reach > LED:
+                if reach > LEADER_LENGTH:
                     style = {"arrowstyle": "-", "color": FIXED, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 3}
                     axis.annotate("", point, written.get_position(), textcoords="offset points", arrowprops=style)
                 break

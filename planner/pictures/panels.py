@@ -35,7 +35,7 @@ Index = NDArray[np.int64]
 
 CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed
 LANE = 0.84  # height of a joint's lane over the distance between two lanes
-WIDE = 30.0  # ratio of costs above which their axis is logarithmic
+WIDE_COST_RATIO = 30.0  # ratio of costs above which their axis is logarithmic
 BELOW_ZERO = "planner’s below 0: its outer bodies overlap, not the robot"
 LEGEND = 0.62  # [in] for the legend above the clearance curves
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
@@ -181,7 +181,7 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
     cost, smoothness = np.array([[step.cost, step.smoothness] for step in steps]).T
     axis.plot(iteration, cost, color=INK, marker=".", markersize=4, linewidth=1.4, label="cost")
     axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="smoothness part")
-    if smoothness.min() > 0.0 and cost.max() > WIDE * smoothness.min():
+    if smoothness.min() > 0.0 and cost.max() > WIDE_COST_RATIO * smoothness.min():
         axis.set_yscale("log")
     else:
         axis.set_ylim(0.0, 1.1 * max(cost.max(), smoothness.max()) or 1.0)

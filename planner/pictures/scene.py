@@ -35,9 +35,11 @@ GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which mo
 TIP_STEPS = 200  # segments of the path of the last link
 TILE = 0.1  # of the view's size: longest edge of a painted polygon, for sorting by depth
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
-SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
-AROUND = 0.3  # share of the robot's own extent that is shown around it
-ABOVE = 0.03  # [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
+EDGE_COSINE = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
+SURROUNDINGS_SHARE = 0.3  # share of the robot's own extent that is shown around it
+START_OFFSET = (
+    0.03  # [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
+)
 LINE = 0.4  # [pt] width of outlines
 BIAS = 0.01  # [m] by which a line is painted nearer than the faces that it bounds
 FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: for supports of round bodies, of meshes
@@ -73,8 +75,8 @@ class Paint:
     nearer: float = 0.0  # [m] by which it is painted in front of where it is
 
 
-STANDING = Paint(OBSTACLE, 0.4)
-DRIFTING = (  # path parameters, and how a moving obstacle is painted then
+STANDING_PAINT = Paint(OBSTACLE, 0.4)
+DRIFTING_PAINTS = (  # path parameters, and how a moving obstacle is painted then
     (0.0, Paint(MOVING, 0.85)),
     *((time, Paint(MOVING, 0.12)) for time in GHOSTS),
     (1.0, Paint(MOVING, 0.4)),
@@ -97,9 +99,9 @@ class Picture:
         """Place the robot along its motion, and the moving obstacles at the same times; or both at the path parameter
         `now`, with the robot's ends as ghosts."""
         scene, robot = setup.scene, setup.robot
-        standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
+        standing = [(body.placed(o.pose.matrix), STANDING_PAINT) for o, body in _obstacles(scene, moving=False)]
         drifting = _obstacles(scene, moving=True)
-        drifted = DRIFTING if now is None else ((now, DRIFTING[0][1]),)
+        drifted = DRIFTING_PAINTS if now is None else ((now, DRIFTING_PAINTS[0][1]),)
         obstacles = standing + [
             (body.placed(place), paint)
             for o, body in drifting
@@ -116,7 +118,7 @@ class Picture:
         ]
         solids = list(obstacles)
         shown = [(time, Paint(BETWEEN, 0.2)) for time in GHOSTS]
-        shown += [(0.0, Paint(START, 1.0, ABOVE)), (1.0, Paint(GOAL, 1.0))]
+        shown += [(0.0, Paint(START, 1.0, START_OFFSET)), (1.0, Paint(GOAL, 1.0))]
         if now is not None:
             shown = [(0.0, Paint(START, 0.15)), (1.0, Paint(GOAL, 0.15)), (now, Paint(BETWEEN, 1.0))]
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
@@ -231,7 +233,7 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
 
     ends, beside = body.edges
     seen = front[beside].any(axis=1)
-    sharp = np.einsum("ei,ei->e", normals[beside[:, 0]], normals[beside[:, 1]]) < SHARP
+    sharp = np.einsum("ei,ei->e", normals[beside[:, 0]], normals[beside[:, 1]]) < EDGE_COSINE
     strokes = _dashes((body.vertices @ view.T)[ends[seen & (sharp | ~front[beside].all(axis=1))]], longest)
     strokes = strokes[:, [0, 1, 1]] + [0.0, 0.0, BIAS + paint.nearer]
     ink = np.tile([*(0.5 * color), min(1.0, 2.0 * paint.alpha)], (len(strokes), 1))
@@ -290,7 +292,7 @@ def _window(picture: Picture, view: Array, aspect: float) -> tuple[Array, Array]
     """Return the corners of the window, with `aspect` its width over its height: the robot and its surroundings."""
     robot = picture.robot_points @ view[:2].T
     low, high = robot.min(axis=0), robot.max(axis=0)
-    margin = AROUND * float((high - low).max())
+    margin = SURROUNDINGS_SHARE * float((high - low).max())
     seen = np.concatenate([robot, *(points @ view[:2].T for points in picture.obstacle_points)])
     seen = np.clip(seen, low - margin, high + margin)
     low, high = seen.min(axis=0), seen.max(axis=0)

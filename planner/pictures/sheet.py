@@ -22,7 +22,7 @@ from hdplan.planner.pictures.panels import draw_clearance, draw_convergence, dra
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.pictures.quantities import rates
 from hdplan.planner.pictures.rates import draw_rate
-from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scene
+from hdplan.planner.pictures.scene import DRIFTING_PAINTS, STANDING_PAINT, Picture, draw_scene
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
 WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 landscape, plus the extra height for each panel of a rate or torque
@@ -84,10 +84,10 @@ def _key(axis: Any, picture: Picture) -> None:
     """Draw the legend of the scene's colours, with a line of its own for moving obstacles."""
     handles: list[Any] = [Patch(color=START, label="start"), Patch(color=BETWEEN, alpha=0.5, label="on the way")]
     handles += [Patch(color=GOAL, label="goal"), Patch(color=FIXED, label="base")]
-    if any(paint is STANDING for _, paint in picture.solids):
+    if any(paint is STANDING_PAINT for _, paint in picture.solids):
         handles.append(Patch(color=OBSTACLE, alpha=0.5, label="obstacles"))
     handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {plain(picture.tip_link, 24)}"))
-    (_, begins), (_, ghost), *_, (_, ends) = DRIFTING
+    (_, begins), (_, ghost), *_, (_, ends) = DRIFTING_PAINTS
     labels = ("moving obstacles at the start", "on the way, as the robot", "at the end")
     shown = zip((begins, ghost, ends), labels, strict=True)
     moving = [Patch(color=paint.color, alpha=paint.alpha, label=label) for paint, label in shown]

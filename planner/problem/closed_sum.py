@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from hdplan.distance.symbolic.closed import CLOSED, ClosedForm, closed_function
+from hdplan.distance.symbolic.closed import CLOSED_OPTIONS, ClosedForm, closed_function
 from hdplan.planner.problem.symbolic_place import SymbolicPlace
 from hdplan.scenes.array_types import Array
 
@@ -33,7 +33,7 @@ def closed_sum(name: str, places: Sequence[SymbolicPlace], form: ClosedForm, wei
     slopes = [*form.slopes, *(ca.MX(1, size) for size in sizes[len(form.slopes) :])]
     each = ca.Function(f"{name}_known", symbols, [ca.densify(weight * part.T) for part in (form.value, *slopes)])
     known = each.map(count).call([*columns, every])
-    once = ca.Function(f"{name}_evaluated", columns, known, CLOSED | {"is_diff_in": [False] * len(columns)})
+    once = ca.Function(f"{name}_evaluated", columns, known, CLOSED_OPTIONS | {"is_diff_in": [False] * len(columns)})
 
     # Handed over by a Function that has no derivative itself: what its results depend on, CasADi looks for in
     # expressions of them, column by column.

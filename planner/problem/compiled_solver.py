@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from hdplan.distance.compiled.c_library import BRIEF, loaded
+from hdplan.distance.compiled.c_library import QUICK_FLAGS, loaded
 from hdplan.scenes.errors import InputError
 
 IN_C = frozenset(  # classes of functions that CasADi's CodeGenerator writes
@@ -33,7 +33,7 @@ def compiled_solver(plugin: str, nlp: Mapping[str, ca.MX], options: Mapping[str,
     generator.add(interpreted.oracle())
     for name in interpreted.get_function():
         generator.add(interpreted.get_function(name))
-    return loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), BRIEF)
+    return loaded("nlp", generator.dump(), lambda path: ca.nlpsol("solver", plugin, path, options), QUICK_FLAGS)
 
 
 def not_in_c(expression: ca.MX) -> list[str]:

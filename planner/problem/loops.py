@@ -31,7 +31,7 @@ def penalties(
     asked = 0 if weight is None else batch
     gradient, curvature, depth = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
     cost = loops.penalties(
-        *(of.struct, close_pairs.LEAST, kinematics.placements, kinematics.columns, weight),
+        *(of.struct, close_pairs.LEAST_SEPARATION, kinematics.placements, kinematics.columns, weight),
         *(gradient, curvature, depth),
     )
     return float(cost), gradient, curvature, depth
@@ -60,7 +60,9 @@ class AtSamples:
         placements, columns = np.empty((batch, joints, 12)), np.empty((batch, n, 6))
         gradient, curvature, depth = np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch)
         found = (placements, columns, gradient, curvature, depth)
-        cost = loops.at_samples(self.record.struct, close_pairs.LEAST, np.ascontiguousarray(positions), *found)
+        cost = loops.at_samples(
+            self.record.struct, close_pairs.LEAST_SEPARATION, np.ascontiguousarray(positions), *found
+        )
         return KinematicsBatch(placements, columns), Penalty(float(cost), gradient, curvature, depth)
 
 

@@ -37,7 +37,7 @@ LEVER = 1.0  # [m] lever arm that turns an angle into a length
 OVERSHOOT = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 NO_TURN = 1e-4  # [rad] below which the series of a rotation vector is cut off after its first terms
-PARALLEL = 1e-12  # sine below which two directions have no axis of their own
+PARALLEL_SINE = 1e-12  # sine below which two directions have no axis of their own
 
 
 class WrittenMeasure(Measure, Protocol):
@@ -104,7 +104,7 @@ class UprightMeasure:
         wrench, hessian = np.zeros((len(axis), 6)), np.zeros((len(axis), 6, 6))
         wrench[:, 3:] = -LEVER * aside
         mixed = outer(axis, towards)
-        cot = np.where(sine > PARALLEL, axis @ UP / np.maximum(sine, PARALLEL), 0.0)
+        cot = np.where(sine > PARALLEL_SINE, axis @ UP / np.maximum(sine, PARALLEL_SINE), 0.0)
         hessian[:, 3:, 3:] = LEVER * (
             cot[:, None, None] * outer(towards, towards) - 0.5 * (mixed + mixed.swapaxes(1, 2))
         )
@@ -247,20 +247,22 @@ class RelativeMeasure:
 def _unit(vectors: Array) -> tuple[Array, Array]:
     """Vectors (B, 3) of length one, and their lengths (B,); any direction where there is hardly a length."""
     length = np.linalg.norm(vectors, axis=1)
-    unit = np.where(length[:, None] > PARALLEL, vectors / np.maximum(length, PARALLEL)[:, None], [1.0, 0.0, 0.0])
+    unit = np.where(
+        length[:, None] > PARALLEL_SINE, vectors / np.maximum(length, PARALLEL_SINE)[:, None], [1.0, 0.0, 0.0]
+    )
     return unit, length
 
 
 def _length(vector: ca.MX) -> ca.MX:
     """The length of a vector in symbols, of which derivatives are 0 where there is hardly a length."""
     square = ca.sumsqr(vector)
-    there = square > PARALLEL**2
+    there = square > PARALLEL_SINE**2
     return ca.if_else(there, ca.sqrt(ca.if_else(there, square, 1.0)), 0.0)
 
 
 def _across(unit: Array, length: Array) -> Array:
     """(I − u uᵀ)/l (B, 3, 3), how u turns as the end of a vector of length l moves."""
-    result: Array = (np.eye(3) - outer(unit, unit)) / np.maximum(length, PARALLEL)[:, None, None]
+    result: Array = (np.eye(3) - outer(unit, unit)) / np.maximum(length, PARALLEL_SINE)[:, None, None]
     return result
 
 

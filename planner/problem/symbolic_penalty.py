@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 FRAME = 12 + SIZES  # numbers of a frame, as in `pair_symbols`
 HEIGHT = 11  # the place among them of the origin's z
-GROWING = ("box", "sphere", "cylinder", "capsule")  # shapes with sizes as parameters
+GROWING_SHAPES = ("box", "sphere", "cylinder", "capsule")  # shapes with sizes as parameters
 WRITTEN = {"at_samples": "written_at_sample", "over_motion": "written_over_motion"}
 
 
@@ -134,7 +134,7 @@ class SymbolicPenalty:
     @staticmethod
     def _cannot_grow(each: ObstaclePlaces) -> str:
         shape = type(each.shape).__name__.lower()
-        return f"{each.name}: of the kind {shape} they are no parameters; allowed are {listed(GROWING)}"
+        return f"{each.name}: of the kind {shape} they are no parameters; allowed are {listed(GROWING_SHAPES)}"
 
     def values(self, poses: Mapping[str, ArrayLike], sizes: Mapping[str, Shape] | None = None) -> Array:
         """The parameters, with other poses for some obstacles: (4, 4), or of a moving one (B, 4, 4), one for each

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 STEP, MOST_SPANS = 0.01, 48  # [m] by which a body grows from one span to the next; how many there are at most
-AWAY = 1e4  # [m] where a body is in spans that are not its own
+AWAY_DISTANCE = 1e4  # [m] where a body is in spans that are not its own
 
 
 def kept(setup: Setup) -> dict[str, float]:
@@ -116,7 +116,7 @@ class Span:
     def at(self, times: Array) -> Array:
         """Return the obstacle's poses (k, 4, 4) at times (k,) [s]."""
         places = self.motion.at(times)
-        places[~((times >= self.begin) & (times <= self.end)), 2, 3] += AWAY
+        places[~((times >= self.begin) & (times <= self.end)), 2, 3] += AWAY_DISTANCE
         return places
 
 

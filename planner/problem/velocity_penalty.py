@@ -5,8 +5,9 @@ from the waypoints and the largest du/dt on each interval. For joint j on interv
 
     s_kj = |q_{k+1,j} − q_{k,j}| (N − 1) max_k(du/dt) / v_j
 
-is kept below AIM by  h Σ_kj ½ (LEVER max(s_kj − AIM, 0))²,  h = 1/(N − 1), quadratic where it acts: the curvature is
-exact. Elsewhere the timing is fitted to the limits afterwards (`retiming`), and this term is absent.
+is kept below PENALIZED_SHARE by  h Σ_kj ½ (LEVER max(s_kj − PENALIZED_SHARE, 0))²,  h = 1/(N − 1), quadratic where it
+acts: the curvature is exact. Elsewhere the timing is fitted to the limits afterwards (`retiming`), and this term is
+absent.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from hdplan.planner.problem.symbolic_place import SymbolicMotion
 
-AIM = 0.85  # share of a limit above which the penalty acts
+PENALIZED_SHARE = 0.85  # share of a limit above which the penalty acts
 LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
 LOOKS = 9  # points of every interval at which the time law is evaluated
 
@@ -55,7 +56,7 @@ class VelocityPenalty(Term):
         """The penalty of waypoints (N, n)."""
         count, n = positions.shape
         step = np.diff(positions, axis=0)
-        beyond = LEVER * np.maximum(np.abs(step) * self.shares - AIM, 0.0)  # (N − 1, n) [m]
+        beyond = LEVER * np.maximum(np.abs(step) * self.shares - PENALIZED_SHARE, 0.0)  # (N − 1, n) [m]
         weight, slope = 1 / (count - 1), LEVER * self.shares
         push = weight * beyond * slope * np.sign(step)
         gradient = np.zeros((count, n))
@@ -70,10 +71,10 @@ class VelocityPenalty(Term):
         )
 
     def written_over_motion(self, motion: SymbolicMotion) -> ca.MX:
-        """h Σ ½ (LEVER max(s − AIM, 0))²."""
+        """h Σ ½ (LEVER max(s − PENALIZED_SHARE, 0))²."""
         import casadi as ca
 
-        beyond = LEVER * ca.fmax(ca.fabs(motion.step) * ca.DM(self.shares.T) - AIM, 0.0)
+        beyond = LEVER * ca.fmax(ca.fabs(motion.step) * ca.DM(self.shares.T) - PENALIZED_SHARE, 0.0)
         return ca.sumsqr(beyond) / (2 * motion.step.shape[1])
 
     def second_order(self, kinematics: KinematicsBatch, samples: Samples) -> None:

@@ -18,7 +18,7 @@ from hdplan.planner.certificate.interval_bounds import Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
-from hdplan.planner.proof.spans import ASIDE, Spans
+from hdplan.planner.proof.spans import STRAY_DISTANCE, Spans
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
@@ -33,7 +33,7 @@ AT_ONCE = 20_000  # leaves examined together
 NEAR_MOTION = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
 ROUNDING = 1e-9  # [m] by which the kernel's own bound may be less, as it counts roundings
 NUDGE = 1e-5  # [rad] of slightly turned poses
-FLAT = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
+FLAT_RATIO = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Planes:
         if len(rows := np.flatnonzero(~normal.any(axis=1))):
             normal[rows] = whole(bounds.by_ball(nodes, items[rows])[1], COARSE)
         _, bound, travel = bounds.by_plane(nodes, items, unit(normal))
-        rows = np.flatnonzero((bound < floor) & (travel - 2.0 * ASIDE < NEAR_MOTION))
+        rows = np.flatnonzero((bound < floor) & (travel - 2.0 * STRAY_DISTANCE < NEAR_MOTION))
         if len(rows):
             better, distance[rows] = self._directions(nodes, items[rows], floor[rows])
             better = whole(better, FINE)
@@ -227,14 +227,14 @@ def _coal_shape(corner_bytes: bytes, sweep_bytes: bytes) -> tuple[Any, float]:
         return (coal.Capsule(sweep[0], length) if sweep[2] else coal.Cylinder(sweep[0], length)), 0.0
     middle = corners.mean(axis=0)
     _, extents, axes = np.linalg.svd(corners - middle, full_matrices=False)
-    if len(corners) < 3 or extents[1] < FLAT * extents[0]:  # a line, or a point: a thin body around it
-        swell = FLAT * (float(extents[0]) or 1.0)
+    if len(corners) < 3 or extents[1] < FLAT_RATIO * extents[0]:  # a line, or a point: a thin body around it
+        swell = FLAT_RATIO * (float(extents[0]) or 1.0)
         around = swell * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
         return convex_hull((corners[:, None] + around).reshape(-1, 3)), 2.0 * swell
-    if extents[2] < FLAT * extents[0]:  # flat: coal is better at triangles than at thin bodies
+    if extents[2] < FLAT_RATIO * extents[0]:  # flat: coal is better at triangles than at thin bodies
         ring = corners[scipy.spatial.ConvexHull((corners - middle) @ axes[:2].T).vertices]
         fan = [[0, i, i + 1] for i in range(1, len(ring) - 1)]
-        return triangle_tree(TriangleMesh(ring, np.array(fan))), 2.0 * FLAT * float(extents[0])
+        return triangle_tree(TriangleMesh(ring, np.array(fan))), 2.0 * FLAT_RATIO * float(extents[0])
     if (hull := convex_hull(corners)) is not None:
         return hull, 0.0
     directions = np.random.default_rng(0).normal(size=(250, 3))  # coal cannot hold it: the farthest corners will do

@@ -20,7 +20,7 @@ from hdplan.verify.checking import check
 from hdplan.verify.kernel import NARROWEST, Motion, leaves, unpack
 from hdplan.verify.world import World
 
-TOGETHER = 1e-4  # [m] within which corners are equally far along a direction
+CORNER_TOLERANCE = 1e-4  # [m] within which corners are equally far along a direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ def _outermost(world: World, motion: Motion, body: int, direction: Array) -> Arr
     turn = turn @ piece.pose[0].mid
     local = turn.T @ direction
     heights = piece.corners @ local
-    point = piece.corners[heights > heights.max() - TOGETHER].mean(axis=0)
+    point = piece.corners[heights > heights.max() - CORNER_TOLERANCE].mean(axis=0)
     point += (heights.max() - point @ local) * local
     size = float(np.linalg.norm(piece.sweep * local))
     return np.asarray(turn @ (point + (piece.sweep**2 * local / size if size else 0.0)) + at)

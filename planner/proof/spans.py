@@ -22,7 +22,7 @@ from hdplan.verify.kernel import latest
 from hdplan.verify.unknown import chord
 from hdplan.verify.world import Piece, World
 
-ASIDE = 1e3  # [m] by which every body is said to stray, as the kernel has no bound by travel alone
+STRAY_DISTANCE = 1e3  # [m] by which every body is said to stray, as the kernel has no bound by travel alone
 
 
 class Placed(Intervals):
@@ -31,7 +31,7 @@ class Placed(Intervals):
     @cached_property
     def moved(self) -> Array:
         """The greatest motion of each piece (r,) [m], without its given deviation."""
-        return np.asarray(super().moved - ASIDE)
+        return np.asarray(super().moved - STRAY_DISTANCE)
 
 
 class Spans:
@@ -63,7 +63,7 @@ class Spans:
         reach = self._reach(center, joint, axes, points, np.abs(delta) + deviation)
         places = len(bodies.bodies) + count * len(moving)
         still = np.zeros((places, 3))
-        stray = Motion(still, still, np.full(places, ASIDE), np.zeros(places))
+        stray = Motion(still, still, np.full(places, STRAY_DISTANCE), np.zeros(places))
         standing = (*bodies.standing, np.zeros((len(bodies.bodies), delta.shape[1])))
         rotation, origin, center, reach = (
             np.concatenate([one, two.reshape(-1, *one.shape[1:])])

@@ -20,7 +20,7 @@ from hdplan.planner.search.roadmap import around_line
 from hdplan.planner.search.trees import Trees
 from hdplan.scenes.array_types import Array, Mask
 
-ANYWHERE = 0.25  # share of the targets that are drawn as if there were no ways
+UNGUIDED_SHARE = 0.25  # share of the targets that are drawn as if there were no ways
 
 
 class Arms:
@@ -43,7 +43,7 @@ class Arms:
         drawn = around_line(self.problem, self.rng, count)
         if not self.arms:
             return drawn
-        led = self.rng.uniform(size=count) >= ANYWHERE
+        led = self.rng.uniform(size=count) >= UNGUIDED_SHARE
         for arm, way in zip(self.arms, self.ways, strict=True):
             if way is not None:
                 length = lengths(way)

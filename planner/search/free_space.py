@@ -21,9 +21,9 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.shapes import Shape
 
-SPARE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
-KEPT = 0.5  # share of what the ends have to spare that is kept
-FINEST = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
+SPARE_CLEARANCE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
+KEPT_SHARE = 0.5  # share of what the ends have to spare that is kept
+FINEST_MOTION = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
 
 
 def free_space(problem: Problem, required: float) -> Record | None:
@@ -53,7 +53,7 @@ def free_space(problem: Problem, required: float) -> Record | None:
         (np.arange(m), np.ones(m), np.zeros(m)) if linkage is None else (linkage.leader, linkage.factor, linkage.offset)
     )
     joints = (problem.kinematics.tree, robot.n, leader, factor, offset, *robot.inner)
-    return Record("space", *joints, FINEST, tuple(kept))
+    return Record("space", *joints, FINEST_MOTION, tuple(kept))
 
 
 def with_these_alone(space: Record, joints: Mask) -> Record:
@@ -74,13 +74,14 @@ def with_these_alone(space: Record, joints: Mask) -> Record:
 
 
 def _floors(problem: Problem, distance: ExactPairs, asked: Array) -> Array:
-    """The gap that each pair has to keep (P,) [m]: the required one and SPARE, or less where an end has less to spare.
-    Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the certificate."""
+    """The gap that each pair has to keep (P,) [m]: the required one and SPARE_CLEARANCE, or less where an end has less
+    to spare. Where the hulls of a pair overlap at an end, the links themselves do not: it is left to the
+    certificate."""
     count = len(distance.pairs)
     sample, pair = (index.ravel() for index in np.indices((2, count)))
     found, _, _ = distance(problem.placed(np.stack([problem.start, problem.goal])), sample, pair)
     gap = (found + distance.pairs.margins[distance.pairs.halfspace_body][pair]).reshape(2, count).min(axis=0)
-    return np.where(gap > asked, asked + np.minimum(SPARE, KEPT * (gap - asked)), -np.inf)
+    return np.where(gap > asked, asked + np.minimum(SPARE_CLEARANCE, KEPT_SHARE * (gap - asked)), -np.inf)
 
 
 def _reach(chain: Chain, distance: ExactPairs, travel: Array) -> Array:

@@ -23,7 +23,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import JointTarget
 
-LEAST = 0.005  # [rad] or [m] a shorter way is none
+SHORTEST_SLIDE = 0.005  # [rad] or [m] a shorter way is none
 BACK = 3  # steps back to the pose
 TOLERANCE_SHARE = 0.75  # share of the tolerance
 
@@ -51,7 +51,7 @@ def _slid(
     push = problem.evaluate(solution.trajectory.positions, solution.weight).at_goal
     way = self_motion(-push[None], aim.linearized(q)[1])
     longest = np.abs(way).max()
-    if longest < LEAST:
+    if longest < SHORTEST_SLIDE:
         return None
     q = np.clip(q + way * min(1.0, farthest / longest), robot.lower, robot.upper)
     for _ in range(BACK):

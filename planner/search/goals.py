@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 
 DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
-TOGETHER = 16  # configurations that are asked together whether they are free
-PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
+CHECKED_TOGETHER = 16  # configurations that are asked together whether they are free
+COMPARED_GOALS = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
-TRIED = 4  # goals that are planned to, over all targets; at least one of each
+PLANNED_GOALS = 4  # goals that are planned to, over all targets; at least one of each
 
 
 class Choice(NamedTuple):
@@ -52,9 +52,9 @@ class Choice(NamedTuple):
 
 
 def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
-    """Return the configurations in which a motion of this scene may end, the most promising first: TRIED of them over
-    all targets, but at least `each` of every one that is reached freely. Of many targets each is looked at less; where
-    some are reached freely, the others are not looked at again.
+    """Return the configurations in which a motion of this scene may end, the most promising first: PLANNED_GOALS of
+    them over all targets, but at least `each` of every one that is reached freely. Of many targets each is looked at
+    less; where some are reached freely, the others are not looked at again.
 
     Raises:
         InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; the
@@ -64,7 +64,7 @@ def goal_choice(certifier: Certifier, seed: int = 0, each: int = 1) -> Choice:
     if isinstance(scene.goal, JointTarget):
         return Choice((scene.goal,), ())
     rng = np.random.default_rng(seed)
-    most = max(each, TRIED // len(scene.goal.targets))
+    most = max(each, PLANNED_GOALS // len(scene.goal.targets))
     found: list[tuple[float, JointTarget]] = []
     refused, words, causes = [], [], []
     path = _path(certifier.setup)
@@ -116,7 +116,7 @@ def goals_in_turn(certifier: Certifier, seed: int = 0, each: int = 1) -> Iterato
             yield looked[i].goals[0]
         elif looked[i].free:
             heappush(waiting, (looked[i].free[0][0], True, i))
-    most = max(each, TRIED // max(1, len(looked)))
+    most = max(each, PLANNED_GOALS // max(1, len(looked)))
     for rank in range(1, most):
         others = [(one.free[rank][0], i) for i, one in enumerate(looked) if len(one.free) > rank]
         yield from (looked[i].goals[rank] for _, i in sorted(others))
@@ -136,7 +136,7 @@ def _each_in_turn(goals: Sequence[JointTarget]) -> tuple[JointTarget, ...]:
 
 def _starts(targets: int) -> int:
     """Return from how many configurations each of some targets is looked for at first."""
-    return max(FEWEST_STARTS, min(STARTS, STARTS * TRIED // targets))
+    return max(FEWEST_STARTS, min(STARTS, STARTS * PLANNED_GOALS // targets))
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,11 +245,11 @@ def may_end_each(certifier: Certifier, rows: Array, required: float = 0.0) -> Ma
 
 
 def _free(certifier: Certifier, families: Array, start: Array) -> list[tuple[float, Array]]:
-    """The PICKED first ones of families (k, m, n) that have one in which a motion may end, each with its score, best
-    first."""
+    """The COMPARED_GOALS first ones of families (k, m, n) that have one in which a motion may end, each with its score,
+    best first."""
     scored = []
-    together = (families[first : first + TOGETHER] for first in range(0, len(families), TOGETHER))
-    for q in itertools.islice((q for some in together for q in _fitting(certifier, some)), PICKED):
+    together = (families[first : first + CHECKED_TOGETHER] for first in range(0, len(families), CHECKED_TOGETHER))
+    for q in itertools.islice((q for some in together for q in _fitting(certifier, some)), COMPARED_GOALS):
         crowded = 1.0 - max(0.0, certifier.hull_gap(q, CLOSE_GOAL, certifier.scene.end_time)) / CLOSE_GOAL
         scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])

@@ -31,7 +31,7 @@ SHORTEST, LONGEST = 0.05, 0.2  # of a line between two nodes [rad or m]
 STRETCHED = 2.0  # times as long a line may be once its end is on the constraints
 USED = 0.9  # share of the band below the bound of a constraint that may be used up along a line
 PULLS = 5  # steps that bring the end of a line back onto the constraints; what needs more is left
-LEAST = 0.2  # of a step that must be left once its end is on the constraints, for a branch to go on
+LEAST_STEP_SHARE = 0.2  # of a step that must be left once its end is on the constraints, for a branch to go on
 SHORTCUTS = 60  # that are tried between two nodes of a way
 ARRIVED = 1e-9  # [rad or m]
 
@@ -110,7 +110,7 @@ class HeldTrees:
             last = held[going] & (share[:, 0] == 1.0)
             there = np.where(last[:, None], there, self._onto(here + share * (there - here)))
             left = np.linalg.norm(targets[going] - there, axis=1)
-            good = left <= length - LEAST * np.minimum(self.step, length)
+            good = left <= length - LEAST_STEP_SHARE * np.minimum(self.step, length)
             good[good] = self._lines(here[good], there[good], last[good])
             going = going[good]
             at[going] = self._add(side, there[good], at[going])

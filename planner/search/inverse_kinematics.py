@@ -43,8 +43,8 @@ ARRIVED = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has converged, accepted
 DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
-NEAREST = 8  # of a redundant arm's configurations in closed form that are drawn towards the start
-APART = 0.6  # [rad] or [m] in some joint between two configurations that count as different
+NEAREST_COUNT = 8  # of a redundant arm's configurations in closed form that are drawn towards the start
+LEAST_DIFFERENCE = 0.6  # [rad] or [m] in some joint between two configurations that count as different
 
 
 def inverse_kinematics(
@@ -114,13 +114,13 @@ def inverse_kinematics(
 def _in_order(met: Array, exact: Array, start: Array) -> Array:
     """Return branches nearest to `start` first; where it is `met` it stands for its own."""
     exact = exact[np.argsort(np.linalg.norm(exact - start, axis=1), kind="stable")]
-    own = len(met) and np.abs(exact[0] - start).max() <= APART
+    own = len(met) and np.abs(exact[0] - start).max() <= LEAST_DIFFERENCE
     return np.concatenate([met, exact[1:] if own else exact])
 
 
 def _with_families(robot: Robot, target: PoseTarget, met: Array, exact: Array, start: Array) -> Array:
     """Return a few members of each branch of a redundant arm, the nearest ones drawn on towards `start`."""
-    near = _drawn_near(Aim.at(robot, target), _in_order(met[:0], exact, start)[:NEAREST], start)
+    near = _drawn_near(Aim.at(robot, target), _in_order(met[:0], exact, start)[:NEAREST_COUNT], start)
     return _distinct(np.concatenate([met, near, exact]), start, _circling(robot))
 
 
@@ -152,7 +152,7 @@ def _proven(robot: Robot, target: PoseTarget, q: Array) -> Array:
 def _from_start(robot: Robot, target: PoseTarget, start: Array) -> Array:
     """Return what `start` alone leads to, where that hardly differs from it: most often the nearest of all."""
     found, _ = _reached(Aim.at(robot, target), np.empty((0, robot.n)), start)
-    return found[:1] if len(found) and np.abs(found[0] - start).max() <= APART else found[:0]
+    return found[:1] if len(found) and np.abs(found[0] - start).max() <= LEAST_DIFFERENCE else found[:0]
 
 
 def _near(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, tuple[Miss, ...]]:
@@ -170,9 +170,9 @@ def reaching(
     path: tuple[PathTerm, ...] = (),
     starts: int = STARTS,
 ) -> tuple[Array, tuple[Miss, ...]]:
-    """Return configurations (K, n) that reach a pose, or poses of several links together, APART from each other and
-    nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
-    do not decide the result."""
+    """Return configurations (K, n) that reach a pose, or poses of several links together, LEAST_DIFFERENCE from each
+    other and nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search
+    too, but do not decide the result."""
     aim, draws = Aim.at(robot, target), robot.draw(rng, starts - 1)
     if not path:  # which may be about other links: joints that are for none of these stay where they are
         draws = np.where(aim.moving, draws, start)
@@ -282,16 +282,16 @@ def _circling(robot: Robot) -> Mask:
 
 
 def _distinct(q: Array, start: Array, circling: Mask | None = None) -> Array:
-    """The rows nearest to `start` first, those that are APART from all before them, apart from whole turns of joints
-    without limits."""
+    """The rows nearest to `start` first, those that are LEAST_DIFFERENCE from all before them, apart from whole turns
+    of joints without limits."""
     left = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]
     circling = np.zeros(q.shape[1], dtype=bool) if circling is None else circling
     if functions := library():
-        return inverse_loop.distinct(functions, left, circling, APART)
+        return inverse_loop.distinct(functions, left, circling, LEAST_DIFFERENCE)
     kept = []
     while len(left):
         kept.append(left[0])
         way = left - left[0]
         way = np.where(circling, way - 2 * math.pi * np.round(way / (2 * math.pi)), way)
-        left = left[np.abs(way).max(axis=1) > APART]
+        left = left[np.abs(way).max(axis=1) > LEAST_DIFFERENCE]
     return np.array(kept).reshape(-1, q.shape[1])

@@ -5,10 +5,10 @@ time counts before its certificate, which is for what comes of it (`first_motion
 promising of what is left (`Ways`) and of MORE motions from further guesses, to each goal in turn, or of WAYS where
 nothing is left, none of which is one of those before (SAME_WAY): perhaps there is a better way around, or a better
 goal. To improve a motion is to solve until it has converged, with the
-penalty setting in ever closer to obstacles (CLOSER), where time is the objective with the cost of its path speed, and
-with its end sliding along the goal set; and at last, where that leaves more to gain, with the duration of the fastest
-law itself (`PathDuration`), which also knows accelerations and torques. What promises most is retimed and certified; if
-it is not certified, the next.
+penalty setting in ever closer to obstacles (CLOSER_ACTIVATIONS), where time is the objective with the cost of its path
+speed, and with its end sliding along the goal set; and at last, where that leaves more to gain, with the duration of
+the fastest law itself (`PathDuration`), which also knows accelerations and torques. What promises most is retimed and
+certified; if it is not certified, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -36,12 +36,14 @@ from hdplan.planner.solvers.methods import gauss_newton
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus, ends_overlap
 from hdplan.scenes.array_types import Array
 
-CLOSER = (0.5, 0.2)  # of the activation
-LEAST = 1e-3  # [m] of it
+CLOSER_ACTIVATIONS = (0.5, 0.2)  # of the activation
+LEAST_ACTIVATION = 1e-3  # [m] of it
 AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
-HURRIED = 0.06  # weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
+HURRIED_WEIGHT = (
+    0.06  # weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
+)
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
@@ -71,7 +73,9 @@ class Stages:
         if i not in self._closer:
             search = self.searches[i]
             activation = search.problem.scene.planner.activation
-            chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
+            chosen = [share * activation for share in CLOSER_ACTIVATIONS if share * activation >= LEAST_ACTIVATION] or [
+                activation
+            ]
             made = (closer(search.problem, each, search.objective.name == "time") for each in chosen)
             self._closer[i] = tuple(exactly(each) if self.first(i).exact else each for each in made)
         return self._closer[i]
@@ -235,7 +239,7 @@ def _hurried(search: Search, stage: Problem, promise: float, path: Array) -> tup
         return None
     if not retimer.shortest(path[0], path[-1]) < promise < np.inf:
         return None
-    cost, smoothness = PathDuration(speed, retimer.slope_along), Smoothness(stage.waypoints, HURRIED, EVEN)
+    cost, smoothness = PathDuration(speed, retimer.slope_along), Smoothness(stage.waypoints, HURRIED_WEIGHT, EVEN)
     problem = replace(stage, goal=path[-1], path_speed=cost, smoothness=smoothness)
     solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED, gauss_newton.SOLVER)
     if solution is None:

@@ -25,8 +25,8 @@ SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviat
 NEIGHBOURS = 8  # nearest nodes to which a new one is connected
 LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored; the latter on a path to be taken
 DEPTH = 0.01  # [m] inside the margin at which a piece of an edge costs twice as much
-FREE = 0.8  # share of the activation that a node may use up where distances are exact
-WORN = 3.0  # factor on the cost of an edge that has been tried
+FREE_SHARE = 0.8  # share of the activation that a node may use up where distances are exact
+WORN_FACTOR = 3.0  # factor on the cost of an edge that has been tried
 PULLS = 30  # steps that bring a configuration onto the path constraints
 
 
@@ -88,7 +88,7 @@ class Roadmap:
         self.problem, self.rng = problem, rng
         self.nodes = np.stack([problem.start, problem.goal])
         self.edges = np.array([[0, 1]])
-        self.costs = WORN * self._costs(self.edges, CLOSE_LOOKS)  # it has been tried
+        self.costs = WORN_FACTOR * self._costs(self.edges, CLOSE_LOOKS)  # it has been tried
         self.close = np.ones(1, dtype=np.bool_)  # whether an edge has been scored closely
 
     def grow(self) -> None:
@@ -114,7 +114,7 @@ class Roadmap:
         exact, those that are free."""
         depth = self.problem.depth(configurations)
         if self.problem.exact:
-            return np.asarray(depth <= FREE * self.problem.scene.planner.activation)
+            return np.asarray(depth <= FREE_SHARE * self.problem.scene.planner.activation)
         clear: Mask = depth == 0.0
         return clear if clear.any() else depth <= CLEAR_SHARE * self.problem.scene.planner.activation
 
@@ -132,7 +132,7 @@ class Roadmap:
                 break
             rough = np.flatnonzero(taken & ~self.close)
             self.costs[rough], self.close[rough] = self._costs(self.edges[rough], CLOSE_LOOKS), True
-        self.costs[taken] *= WORN
+        self.costs[taken] *= WORN_FACTOR
         between: Array = self.nodes[way[-2:0:-1]]
         return between
 

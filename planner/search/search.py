@@ -51,12 +51,12 @@ GUESSES = 3  # first guesses for a goal before the next goal's turn
 TIGHT, LOOSE = 2, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
 AHEAD_AFTER = 2  # guesses that failed before trees begin to grow on an idle core; one where bodies overlap at an end
 EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
-DENSER = 2  # times that solving continues at denser samples, before a certificate
+DENSER_ROUNDS = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
 LITTLE_CHANGE = 0.05
 # activations that a later guess may be inside something where weights free it little: of 660 runs of all guesses some
 # 176 were deeper, and one of these was freed by higher weights
-STUCK = 3.0
+STUCK_FACTOR = 3.0
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 CONTACTS = {Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN}
 
@@ -136,7 +136,7 @@ class Search:
             return True
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
-        stuck = math.inf if self.attempts == 1 else STUCK * self.problem.scene.planner.activation
+        stuck = math.inf if self.attempts == 1 else STUCK_FACTOR * self.problem.scene.planner.activation
         for turn in range(1 + REPAIRS):
             problem, solution = self._solve(problem, guess, weight, stuck=stuck)
             if value < math.inf and not self._promises(solution.trajectory.positions, value):
@@ -209,11 +209,11 @@ class Search:
         stuck: float = math.inf,
     ) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
-        again at most DENSER times."""
+        again at most DENSER_ROUNDS times."""
         budget = Budget(
             self.deadline, first_weight=weight, slow=slow, stuck=stuck, report=self._report_step, stop=self.stop
         )
-        for again in range(DENSER, -1, -1):
+        for again in range(DENSER_ROUNDS, -1, -1):
             solution = self.last = (solver or self.solver).solve(problem, guess, budget)
             positions = solution.trajectory.positions
             finer = problem.resampled(positions)

@@ -23,19 +23,19 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.velocity_penalty import AIM, LEVER
-from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
+from hdplan.planner.problem.velocity_penalty import LEVER, PENALIZED_SHARE
+from hdplan.planner.search.roadmap import DEPTH, WORN_FACTOR, Roadmap
 from hdplan.planner.solvers.solution import CLEAR_SHARE, DETOUR_WEIGHT
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import read_only
 
 STEPS = 30  # even, as the time law is steepest in the middle
-TAKES = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
+EDGE_STEPS = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PENALTY_WEIGHT = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
 LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
-AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
-TINY = 1e-12  # [rad² or m²]
+WORN_STEPS = 3  # steps before and after a move that has been tried in which its edge costs more
+TINY_SQUARE = 1e-12  # [rad² or m²]
 
 
 def timed_ways(problem: Problem, seed: int, first: Array, last: Array) -> Iterator[Array]:
@@ -74,7 +74,7 @@ class TimedRoadmap(Roadmap):
         self.costs = self._costs(self.edges, FEWEST)
         self.close = np.zeros(len(self.edges), dtype=np.bool_)  # whether an edge has been scored at all times
         self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DEPTH)² of each node at each step
-        self.penalties = np.empty((0, 2, STEPS, len(TAKES)))  # (E, 2, S, T) their means over moves, both ways
+        self.penalties = np.empty((0, 2, STEPS, len(EDGE_STEPS)))  # (E, 2, S, T) their means over moves, both ways
         self.worn = np.empty((0, STEPS))  # (E, S) factors
 
     def _string(self, between: Array) -> None:
@@ -113,10 +113,10 @@ class TimedRoadmap(Roadmap):
         beside them on the same line."""
         steps, middles = np.diff(way, axis=0), self.nodes[self.edges].mean(axis=1)
         gaps = middles[:, None] - way[:-1]  # (E, S, n)
-        along = np.einsum("esj,sj->es", gaps, steps) / np.maximum(np.einsum("sj,sj->s", steps, steps), TINY)
+        along = np.einsum("esj,sj->es", gaps, steps) / np.maximum(np.einsum("sj,sj->s", steps, steps), TINY_SQUARE)
         near = np.linalg.norm(gaps - np.clip(along, 0.0, 1.0)[..., None] * steps, axis=2) < LOOK
-        padded = np.pad(near, ((0, 0), (AROUND, AROUND)))
-        self.worn[sliding_window_view(padded, 2 * AROUND + 1, axis=1).any(axis=-1)] *= WORN
+        padded = np.pad(near, ((0, 0), (WORN_STEPS, WORN_STEPS)))
+        self.worn[sliding_window_view(padded, 2 * WORN_STEPS + 1, axis=1).any(axis=-1)] *= WORN_FACTOR
 
     def _extend(self) -> None:
         """Score new nodes at every step, and new edges by their ends and by what stands."""
@@ -125,7 +125,7 @@ class TimedRoadmap(Roadmap):
         edges = self.edges[len(self.worn) :]
         lengths = self._lengths(edges)
         standing = self.costs[len(self.worn) :] / np.where(lengths > 0.0, lengths, np.inf)
-        after = np.minimum(np.arange(STEPS)[:, None] + TAKES, STEPS)
+        after = np.minimum(np.arange(STEPS)[:, None] + EDGE_STEPS, STEPS)
         ends = self.waits[edges]  # (E, 2, S + 1)
         means = (ends[:, :, :STEPS, None] + ends[:, ::-1][:, :, after]) / 2
         self.penalties = np.concatenate([self.penalties, means + np.maximum(standing - 1, 0.0)[:, None, None, None]])
@@ -160,27 +160,27 @@ class TimedRoadmap(Roadmap):
 
     def _edge_costs(self, edges: Rows) -> Array:
         """Costs (E, 2, S, T) of edges (E,) by what moves; infinite for what would take longer than the motion."""
-        ends, shares = self.edges[edges], TAKES / STEPS
+        ends, shares = self.edges[edges], EDGE_STEPS / STEPS
         travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
         fast = travel.max(axis=1)[:, None, None] * self.path_speeds / shares  # (E, S, T) share of the greatest velocity
-        beyond = (LEVER * np.maximum(fast - AIM, 0.0) / DEPTH) ** 2
+        beyond = (LEVER * np.maximum(fast - PENALIZED_SHARE, 0.0) / DEPTH) ** 2
         smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
         edge_cost: Array = smooth[:, None, None] + PENALTY_WEIGHT * shares * (self.penalties[edges] + beyond[:, None])
         edge_cost *= _over_takes(self.worn[edges], 0)[:, None]
-        edge_cost[:, :, np.arange(STEPS)[:, None] + TAKES > STEPS] = np.inf
+        edge_cost[:, :, np.arange(STEPS)[:, None] + EDGE_STEPS > STEPS] = np.inf
         return edge_cost
 
     def _cheapest(self, edge_costs: Array) -> list[Move]:
         """The cheapest way from the start at the first step to the goal at the last one."""
         tail, head = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()  # there, then back
-        edge_cost = edge_costs.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(TAKES))
+        edge_cost = edge_costs.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(EDGE_STEPS))
         stay = PENALTY_WEIGHT / STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
-        width = STEPS + 1 + TAKES[-1]  # moves that would end too late cost infinitely much
+        width = STEPS + 1 + EDGE_STEPS[-1]  # moves that would end too late cost infinitely much
         costs = np.full((len(self.nodes), width), np.inf)
         costs[0, 0] = 0.0
         for step in range(STEPS):
             costs[:, step + 1] = np.minimum(costs[:, step + 1], costs[:, step] + stay[:, step])
-            into = (head * width)[:, None] + step + TAKES
+            into = (head * width)[:, None] + step + EDGE_STEPS
             np.minimum.at(costs.ravel(), into.ravel(), (costs[tail, step, None] + edge_cost[:, step]).ravel())
         node, step, way = 1, STEPS, list[Move]()
         while step > 0:
@@ -188,7 +188,7 @@ class TimedRoadmap(Roadmap):
                 way.append(Move(None, node, step - 1, step))
                 step -= 1
                 continue
-            into, begins = np.flatnonzero(head == node), step - TAKES[step >= TAKES]
+            into, begins = np.flatnonzero(head == node), step - EDGE_STEPS[step >= EDGE_STEPS]
             reached = costs[tail[into][:, None], begins] + edge_cost[into[:, None], begins, np.arange(len(begins))]
             arc, take = np.unravel_index(int(reached.argmin()), reached.shape)
             way.append(Move(int(into[arc] % len(self.edges)), node, int(begins[take]), step))
@@ -211,7 +211,7 @@ def _between(count: int) -> tuple[Rows, Rows, Array]:
     """For moves along an edge there and back, from each step, in each number of steps: which of an edge's `count`
     configurations are passed, after which step, and how far on to the next one (2, S, T, m)."""
     along = np.stack([_fractions(count), 1 - _fractions(count)])[:, None, None]
-    at = np.minimum(np.arange(STEPS)[:, None, None] + TAKES[:, None] * along, STEPS)
+    at = np.minimum(np.arange(STEPS)[:, None, None] + EDGE_STEPS[:, None] * along, STEPS)
     before = np.minimum(at.astype(np.int64), STEPS - 1)
     return np.arange(count), before, at - before
 
@@ -223,6 +223,6 @@ def _between_corners(passed: Array, corners: Array, wanted: Array) -> Array:
 
 def _over_takes(values: Array, more: int) -> Array:
     """The greatest of each row's values (E, S + more) over a move's steps (E, S, T), as far as the motion goes."""
-    longer = np.pad(values, ((0, 0), (0, int(TAKES[-1]))), mode="edge")
-    windows = (sliding_window_view(longer, take + more, axis=1).max(axis=-1) for take in TAKES.tolist())
+    longer = np.pad(values, ((0, 0), (0, int(EDGE_STEPS[-1]))), mode="edge")
+    windows = (sliding_window_view(longer, take + more, axis=1).max(axis=-1) for take in EDGE_STEPS.tolist())
     return np.stack([window[:, :STEPS] for window in windows], axis=-1)

@@ -24,13 +24,15 @@ from hdplan.scenes.array_types import Array
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Search
 
-CLOSER = 0.7  # of the activation: at 0.3 a motion costs 0.5 to 5 % less, and passes 4 to 8 mm closer
+CLOSER_ACTIVATION = 0.7  # of the activation: at 0.3 a motion costs 0.5 to 5 % less, and passes 4 to 8 mm closer
 CLOSEST = 0.2  # of it, where time counts, as at the end of `polish`: with more, the last motion would be slower
 CONVERGED = 2e-3  # relative decrease of the cost by a step
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
-WIDE = 0.3  # of the least cost: what costs more than it by this share may be a detour
-RELAXED = RAISE * FIRST_WEIGHT  # of the penalty, first, for what is no detour: with more it keeps farther away [1/m²]
-OPEN = 2  # guesses within which a place that is not narrow leads to a motion
+DETOUR_COST_SHARE = 0.3  # of the least cost: what costs more than it by this share may be a detour
+RELAXED_WEIGHT = (
+    RAISE * FIRST_WEIGHT
+)  # of the penalty, first, for what is no detour: with more it keeps farther away [1/m²]
+OPEN_GUESSES = 2  # guesses within which a place that is not narrow leads to a motion
 GENTLE_STEPS, MOST_STEPS = 60, 400  # of the second opinion, for each time that a path costs the least; at most
 
 
@@ -41,15 +43,18 @@ def touched(search: Search, solution: Solution) -> Sequence[Solution] | None:
     least, before = search.objective.least(problem), cost(solution.trajectory.positions)
     if solution.status is not SolverStatus.CLEAR or before <= (1.0 + NOTHING_LEFT) * least:
         return None
-    near, wide = closer(problem, CLOSER * problem.scene.planner.activation, quick=False), (1.0 + WIDE) * least
+    near, wide = (
+        closer(problem, CLOSER_ACTIVATION * problem.scene.planner.activation, quick=False),
+        (1.0 + DETOUR_COST_SHARE) * least,
+    )
 
     def nearer(begin: Solution) -> Solution | None:
         path = begin.trajectory.positions
-        return search.clear(near, path, FIRST_WEIGHT if cost(path) > wide else RELAXED, CONVERGED)
+        return search.clear(near, path, FIRST_WEIGHT if cost(path) > wide else RELAXED_WEIGHT, CONVERGED)
 
     first = nearer(solution)
     found, best = [first], cost((first or solution).trajectory.positions)
-    if min(before, best) > wide and not search.reconsidered and search.attempts <= OPEN:
+    if min(before, best) > wide and not search.reconsidered and search.attempts <= OPEN_GUESSES:
         search.reconsidered = True
         times = min(before, best) / least if least > 0.0 else 1.0
         gently = search.tried(problem, problem.polyline(), FIRST_WEIGHT, solver=gentle(times * GENTLE_STEPS))
@@ -67,7 +72,7 @@ def once_more(search: Search, path: Array) -> Solution | None:
     """Return what the last motion (N, n), which was bettered when it was planned, leads to in a scene that changed a
     little; None if it is not clear."""
     problem, quick = search.problem, search.objective.name == "time"
-    near = closer(problem, (CLOSEST if quick else CLOSER) * problem.scene.planner.activation, quick)
+    near = closer(problem, (CLOSEST if quick else CLOSER_ACTIVATION) * problem.scene.planner.activation, quick)
     return search.clear(near, path, DETOUR_WEIGHT, CONVERGED)
 
 

@@ -17,9 +17,9 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import around_line
 from hdplan.scenes.array_types import Array, Rows
 
-LONGEST = 0.5  # of a line between two nodes [rad or m]
+LONGEST_LINE = 0.5  # of a line between two nodes [rad or m]
 AT_ONCE = 4  # targets between two looks at whether time is up; even, as the trees grow in turn
-MOST = 64  # nodes of each tree for a target, at most
+MOST_NODES = 64  # nodes of each tree for a target, at most
 
 
 class Trees:
@@ -53,11 +53,11 @@ class Trees:
     def _towards(self, targets: Array) -> Array | None:
         """The same for a few (k, n), in one loop of C, which nothing interrupts."""
         counts, joint = np.array([len(rows) for rows in self.parents]), np.empty(2, np.int64)
-        room = [np.vstack([nodes, np.empty((MOST * len(targets), nodes.shape[1]))]) for nodes in self.nodes]
-        rows = [np.append(parents, np.empty(MOST * len(targets), np.int64)) for parents in self.parents]
+        room = [np.vstack([nodes, np.empty((MOST_NODES * len(targets), nodes.shape[1]))]) for nodes in self.nodes]
+        rows = [np.append(parents, np.empty(MOST_NODES * len(targets), np.int64)) for parents in self.parents]
         loops = library()
         assert loops is not None
-        loops.grow_trees(self.space.struct, LONGEST, targets, counts, room[0], rows[0], room[1], rows[1], joint)
+        loops.grow_trees(self.space.struct, LONGEST_LINE, targets, counts, room[0], rows[0], room[1], rows[1], joint)
         self.nodes = [nodes[:count] for nodes, count in zip(room, counts, strict=True)]
         self.parents = [parents[:count] for parents, count in zip(rows, counts, strict=True)]
         if joint[0] < 0:

@@ -33,8 +33,8 @@ FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obstacles there [1/m²]
 SLOW_DECREASE = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
 REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
-GIVE_UP = 9  # refused steps in a row, the patience of three weights
-UNMOVED = 0.9  # share of the depth before: a raise that leaves more frees a motion little
+MOST_REFUSED_STEPS = 9  # refused steps in a row, the patience of three weights
+UNMOVED_SHARE = 0.9  # share of the depth before: a raise that leaves more frees a motion little
 CLEAR_SHARE = 0.5  # share of the activation band that may be used up when the motion counts as clear
 EQUAL_COST = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
@@ -138,7 +138,7 @@ class Progress:
             return False
         if self.is_clear(state):
             self.status = SolverStatus.CLEAR
-        elif self.weight >= LAST_WEIGHT or self.refused >= GIVE_UP or self._is_stuck(depth):
+        elif self.weight >= LAST_WEIGHT or self.refused >= MOST_REFUSED_STEPS or self._is_stuck(depth):
             self.status = SolverStatus.STALLED
         else:
             self.weight, self.stalled = self.weight * RAISE, 0.0
@@ -149,7 +149,7 @@ class Progress:
         """True if a motion is too far inside something, by its depth [m], and the last raise of two freed it little."""
         if self.weight >= FIRST_WEIGHT:  # lower ones free nothing yet
             self.depths.append(depth)
-        return len(self.depths) > 2 and depth > self.budget.stuck and depth > UNMOVED * self.depths[-2]
+        return len(self.depths) > 2 and depth > self.budget.stuck and depth > UNMOVED_SHARE * self.depths[-2]
 
     def go_on(self, before: float, state: Evaluation, positions: Array) -> None:
         """Record one more step of a clear motion, and continue if it gained much."""

@@ -19,11 +19,11 @@ from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.pictures.style import GOAL, RC, START
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.studies.corridor_experiment import CRITICAL, WALLS, Outcome, corridor_scene, link_boxes
+from hdplan.planner.studies.corridor_experiment import CRITICAL_PHASE, WALLS, Outcome, corridor_scene, link_boxes
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
 
-APART = 0.04  # [s] between the two moments, as in the paper
+SNAPSHOT_INTERVAL = 0.04  # [s] between the two moments, as in the paper
 WITNESSES = ("#d0128e", "#00a8c6")  # on the robot, on the wall
 
 
@@ -37,10 +37,10 @@ def arm_sheet(outcome: Outcome) -> Figure:
 
 
 def witness_sheet(outcome: Outcome) -> Figure:
-    """Return the figure of the two moments of the critical phase, APART, between which the witness point on the robot
-    moves farthest while the same two boxes are the nearest."""
-    run, span = outcome.run, round(APART / outcome.run.period)
-    count = min(round(CRITICAL / run.period), len(run.positions))
+    """Return the figure of the two moments of the critical phase, SNAPSHOT_INTERVAL, between which the witness point on
+    the robot moves farthest while the same two boxes are the nearest."""
+    run, span = outcome.run, round(SNAPSHOT_INTERVAL / outcome.run.period)
+    count = min(round(CRITICAL_PHASE / run.period), len(run.positions))
     found = [witnesses(q) for q in run.positions[:count]]
     pairs = [(before, after) for before, after in zip(found, found[span:], strict=False)]
     ways = [float(np.linalg.norm(b.points[0] - a.points[0])) if a.pair == b.pair else 0.0 for a, b in pairs]
@@ -48,7 +48,8 @@ def witness_sheet(outcome: Outcome) -> Figure:
     rows = (k, k + span)
     moments = [(f"{row * run.period:.2f} s", run.positions[row], found[row].points) for row in rows]
     return _sheet(
-        f"Within {1e3 * APART:.0f} ms the witness point on the robot moves by {1e3 * ways[k]:.0f} mm", moments
+        f"Within {1e3 * SNAPSHOT_INTERVAL:.0f} ms the witness point on the robot moves by {1e3 * ways[k]:.0f} mm",
+        moments,
     )
 
 

@@ -54,12 +54,12 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     Raises InputError for a folder that cannot be written and a missing matplotlib, KeyboardInterrupt if it is stopped
     before there is anything to show.
     """
-    from hdplan.distance.studies.accuracy import BLOCK, FULL, QUICK, best_buy, study
+    from hdplan.distance.studies.accuracy import BLOCK, FULL_PLAN, QUICK, best_buy, study
     from hdplan.distance.studies.unions import BODIES, PIECES, study_unions
 
     paths = check_report(folder, FILES if quick else (*FILES, UNIONS_FILE))
     begin = perf_counter()
-    plan = QUICK if quick else FULL
+    plan = QUICK if quick else FULL_PLAN
     if importlib.util.find_spec("jax") is None:
         plan = replace(plan, kernels=tuple(kernel for kernel in plan.kernels if kernel[2] != "float32"))
     found = study(plan, report=report, stop=stop)

@@ -15,7 +15,7 @@ from hdplan.planner.pictures.style import CONTACT, FIXED, GREY, INK, RC, ROBOT_T
 SMOOTH = (START, ROBOT_TO_OBSTACLES)  # colours of the HD-SDF's curves
 QUANTITIES = (("value", "distance [m]"), ("rate", "first derivative [m/s]"), ("second", "second derivative [m/s²]"))
 SNAPSHOT_SIZE = (1.5, 1.2)  # [m] shown of a snapshot, from its middle
-STEEPEST = 11.0  # [m/s²] shown of the second derivative: the rest belongs to the flat spot at contact
+STEEPEST_SHOWN = 11.0  # [m/s²] shown of the second derivative: the rest belongs to the flat spot at contact
 
 
 def kinks_sheet(found: Kinks) -> Figure:
@@ -49,7 +49,7 @@ def kinks_sheet(found: Kinks) -> Figure:
                 color=CONTACT, weight="bold",
             )  # fmt: skip
         panels[0].legend(loc="upper center", frameon=True, edgecolor="none", framealpha=1.0)
-        panels[2].set_ylim(-STEEPEST, STEEPEST)
+        panels[2].set_ylim(-STEEPEST_SHOWN, STEEPEST_SHOWN)
         panels[2].set_xlabel("time [s]")
         peaks = " and ".join(f"{np.abs(curve.second).max():.0f}" for curve in found.smooth)
         panels[2].text(

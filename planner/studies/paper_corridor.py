@@ -10,7 +10,7 @@ from hdplan.planner.certificate.verdict import proven_length
 from hdplan.planner.control.look_ahead import Mode
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
-    CRITICAL,
+    CRITICAL_PHASE,
     DURATION,
     EXACT_EVERY,
     NAMES,
@@ -48,7 +48,7 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
         report(len(outcomes), total, variant.name)
         if stop():
             break
-        outcomes.append(run_variant(variant, CRITICAL if quick else DURATION))
+        outcomes.append(run_variant(variant, CRITICAL_PHASE if quick else DURATION))
     if not outcomes:
         raise KeyboardInterrupt
     changed: list[tuple[str, Outcome]] = []
@@ -61,7 +61,7 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
     from hdplan.planner.studies.corridor_snapshots import arm_sheet, witness_sheet
 
     lines = [_corridor_line(outcome) for outcome in outcomes]
-    steps = len(outcomes[0].run.velocities[: round(CRITICAL / outcomes[0].run.period)])
+    steps = len(outcomes[0].run.velocities[: round(CRITICAL_PHASE / outcomes[0].run.period)])
     commands: list[dict[str, Cell]] = [
         {"time_s": outcomes[0].run.period * k, **{o.variant.name: float(o.run.velocities[k, -1]) for o in outcomes}}
         for k in range(steps)
@@ -74,10 +74,10 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
     shown: list[dict[str, Cell]] = [
         {
             "distance": outcome.variant.name,
-            "variation [rad/s]": short(outcome.variation(CRITICAL, -1)),
-            "all joints": short(outcome.variation(CRITICAL)),
-            "> 5 Hz [rad²/s]": f"{outcome.energy(CRITICAL, -1):.1e}",
-            "jumps [1/s]": short(outcome.jump_rate(CRITICAL)),
+            "variation [rad/s]": short(outcome.variation(CRITICAL_PHASE, -1)),
+            "all joints": short(outcome.variation(CRITICAL_PHASE)),
+            "> 5 Hz [rad²/s]": f"{outcome.energy(CRITICAL_PHASE, -1):.1e}",
+            "jumps [1/s]": short(outcome.jump_rate(CRITICAL_PHASE)),
             "boxes [mm]": short(1e3 * float(outcome.clearances.min())),
             "meshes [mm]": short(1e3 * outcome.mesh_clearance),
             "links [mm]": short(1e3 * float(outcome.between_links.min())),
@@ -88,7 +88,7 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
         for outcome in outcomes
     ]
     tables: dict[str, list[dict[str, Cell]]] = {
-        f"the first {CRITICAL:g} s of the last joint, and the whole run's clearance": shown
+        f"the first {CRITICAL_PHASE:g} s of the last joint, and the whole run's clearance": shown
     }
     if settings:
         tables[f"one setting changed, {SWEPT:g} s"] = [
@@ -106,8 +106,8 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
     by_name = dict(zip(NAMES, outcomes, strict=False))
     if AS_SAFE in by_name:
         exact, smooth = by_name["Euclidean"], by_name[AS_SAFE]
-        ratio = exact.variation(CRITICAL, -1) / smooth.variation(CRITICAL, -1)
-        every = exact.variation(CRITICAL) / smooth.variation(CRITICAL)
+        ratio = exact.variation(CRITICAL_PHASE, -1) / smooth.variation(CRITICAL_PHASE, -1)
+        every = exact.variation(CRITICAL_PHASE) / smooth.variation(CRITICAL_PHASE)
         notes.insert(0, (
             "claim", f"total variation {ratio:.0f} times lower with the HD-SDF (all joints: {every:.0f} times), at "
             f"{1e3 * smooth.clearances.min():.1f} mm of least clearance against {1e3 * exact.clearances.min():.1f} mm",
@@ -129,11 +129,11 @@ def _corridor_line(outcome: Outcome) -> dict[str, Cell]:
     clearance = outcome.variant.clearance
     return {
         "distance": outcome.variant.name,
-        "variation_last_joint_rad_per_s": outcome.variation(CRITICAL, -1),
-        "variation_all_joints_rad_per_s": outcome.variation(CRITICAL),
-        "energy_above_5_hz_last_joint_rad2_per_s": outcome.energy(CRITICAL, -1),
-        "energy_above_5_hz_all_joints_rad2_per_s": outcome.energy(CRITICAL),
-        "jumps_per_s": outcome.jump_rate(CRITICAL),
+        "variation_last_joint_rad_per_s": outcome.variation(CRITICAL_PHASE, -1),
+        "variation_all_joints_rad_per_s": outcome.variation(CRITICAL_PHASE),
+        "energy_above_5_hz_last_joint_rad2_per_s": outcome.energy(CRITICAL_PHASE, -1),
+        "energy_above_5_hz_all_joints_rad2_per_s": outcome.energy(CRITICAL_PHASE),
+        "jumps_per_s": outcome.jump_rate(CRITICAL_PHASE),
         "clearance_boxes_m": float(outcome.clearances.min()),
         "clearance_boxes_35_s_m": float(outcome.clearances[: round(PUBLISHED / EXACT_EVERY)].min()),
         "clearance_meshes_m": outcome.mesh_clearance,
@@ -155,8 +155,8 @@ def _setting_line(words: str, outcome: Outcome) -> dict[str, Cell]:
     proven = None if clearance is None or outcome.variant.refused else 1e3 * (clearance - outcome.way)
     return {
         "setting": words,
-        "variation [rad/s]": outcome.variation(CRITICAL, -1),
-        "> 5 Hz [rad²/s]": float(f"{outcome.energy(CRITICAL, -1):.2g}"),
+        "variation [rad/s]": outcome.variation(CRITICAL_PHASE, -1),
+        "> 5 Hz [rad²/s]": float(f"{outcome.energy(CRITICAL_PHASE, -1):.2g}"),
         "boxes [mm]": 1e3 * float(outcome.clearances.min()),
         "slack [mm]": 1e3 * float(outcome.run.slacks.min()),
         "gave way [%]": 100.0 * float(np.mean([mode is Mode.GIVING_WAY for mode in outcome.run.modes])),

@@ -32,7 +32,7 @@ from hdplan.scenes.scene import Scene
 if TYPE_CHECKING:
     from hdplan.planner.studies.planning_runs import Run, Runs, Variant
 
-LITTLE = 1.0  # [rad, rad²] the least path or acceleration in a ratio: that of a straight line would be 0
+LEAST_REFERENCE = 1.0  # [rad, rad²] the least path or acceleration in a ratio: that of a straight line would be 0
 FILES = (
     "planning_study.csv",
     "planning_study.md",
@@ -117,7 +117,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     notes.append(("measured", f"in {took}{'' if complete else ', interrupted: what there was until then'}"))
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
-    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR_CONTACT, little=LITTLE)
+    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR_CONTACT, little=LEAST_REFERENCE)
     tables = {
         "one setting changed at a time": [_short_row(summary) for summary in rows],
         "what guesses cost in time": by_guesses(found.of(found.variants[0])),
@@ -192,7 +192,7 @@ def _quantile(values: np.ndarray, part: float) -> float:
 
 def _relative(pairs: Sequence[tuple[float | None, float | None]]) -> float | None:
     """Return the geometric mean of the ratios of the pairs that have both."""
-    ratios = [max(a, LITTLE) / max(b, LITTLE) for a, b in pairs if a is not None and b is not None]
+    ratios = [max(a, LEAST_REFERENCE) / max(b, LEAST_REFERENCE) for a, b in pairs if a is not None and b is not None]
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else None
 
 

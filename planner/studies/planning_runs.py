@@ -77,7 +77,7 @@ class Variant:
 
     @property
     def solver(self) -> str:
-        """Its solver."""
+        """The solver of this variant."""
         return str(self.value if self.factor == "solver" else DEFAULTS["solver"])
 
     def applied(self, scene: Scene) -> Scene:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.scenes.planner_settings import PlannerSettings
 
-EVERY = 10.0  # [s] between lines of a long run
+LINE_INTERVAL = 10.0  # [s] between lines of a long run
 LONG_WAIT = 1.0  # [s] after which a command says what it is doing
 
 
@@ -163,10 +163,10 @@ def measuring() -> Iterator[Any]:
 
 @contextlib.contextmanager
 def counting(word: str, enough: int = 10) -> Iterator[Any]:
-    """Show how many of many are done: a bar on a terminal, with the rate and the last failure; else a line every EVERY
-    seconds. The remaining time is shown once `enough` are done for it to mean something. Yields the function that
-    takes the number done, of all, whether the last one is good, and what it says; and one that tells whether to stop.
-    Ctrl-C is noted as in `progress`."""
+    """Show how many of many are done: a bar on a terminal, with the rate and the last failure; else a line every
+    LINE_INTERVAL seconds. The remaining time is shown once `enough` are done for it to mean something. Yields the
+    function that takes the number done, of all, whether the last one is good, and what it says; and one that tells
+    whether to stop. Ctrl-C is noted as in `progress`."""
     good, before, began = 0, -1, 0.0
 
     with noting() as note, _counts() if sys.stderr.isatty() else _lines_between() as show:
@@ -217,7 +217,7 @@ def _lines_between() -> Iterator[Callable[[int, int, str, str], None]]:
 
     def show(done: int, of: int, said: str, words: str) -> None:
         nonlocal last
-        if time.monotonic() - last >= EVERY:
+        if time.monotonic() - last >= LINE_INTERVAL:
             last = time.monotonic()
             say(f"{done} of {of}: {said}", "dim")
 

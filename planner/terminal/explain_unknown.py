@@ -8,7 +8,7 @@ from hdplan.planner.problem.unknown import by_joints, of_base, of_obstacle, of_r
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacles import Obstacle
 
-MOST = 3  # joints named
+MOST_JOINTS = 3  # joints named
 
 
 def unknown(setup: Setup) -> list[tuple[str, str]]:
@@ -38,7 +38,7 @@ def _of_joints(setup: Setup) -> str:
     costs = by_joints(setup)
     link = int(costs.sum(axis=1).argmax())
     names = list(itertools.islice(setup.robot.model.names, 1, None))
-    most = sorted(zip(costs[link].tolist(), names, strict=True), reverse=True)[:MOST]
+    most = sorted(zip(costs[link].tolist(), names, strict=True), reverse=True)[:MOST_JOINTS]
     shares = ", ".join(f"{1e3 * cost:.3g} by {joint}" for cost, joint in most if cost)
     apart = of_robot(setup)[1]
     return (

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 INTERRUPTED, TERMINATED = 130, 143  # exit codes after Ctrl-C and after `kill`, as shells have them
-AGAIN = 0.1  # [s] until an exception that was dropped is raised again
+RERAISE_DELAY = 0.1  # [s] until an exception that was dropped is raised again
 EXCEPTIONS: dict[int, Callable[[], BaseException]] = {
     signal.SIGINT: KeyboardInterrupt,
     signal.SIGTERM: lambda: SystemExit(TERMINATED),
@@ -46,7 +46,7 @@ def ended_by_signals() -> Iterator[None]:
     def asked(number: int, _: object) -> None:
         nonlocal ending
         ending = EXCEPTIONS[number]
-        _alarm(AGAIN)
+        _alarm(RERAISE_DELAY)
         raise ending()
 
     def again(*_: object) -> None:

@@ -13,7 +13,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.duration_slope import Binding
-from hdplan.planner.timing.time_optimal import MOST, OnGrid, PathRows
+from hdplan.planner.timing.time_optimal import GREATEST_RATE, OnGrid, PathRows
 from hdplan.scenes.array_types import Array
 
 MARGIN = 1e-6  # [–] of a limit that is left unused
@@ -51,7 +51,7 @@ class RateLimit:
         if self.order == 2:
             return PathRows.both(path.slope, path.bend, np.zeros_like(path.slope), self.limit)
         with np.errstate(divide="ignore"):
-            most = np.minimum(self.limit / np.abs(path.slope), MOST).min(axis=1, keepdims=True) ** 2
+            most = np.minimum(self.limit / np.abs(path.slope), GREATEST_RATE).min(axis=1, keepdims=True) ** 2
         return PathRows(np.zeros_like(most), np.ones_like(most), most)
 
     def slopes(self, path: OnGrid, binding: Binding) -> OnGrid:

@@ -32,7 +32,7 @@ from hdplan.scenes.timing import Timing
 Rows = tuple[Array, Array, Array]  # positions, velocities, accelerations (rows, n)
 
 OVERLAPS = 5  # of the path's motion with braking, and with speeding up, that are tried
-SLOWER = (1.0, 1.05, 1.1, 1.2, 1.3, 1.5, 1.75, 2.0)  # times the least duration of the path's motion, likewise
+DURATION_FACTORS = (1.0, 1.05, 1.1, 1.2, 1.3, 1.5, 1.75, 2.0)  # times the least duration of the path's motion, likewise
 SHARES = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2)  # of the limits with which braking is tried
 PEAKS = {"velocity": 1.875, "acceleration": 5.7736, "jerk": 60.0}  # of the law of minimum jerk, in unit time
 SLACK = 1e-9  # [rad] or [m] beyond a joint's range, from rounding
@@ -185,7 +185,7 @@ def overlaps_of(head: int, least: int, tail: int) -> list[tuple[int, int, int]]:
     """Return how a motion of at least so many rows may be joined to braking and speeding up: after how many rows it
     begins, how many it takes, and how many are left at its end. Those with the least time come first, and last the one
     that overlaps with nothing."""
-    slower = sorted({math.ceil(least * factor) for factor in SLOWER})
+    slower = sorted({math.ceil(least * factor) for factor in DURATION_FACTORS})
     found = [(lead, count, trail) for lead in _parts(head) for count in slower for trail in _parts(tail)]
     apart = head, least, tail
     return [*(each for each in sorted(found, key=sum) if sum(each) < sum(apart)), apart]

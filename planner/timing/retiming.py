@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
 LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion that its window is wide enough for; that has other causes
-DENSER = 5  # times that a motion, stretched, gets more rows
+REFINEMENTS = 5  # times that a motion, stretched, gets more rows
 ROUNDINGS = 8  # stretches at most, for what rows are rounded by
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
@@ -318,7 +318,7 @@ class Retimer:
         executed curve need; rows lie `row` apart, or closer, so that they still do where they are stretched, if that
         has an end: a law that is quick where the path turns back is stretched more, the closer its rows lie."""
         parts, shortest = max(math.ceil(law.duration / row - 1e-9), FEWEST_PARTS), None
-        for _ in range(DENSER):
+        for _ in range(REFINEMENTS):
             if parts + window > MOST_ROWS:
                 break
             found, stretch = self._stretched(spline, law, window, parts)

@@ -24,7 +24,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-FEWEST = 3  # rows of a law without its window
+FEWEST_ROWS = 3  # rows of a law without its window
 
 
 class TimeLaw(Protocol):
@@ -94,7 +94,7 @@ class Averaged:
         becomes a whole number of steps between them, at least one. Few rows do not see the law: they have minimum
         jerk."""
         window = max(round(self.share * (count - 1)), 1)
-        if count - 1 - window < FEWEST:
+        if count - 1 - window < FEWEST_ROWS:
             return MinimumJerk(1.0).rows(count)
         step, width = 1.0 / (count - 1), self.law.duration / (count - 1 - window)
         rate = self.law.path_speeds_at(np.arange(-window, count, dtype=np.float64) * width) * (width / step)

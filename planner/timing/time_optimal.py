@@ -37,10 +37,12 @@ if TYPE_CHECKING:
     from hdplan.planner.timing.path_spline import PathSpline
 
 GRID = 200  # intervals of the path
-MOST = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
+GREATEST_RATE = 1e8  # of ü and u̇² [1/s²]: a law's duration is not below 1e-4 s
 ROUNDING = 1e-8  # [1/s²] by which a set may be empty
 SLACK = 1e-12  # [–] of a row that may be rounding: all that is left of one where a path turns back
-NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(4)  # lines beside the rows: x' in its set, and |ü| at most MOST
+NEXT_HIGH, NEXT_LOW, MOST_ABOVE, MOST_BELOW = range(
+    4
+)  # lines beside the rows: x' in its set, and |ü| at most GREATEST_RATE
 NONE = -1  # in place of a line's number
 
 
@@ -106,7 +108,9 @@ def fastest(limits: Sequence[PathRows]) -> FastestLaw:
     law = FastestLaw(PathRows(a, b, c), np.zeros(GRID + 1), np.zeros(GRID + 1), held, pushed)
     known = np.isfinite(a).all() and np.isfinite(b).all() and not np.isnan(c).any()
     loops = library()
-    found = known and (loops.time_optimal(a, b, c, 1.0 / GRID, MOST, ROUNDING, SLACK, *law[1:]) if loops else _law(law))
+    found = known and (
+        loops.time_optimal(a, b, c, 1.0 / GRID, GREATEST_RATE, ROUNDING, SLACK, *law[1:]) if loops else _law(law)
+    )
     path_speeds = np.sqrt(law.squares)
     if not found or not (path_speeds[1:] + path_speeds[:-1] > 0.0).all():
         raise HdplanError("no time law was found within the limits of velocity and acceleration")
@@ -124,7 +128,7 @@ def _law(law: FastestLaw) -> bool:
         return (
             np.concatenate([a[i], a[i + 1] + twice * b[i + 1], [twice, -twice, 1.0, -1.0]]),
             np.concatenate([b[i], b[i + 1], [1.0, -1.0, 0.0, 0.0]]),
-            np.concatenate([c[i], c[i + 1], [high, -low, MOST, MOST]]),
+            np.concatenate([c[i], c[i + 1], [high, -low, GREATEST_RATE, GREATEST_RATE]]),
         )
 
     for i in reversed(range(last)):
@@ -140,7 +144,7 @@ def _law(law: FastestLaw) -> bool:
         used = by_speed * x[i]
         left = bound - used + SLACK * (np.abs(bound) + np.abs(used))
         allowed = left[above] / push[above]
-        reached = x[i] + twice * min(MOST, float(allowed.min()))
+        reached = x[i] + twice * min(GREATEST_RATE, float(allowed.min()))
         x[i + 1] = np.clip(reached, lows[i + 1], highs[i + 1])
         pushed[i + 1] = above[allowed.argmin()]
         if x[i + 1] != reached:
@@ -156,10 +160,10 @@ def _eliminated(a: Array, b: Array, c: Array) -> tuple[float, float, tuple[int, 
     slopes = np.concatenate([b[flat], (b[above][:, None] * behind + b[below] * ahead).ravel()])
     bounds = np.concatenate([c[flat], (c[above][:, None] * behind + c[below] * ahead).ravel()])
     if (bounds[slopes == 0.0] < 0.0).any():
-        return np.inf, MOST, (NONE, NONE)
+        return np.inf, GREATEST_RATE, (NONE, NONE)
     ratio = np.divide(bounds, slopes, out=np.zeros_like(bounds), where=slopes != 0.0)
-    low, high = float(ratio[slopes < 0.0].max(initial=0.0)), float(ratio[slopes > 0.0].min(initial=MOST))
-    if high == MOST:
+    low, high = float(ratio[slopes < 0.0].max(initial=0.0)), float(ratio[slopes > 0.0].min(initial=GREATEST_RATE))
+    if high == GREATEST_RATE:
         return low, high, (NONE, NONE)
     place = int(np.where(slopes > 0.0, ratio, np.inf).argmin())
     if place < len(flat):

@@ -18,7 +18,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.time_optimal import MOST, OnGrid, PathRows, grid
+from hdplan.planner.timing.time_optimal import GREATEST_RATE, OnGrid, PathRows, grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
 
@@ -43,7 +43,7 @@ class Pace:
     def most(self, order: int) -> float:
         """The most that is planned for, of the speed (1) or the acceleration (2)."""
         value = self.speed if order == 1 else self.acceleration
-        return MOST if value is None else (1.0 - MARGINS[order]) * value
+        return GREATEST_RATE if value is None else (1.0 - MARGINS[order]) * value
 
 
 class ToolLimit:
@@ -54,7 +54,7 @@ class ToolLimit:
         frame = robot.model.frames[link_frame(robot, link, "path.follow")]
         self.robot, self.arm, self.paces = robot, kinematics_of(robot), paces
         self.joint, self.point = int(frame.parentJoint), frame.placement.translation
-        self.orders = [order for order in MARGINS if any(pace.most(order) < MOST for pace in paces)]
+        self.orders = [order for order in MARGINS if any(pace.most(order) < GREATEST_RATE for pace in paces)]
 
     @classmethod
     def of(cls, setup: Setup) -> ToolLimit:
@@ -78,7 +78,7 @@ class ToolLimit:
 
     def _planned(self, order: int) -> Array:
         """The most that is planned for at the points of `grid`: the least of all paces there."""
-        u, found = grid(), np.full(len(grid()), MOST)
+        u, found = grid(), np.full(len(grid()), GREATEST_RATE)
         for pace in self.paces:
             here = (pace.planned[0] <= u) & (u <= pace.planned[1])
             found[here] = np.minimum(found[here], pace.most(order))

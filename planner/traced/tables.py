@@ -61,8 +61,12 @@ class Tables(NamedTuple):
 
 
 ZERO, NONE, ONE, HALF = (read_only(np.array(x)) for x in (0.0, 0, 1.0, 0.5))
-APART = read_only(np.array([0.0, 0.0, 1.0, -1.0])[:, None])  # planes 1 m below the vertices, which are at the origin
-FILL_PAIR = PairTable(NONE, vertices=ZERO, weights=ONE, radius=ZERO, planes=APART, place=read_only(np.array(NO_PLACE)))
+APART_PLANES = read_only(
+    np.array([0.0, 0.0, 1.0, -1.0])[:, None]
+)  # planes 1 m below the vertices, which are at the origin
+FILL_PAIR = PairTable(
+    NONE, vertices=ZERO, weights=ONE, radius=ZERO, planes=APART_PLANES, place=read_only(np.array(NO_PLACE))
+)
 FILL = Tables(*(ZERO,) * 5, NONE, HALF, ZERO, turns=read_only(np.eye(3)), origins=ZERO, shaping_length=ZERO, pairs=())
 
 

@@ -30,8 +30,8 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 KINDS = ("joint_constraints", "position_constraints", "orientation_constraints")
 AXES = ("x", "y", "z")
 TOLERANCES = tuple(f"absolute_{axis}_axis_tolerance" for axis in AXES)
-FREE = 3.14  # [rad] a tolerance of this or more leaves the axis free: π as people type it
-WIDEST = 1.5  # [rad] below π/2, so that the argument above holds
+FREE_TOLERANCE = 3.14  # [rad] a tolerance of this or more leaves the axis free: π as people type it
+WIDEST_CONE = 1.5  # [rad] below π/2, so that the argument above holds
 LARGEST_BALL = 1.0  # [m] tolerance of a goal's position
 SLANT = 1e-2  # [rad] by which an upright axis may be off; it is subtracted from the tolerance
 
@@ -138,8 +138,8 @@ class _Orientation(NamedTuple):
 def _orientation(entry: Field, frames: Frames) -> _Orientation:
     keys = entry.mapping(MESSAGES["OrientationConstraint"], required=["link_name", "orientation", *TOLERANCES])
     tolerances = [keys[key].number(above=0.0, unit="rad") for key in TOLERANCES]
-    turning = [axis for axis, tolerance in zip(AXES, tolerances, strict=True) if tolerance >= FREE]
-    bounded = [tolerance for tolerance in tolerances if tolerance < FREE]
+    turning = [axis for axis, tolerance in zip(AXES, tolerances, strict=True) if tolerance >= FREE_TOLERANCE]
+    bounded = [tolerance for tolerance in tolerances if tolerance < FREE_TOLERANCE]
     by_vector = keys["parameterization"].integer(0, 1) if "parameterization" in keys else 0
     if len(turning) == 2 or turning == ["y"] or (len(turning) == 1 and by_vector):
         how = "a rotation vector" if by_vector else "Euler angles x, y, z"
@@ -147,7 +147,7 @@ def _orientation(entry: Field, frames: Frames) -> _Orientation:
             f"leaves {' and '.join(turning)} free by {how}, which is no cone of directions: x or z alone may be free"
         )
     tolerance = (
-        min([WIDEST, *bounded]) if bounded else PoseTarget.orientation_tolerance
+        min([WIDEST_CONE, *bounded]) if bounded else PoseTarget.orientation_tolerance
     )  # has no meaning if all are free
     if any(other > tolerance for other in bounded):
         entry.note(f"allows up to {max(bounded):g} rad about one axis; {tolerance:g} rad is used about all")

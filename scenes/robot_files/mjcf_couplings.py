@@ -10,7 +10,7 @@ from hdplan.scenes.robot_files.mjcf_classes import DefaultClasses
 from hdplan.scenes.robot_files.mjcf_values import flag, numbers
 from hdplan.scenes.robot_files.mjcf_words import called, check_attributes
 
-STRAIGHT = (0.0, 1.0, 0.0, 0.0, 0.0)  # the polynomial by default
+STRAIGHT_POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)  # the polynomial by default
 
 
 def add_mimics(
@@ -35,8 +35,8 @@ def add_mimics(
             idle.append(each.get("name") or f"of {each.get('joint1')}")
             continue
         given = numbers(own, "polycoef", where, "0 1 0 0 0")
-        factors = (*given, *STRAIGHT[len(given) :])
-        if len(factors) > len(STRAIGHT) or any(factors[2:]):
+        factors = (*given, *STRAIGHT_POLYNOMIAL[len(given) :])
+        if len(factors) > len(STRAIGHT_POLYNOMIAL) or any(factors[2:]):
             raise InputError(f"{where}: not supported: only joints that follow another in a straight line are")
         one, other = own.get("joint1", ""), own.get("joint2", "")
         for name in (one, other):

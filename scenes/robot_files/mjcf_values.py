@@ -20,7 +20,7 @@ from hdplan.scenes.robot_files.mjcf_words import TURNS
 
 Attributes = Mapping[str, str]
 
-SMALLEST = 1e-9  # length of a direction
+SHORTEST_DIRECTION = 1e-9  # length of a direction
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,6 @@ def _quaternion(rotation: Array) -> Array:
 
 def _unit(values: Array, where: str) -> Array:
     length = float(np.linalg.norm(values))
-    if length < SMALLEST:
+    if length < SHORTEST_DIRECTION:
         raise InputError(f"{where}: a direction must not be 0")
     return values / length

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, listed
 
-ABOUT = "package.xml"
+PACKAGE_FILE = "package.xml"
 IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE")  # files that tell ROS to pass over a folder
 OF_ROS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 LEVELS = 3  # above its own package at which the neighbours of a description are looked for
@@ -68,7 +68,7 @@ class Packages:
     @property
     def _own(self) -> Path | None:
         """The folder of the description's own package."""
-        return next((folder for folder in self.description.parents if os.path.isfile(folder / ABOUT)), None)
+        return next((folder for folder in self.description.parents if os.path.isfile(folder / PACKAGE_FILE)), None)
 
     def _look_for(self, name: str) -> Path | None:
         if not name or name in (os.curdir, os.pardir) or "\0" in name:
@@ -102,7 +102,7 @@ class Packages:
 
 def _packages_below(folder: Path) -> Iterator[Path]:
     """Return the packages one and two levels below a folder, without those that are marked for ROS to skip."""
-    for pattern in (f"*/{ABOUT}", f"*/*/{ABOUT}"):
+    for pattern in (f"*/{PACKAGE_FILE}", f"*/*/{PACKAGE_FILE}"):
         for about in sorted(folder.glob(pattern)):
             between = about.relative_to(folder).parents
             if not any((folder / each / mark).exists() for each in between for mark in IGNORED):
@@ -123,7 +123,7 @@ def _first(folders: Iterator[Path] | list[Path] | tuple[Path, ...], name: str, t
 def _name(folder: Path) -> str | None:
     """Return a package's name as its package.xml has it; None where there is no such file, or it does not say."""
     try:
-        name = ElementTree.parse(folder / ABOUT).getroot().findtext("name")
+        name = ElementTree.parse(folder / PACKAGE_FILE).getroot().findtext("name")
     except (OSError, ValueError, LookupError, ElementTree.ParseError):
         return None
     return (name or "").strip() or None

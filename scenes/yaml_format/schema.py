@@ -33,7 +33,7 @@ from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import (
     LARGEST_NUMBER,
-    SMALLEST,
+    SMALLEST_NUMBER,
     Check,
     Choice,
     JointValue,
@@ -378,7 +378,7 @@ def _number(check: Number) -> Schema:
     above = math.isfinite(check.above)
     low = {"exclusiveMinimum": check.above} if above else {"minimum": max(check.low, -LARGEST_NUMBER)}
     if check.above == 0.0:
-        low = {"minimum": SMALLEST}
+        low = {"minimum": SMALLEST_NUMBER}
     unit = {"description": f"[{check.unit}]"} if check.unit else {}
     return {"type": "number", **low, "maximum": min(check.high, LARGEST_NUMBER), **unit}
 

@@ -58,7 +58,9 @@ def read_goal(section: Field) -> JointTarget | Goals:
         raise section.error(f"must have exactly one of the keys {', '.join(GOAL_KEYS)}, found {found}")
     several = "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value)
     if rates and (several or not {"joints", "state"} & keys.keys()):
-        raise rates[0].error("is of a single configuration: motions to a pose, or to a choice of goals, end at rest")
+        raise rates[0].error(
+            "applies to a single configuration: motions to a pose, or to a choice of goals, end at rest"
+        )
     if "pose" in keys:
         return Goals((_pose_target(keys["pose"]),))
     if "poses" in keys:

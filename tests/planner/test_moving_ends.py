@@ -277,7 +277,7 @@ def test_problems_are_sampled_and_edited_at_rest_alone(tmp_path: Path) -> None:
             "goal: {pose: {position: [0.5, 0, 0.5], free_rotation: all}, velocity: [0.1]}",
             "goal.velocity: applies to a single",
         ),
-        ("goal: {joints: [[0, 0], [1, 1]], velocity: [0.1, 0.1]}", "goal.velocity: is of a single configuration"),
+        ("goal: {joints: [[0, 0], [1, 1]], velocity: [0.1, 0.1]}", "goal.velocity: applies to a single configuration"),
         ("goal: {any: [{joints: [0, 0], velocity: [0.1, 0.1]}]}", r"goal.any\[0\]: unknown key 'velocity'"),
     ],
 )

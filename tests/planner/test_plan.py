@@ -21,7 +21,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.search import DENSER, Event, Guess, Search
+from hdplan.planner.search.search import DENSER_ROUNDS, Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes import deadline
 from hdplan.scenes.errors import InputError
@@ -334,7 +334,7 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
     assert search.attempt(Guess(line, as_it_is=True))
     best = search.conclude()
     assert best.certificate.certified
-    assert len(rounds) == 1 + DENSER  # as it says that it is clear, and is not
+    assert len(rounds) == 1 + DENSER_ROUNDS  # as it says that it is clear, and is not
     assert np.array_equal(best.trajectory.positions, line)
     assert certify(scene, best.trajectory, robot).certified
 

@@ -86,8 +86,8 @@ def test_clusters_of_large_hulls_find_what_a_look_at_all_vertices_does(
     planes = [from_link_body("link", 0, hull) for hull in hulls[1:] + hulls[:1]]
     others, at = [*clutter(3, count, spread=0.2), *planes], poses(60, count, spread=0.3)
     found = []
-    for many in (exact_pairs.MANY, 10 * count):
-        monkeypatch.setattr(exact_pairs, "MANY", many)
+    for many in (exact_pairs.CLUSTERED_VERTICES, 10 * count):
+        monkeypatch.setattr(exact_pairs, "CLUSTERED_VERTICES", many)
         exact_pairs._held.cache_clear()
         pairs = ExactPairs(body_pairs(bodies, others, [(k, k) for k in range(6)], WIDE, NO_JOINTS), bodies, others)
         clusters = pairs.record.fields[3]

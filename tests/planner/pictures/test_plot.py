@@ -296,13 +296,13 @@ def test_a_curve_that_jumps_is_drawn_on_both_sides(crossed: tuple[Certifier, Tra
 def test_the_drawn_scene_has_what_moves_where_it_is_when_the_robot_is_there(
     crossed: tuple[Certifier, Trajectory],
 ) -> None:
-    from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture
+    from hdplan.planner.pictures.scene import DRIFTING_PAINTS, STANDING_PAINT, Picture
 
     certifier, motion = crossed
     picture = Picture.of(Setup.of(certifier.scene, certifier.robot), motion)
     assert picture.moves
-    assert sum(paint is STANDING for _, paint in picture.solids) == 1
-    for parameter, paint in DRIFTING:
+    assert sum(paint is STANDING_PAINT for _, paint in picture.solids) == 1
+    for parameter, paint in DRIFTING_PAINTS:
         seconds = np.array([float(motion.curve.time_of(parameter))])
         shown = [body.vertices for body, found in picture.solids if found is paint]
         for vertices, obstacle in zip(shown, certifier.scene.obstacles, strict=False):

@@ -23,7 +23,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
 from hdplan.planner.search.goals import goal_choice, goals_in_turn, settled
-from hdplan.planner.search.inverse_kinematics import APART, every_branch, inverse_kinematics, reaching
+from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, every_branch, inverse_kinematics, reaching
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError, UnsolvableError
 from hdplan.scenes.poses import Pose
@@ -69,7 +69,7 @@ def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> N
         for row in found:
             assert miss_of(robot, target, row).within(target)
         assert np.all((found >= robot.lower) & (found <= robot.upper))
-        assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+        assert all(np.abs(a - b).max() > LEAST_DIFFERENCE for a, b in itertools.combinations(found, 2))
         lengths = np.linalg.norm(found - start, axis=1)
         assert np.all(np.diff(lengths) >= 0)
         again, _ = reaching(robot, target, start, np.random.default_rng(0))
@@ -86,7 +86,7 @@ def test_plans_to_a_pose_know_every_branch_of_an_arm_in_closed_form() -> None:
         assert all(miss_of(robot, target, each).within(target) for each in found)
         for branch in listed:  # whole turns aside, which plans undo towards their start
             way = found - branch
-            assert np.abs(way - 2 * np.pi * np.round(way / (2 * np.pi))).max(axis=1).min() <= APART
+            assert np.abs(way - 2 * np.pi * np.round(way / (2 * np.pi))).max(axis=1).min() <= LEAST_DIFFERENCE
     spare = load_scene_robot(load_scene("panda_cage"))
     for arm, link, free in ((robot, "tool0", "z"), (spare, "panda_hand", "none")):  # families: these are searched
         start = arm.draw(rng, 1)[0]

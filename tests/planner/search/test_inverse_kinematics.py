@@ -16,7 +16,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search import inverse_kinematics as search
-from hdplan.planner.search.inverse_kinematics import APART, inverse_kinematics, reaching
+from hdplan.planner.search.inverse_kinematics import LEAST_DIFFERENCE, inverse_kinematics, reaching
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.poses import Pose
@@ -69,15 +69,15 @@ def test_without_a_compiler_the_same_is_found(name: str, monkeypatch: pytest.Mon
             np.testing.assert_allclose(missed, missed_too, atol=SAME, rtol=0)
             assert all(miss_of(robot, each, row).within(each) for row in found for each in goal.poses)
             assert np.all((found >= robot.lower) & (found <= robot.upper))
-            assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+            assert all(np.abs(a - b).max() > LEAST_DIFFERENCE for a, b in itertools.combinations(found, 2))
 
 
 @pytest.mark.skipif(not library(), reason="built without a C compiler")
 def test_in_c_and_in_numpy_the_same_rows_differ(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whole turns aside for joints that circle, also where rows are a hair more or less than APART."""
+    """Whole turns aside for joints that circle, also where rows are a hair more or less than LEAST_DIFFERENCE."""
     rng = np.random.default_rng(8)
     for n in (1, 2, 7):
-        q = rng.integers(-4, 5, (60, n)) * (APART / 4.0) + rng.choice([0.0, 1e-12, 2 * np.pi], (60, n))
+        q = rng.integers(-4, 5, (60, n)) * (LEAST_DIFFERENCE / 4.0) + rng.choice([0.0, 1e-12, 2 * np.pi], (60, n))
         for circling in (None, rng.random(n) < 0.5):
             found = search._distinct(q, q[0], circling)
             with monkeypatch.context() as patch:
@@ -119,7 +119,7 @@ def test_what_is_found_is_true_and_nearest_first(name: str, least: int) -> None:
         far = np.linalg.norm(found - seed, axis=1)
         assert np.all(np.diff(far) >= 0.0)
         assert far[0] <= np.linalg.norm(one - seed, axis=1)[0]
-        apart = APART if robot.n > 6 else 1e-6  # members of families; single branches may be close
+        apart = LEAST_DIFFERENCE if robot.n > 6 else 1e-6  # members of families; single branches may be close
         assert all(np.abs(turned(a - b)).max() > apart for a, b in itertools.combinations(found, 2))
         counts.append(len(found))
     assert np.median(counts) >= least

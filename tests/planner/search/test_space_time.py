@@ -20,7 +20,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.escape import escapes
 from hdplan.planner.search.roadmap import DEPTH, seeds
-from hdplan.planner.search.space_time import PENALTY_WEIGHT, STEPS, TAKES, TimedRoadmap
+from hdplan.planner.search.space_time import EDGE_STEPS, PENALTY_WEIGHT, STEPS, TimedRoadmap
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached
@@ -111,7 +111,7 @@ def test_time_never_goes_back_along_a_way(problem: Problem) -> None:
                 assert (move.node, move.last) == (node, step + 1)
             else:
                 assert set(found.edges[move.edge]) == {node, move.node}
-                assert move.last - move.first in TAKES
+                assert move.last - move.first in EDGE_STEPS
             node, step = move.node, move.last
         assert (node, step) == (1, STEPS)
         found.timed_way()
@@ -127,11 +127,11 @@ def test_moves_cost_what_is_met_at_their_times(problem: Problem) -> None:
     edges = np.arange(0, len(found.edges), 7)
     penalties, rng, compared = found._penalties(edges), np.random.default_rng(0), []
     for row, edge in enumerate(edges.tolist()):
-        way, take = int(rng.integers(2)), int(rng.integers(len(TAKES)))
-        step = int(rng.integers(STEPS - TAKES[take] + 1))
+        way, take = int(rng.integers(2)), int(rng.integers(len(EDGE_STEPS)))
+        step = int(rng.integers(STEPS - EDGE_STEPS[take] + 1))
         first, last = found.nodes[found.edges[edge][:: 1 - 2 * way]]
         along = (np.arange(200) + 0.5) / 200
-        depth = problem.depth(first + along[:, None] * (last - first), (step + along * TAKES[take]) / STEPS)
+        depth = problem.depth(first + along[:, None] * (last - first), (step + along * EDGE_STEPS[take]) / STEPS)
         compared.append((float(np.mean(depth**2)), float(penalties[row, way, step, take]) * DEPTH**2))
     exact, estimated = np.array(compared).T
     assert np.count_nonzero(exact > 1e-4) > 5  # the gate is met at all
@@ -167,7 +167,7 @@ def test_the_first_way_costs_the_same_backwards_in_time(gate: Scene, problem: Pr
                 cost += stay[move.node, move.first]
             else:
                 back = int(found.edges[move.edge, 0] == move.node)
-                cost += edge_costs[move.edge, back, move.first, list(TAKES).index(move.last - move.first)]
+                cost += edge_costs[move.edge, back, move.first, list(EDGE_STEPS).index(move.last - move.first)]
         costs.append(cost)
     assert costs[0] == pytest.approx(costs[1], rel=1e-3)  # time at the steps is interpolated, from either end
 

@@ -179,7 +179,7 @@ def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(reproduce_corridor, "VARIANTS", tuple(VARIANTS[k] for k in (0, NAMES.index(AS_SAFE))))
     monkeypatch.setattr(reproduce_corridor, "NAMES", (NAMES[0], AS_SAFE))
-    for name, seconds in (("CRITICAL", 0.3), ("DURATION", 0.4), ("SWEPT", 0.2)):
+    for name, seconds in (("CRITICAL_PHASE", 0.3), ("DURATION", 0.4), ("SWEPT", 0.2)):
         monkeypatch.setattr(reproduce_corridor, name, seconds)
     changes = sweep()[::4]
     monkeypatch.setattr(reproduce_corridor, "sweep", lambda: changes)
@@ -219,12 +219,12 @@ def test_the_picture_says_how_many_times_and_is_not_cut_off(exact: Outcome, smoo
 
 def test_the_snapshots_show_where_the_nearest_points_are(exact: Outcome) -> None:
     pytest.importorskip("matplotlib")
-    from hdplan.planner.studies.corridor_snapshots import APART, arm_sheet, witness_sheet, witnesses
+    from hdplan.planner.studies.corridor_snapshots import SNAPSHOT_INTERVAL, arm_sheet, witness_sheet, witnesses
 
     every = round(EXACT_EVERY / exact.run.period)
     for sample in (0, 40, 100):
         found = witnesses(exact.run.positions[sample * every])
         gap = float(np.linalg.norm(found.points[0] - found.points[1]))
         assert gap == pytest.approx(exact.clearances[sample], abs=1e-6)
-    assert f"Within {1e3 * APART:.0f} ms" in witness_sheet(exact).get_suptitle()
+    assert f"Within {1e3 * SNAPSHOT_INTERVAL:.0f} ms" in witness_sheet(exact).get_suptitle()
     assert len(arm_sheet(exact).axes) == 2

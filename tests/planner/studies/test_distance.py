@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hdplan.distance.studies import accuracy as measuring, unions as cutting
-from hdplan.distance.studies.accuracy import BANDS, FULL, GAPS, NORMALS, Entry, Plan, Setting, Study
+from hdplan.distance.studies.accuracy import BANDS, FULL_PLAN, GAPS, NORMALS, Entry, Plan, Setting, Study
 from hdplan.distance.studies.conservativeness import Conservativeness, RungAlarms
 from hdplan.distance.studies.query_time import METHODS, PairTimes, QueryTimes
 from hdplan.distance.studies.unions import BODIES, PIECES, Cut
@@ -43,14 +43,14 @@ def made_up_cuts() -> Iterator[Cut]:
     for body, count in product(BODIES, PIECES):
         yield Cut(
             body, count, dict.fromkeys(GAPS[:3], 0.01 / count), 0, 0.6 / count, 1e-3 * count,
-            {order: 1e-6 * count for order in FULL.orders},
+            {order: 1e-6 * count for order in FULL_PLAN.orders},
         )  # fmt: skip
 
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> Study:
     """What `study` returns, without measuring, and `study_unions`."""
-    found = Study(FULL, tuple(made_up(FULL)), complete=True)
+    found = Study(FULL_PLAN, tuple(made_up(FULL_PLAN)), complete=True)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: found)
     monkeypatch.setattr(cutting, "study_unions", lambda **_: list(made_up_cuts()))
     return found
@@ -76,8 +76,8 @@ def test_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> None:
     assert [path.name for path in report.files] == [*FILES, UNIONS_FILE]
     with report.files[0].open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    settings = len(FULL.kernels) * len(FULL.shaping_lengths)
-    assert len(rows) == settings * (len(FULL.bodies) + 1)
+    settings = len(FULL_PLAN.kernels) * len(FULL_PLAN.shaping_lengths)
+    assert len(rows) == settings * (len(FULL_PLAN.bodies) + 1)
     assert all(cell != "" for row in rows for cell in row.values())
     table = report.files[1].read_text(encoding="utf-8")
     assert sum(line.startswith("| paper") for line in table.splitlines()) == settings

@@ -115,7 +115,7 @@ def test_a_measurement_says_at_most_every_tenth(errors: io.StringIO, of: int) ->
 @pytest.mark.usefixtures("long_at_once")
 def test_counts_add_up_and_an_estimate_waits(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a run goes on; how long the rest takes is said once it means something."""
-    monkeypatch.setattr(console, "EVERY", 0.0)
+    monkeypatch.setattr(console, "LINE_INTERVAL", 0.0)
     total, before, enough = 40, 7, 6
     with console.counting("certified", enough) as (report, _):
         for done in range(before + 1, total + 1):
