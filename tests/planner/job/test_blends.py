@@ -317,8 +317,8 @@ def test_one_slow_stage_makes_no_job_slower_than_with_stops(seed: int) -> None:
 def test_finer_steps_make_no_slower_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line into an arc: kinks between chords, and between steps to poses, were jerk; it took four times as long."""
     fine = {"link": TOOL, "position_tolerance": 1e-3}
-    line = hdplan.Line(by=[0.1, 0.02, -0.05], blend=0.03, **fine)  # type: ignore[arg-type]
-    stages = [line, hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], **fine)]  # type: ignore[arg-type]
+    line = hdplan.Line(by=[0.1, 0.02, -0.05], blend=0.03, **fine)
+    stages = [line, hdplan.Circle(by=[0.1, 0.1, 0.0], interim=[0.03, 0.07, 0.0], **fine)]
     took = []
     for finer in (1, 4, 12):
         monkeypatch.setattr("hdplan.planner.job.blending.FINER", (finer,))
