@@ -328,6 +328,16 @@ def test_finer_steps_make_no_slower_motion(monkeypatch: pytest.MonkeyPatch) -> N
     assert max(took) <= 1.05 * min(took)  # type: ignore[operator, type-var]
 
 
+def test_a_blend_in_which_the_motion_rests_is_a_stop_at_the_end() -> None:
+    """Exactly back: such a blend is a cusp, at which a motion rests before it gets to the corner."""
+    there = hdplan.Line(by=[0.0, 0.1, 0.0], name="there", blend=0.02, free_rotation="z", link=TOOL)
+    result = hdplan.plan_job(job_of(there, replace(there, by=[0.0, -0.1, 0.0], name="back", blend=0.0)))
+    assert result.certified, result.text
+    assert "each from rest to rest" in result.text
+    _, places, _ = driven(result)
+    assert abs(np.ptp(places[:, 1]) - 0.1) <= 2e-3
+
+
 def test_a_blend_that_would_be_slower_is_a_stop(tmp_path: Path) -> None:
     """Almost back along the same line: the curve of such a blend is a cusp. What is driven is certified, proven, and
     says that it stops."""
