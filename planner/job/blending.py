@@ -32,7 +32,7 @@ from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.overlap import in_step, longest_overlap, overlapped, slowed
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.job.stage_scenes import stage_setup, stage_source
-from hdplan.planner.job.stops import with_stops
+from hdplan.planner.job.stops import rests, with_stops
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.curve import Curve as MotionCurve
 from hdplan.planner.motion.trajectory import Trajectory
@@ -140,6 +140,9 @@ def _as_one(world: World, group: range, pieces: Sequence[Piece], late: Late) -> 
             seconds = sum(motion.duration or 0.0 for motion in motions)
             if seconds >= rested:
                 why, coarse = why or f"it would take {seconds:.4g} s, and {rested:.4g} s with a stop", True
+                continue
+            if any(rests(motion, -1) for motion in motions[:-1]):
+                why = why or "it would stop in the middle, where such a blend is a cusp"
                 continue
             made, wrong = _certified(world, group, motions, pieces)
             if wrong is None:

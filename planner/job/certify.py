@@ -110,15 +110,15 @@ class Proven:
 def _are_alike(one: World, other: World, number: int) -> bool:
     """True if a stage is the same in two worlds, whatever other stages their jobs have: its curve and its radii depend
     on those that it is blended with, and, as to how far the chords of arcs may be from these, on those behind them."""
-    jobs = one.scene.job, other.scene.job
-    assert jobs[0] is not None
-    assert jobs[1] is not None
-    (stage, same), (name, named) = ((each.stages[number] for each in jobs), (each.names[number] for each in jobs))
+    job, named = one.scene.job, other.scene.job
+    assert job is not None
+    assert named is not None
+    stage = job.stages[number]
     alone = one.corner is None and one.rates is None and not getattr(stage, "blend", 0.0)
     near = slice(number, number + 1) if alone else slice(max(number - 1, 0), number + 3)
     scenes = ([getattr(each.scene, key.name) for key in fields(Scene) if key.name != "job"] for each in (one, other))
     return (
-        (stage, name, jobs[0].stages[near]) == (same, named, jobs[1].stages[near])
+        (job.names[number], stage, job.stages[near]) == (named.names[number], named.stages[number], named.stages[near])
         and replace(one, scene=other.scene) == other
         and next(scenes) == next(scenes)
         and one.scene.source == other.scene.source

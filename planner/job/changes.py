@@ -108,8 +108,9 @@ def _check_reach(world: World, thing: Obstacle, holding: list[str]) -> None:
     near = {place.link for place, _ in Certifier(Setup.of(scene)).too_close(world.q, REACH)}
     if far := [link for link in holding if link not in near]:
         raise MisplacedError(
-            f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} is not within {REACH * 1e3:g} mm of it "
-            "when the fingers have closed (what is to hold it stands under `touch`, or else it is the link)"
+            f"grip.object: '{thing.name}' is out of reach: {', '.join(far)} {'is' if len(far) == 1 else 'are'} "
+            f"not within {REACH * 1e3:g} mm of it when the fingers have closed (what is to hold it stands under "
+            "`touch`, or else it is the link)"
         )
 
 

@@ -18,16 +18,19 @@ from hdplan.scenes.stage import ArmStage
 def stopping(scene: Scene, motion: Trajectory) -> list[int]:
     """Return the numbers of stages that a job blends into the next ones, and at whose ends a motion rests."""
     assert scene.job is not None
-    if motion.velocities is None or motion.accelerations is None:
-        return []
     ends = [*(mark.row for mark in motion.stages[1:]), len(motion) - 1]
     return [
         number
         for number, (stage, row) in enumerate(zip(scene.job.stages, ends, strict=False))
-        if isinstance(stage, ArmStage)
-        and stage.blend
-        and not (motion.velocities[row].any() or motion.accelerations[row].any())
+        if isinstance(stage, ArmStage) and stage.blend and rests(motion, row)
     ]
+
+
+def rests(motion: Trajectory, row: int) -> bool:
+    """True if nothing moves at a row of a motion, and nothing speeds up."""
+    if motion.velocities is None or motion.accelerations is None:
+        return False
+    return not (motion.velocities[row].any() or motion.accelerations[row].any())
 
 
 def with_stops(scene: Scene, numbers: Collection[int]) -> Scene:
