@@ -25,12 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.certain import Certain, StageFailedError
 from hdplan.planner.job.changes import after
 from hdplan.planner.job.following import NotFollowedError, is_along
 from hdplan.planner.job.joining import Piece, exactly_timed
-from hdplan.planner.job.stage_scenes import stage_setup
+from hdplan.planner.job.stage_scenes import stage_certifier, stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.plan import plan
@@ -215,7 +214,7 @@ class Search:
         if isinstance(setup.scene.goal, JointTarget):
             made = Aims([setup.scene.goal])
         else:
-            made = Aims(goals_in_turn(Certifier(setup), self.seed, EACH))
+            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, EACH))
             try:
                 next(iter(made))
             except UnsolvableError as error:
