@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -416,21 +417,24 @@ def _pose(place: np.ndarray, turn: Rotation) -> dict[str, Any]:
 
 
 def picks(folder: Path, count: int, first: int, time_limit: float) -> None:
-    """Plan jobs and look at them again; what was found is in a folder, from where it goes on."""
+    """Plan jobs, look at them again, and print what was found; that is in a folder, from where a run goes on."""
     folder.mkdir(parents=True, exist_ok=True)
     write_bracket(folder)
-    found = []
+    found: list[dict[str, Any]] = []
     for number in range(first, first + count):
         file = folder / f"{number}.result.json"
         if not file.exists():
             file.write_text(json.dumps(_planned(folder, number, time_limit)))
-        found.append(json.loads(file.read_text()))
-        each = found[-1]
-        print(f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}", flush=True)
-    seconds = [each["seconds"] for each in found]
-    whole, wrong = (sum(each["is"] == word for each in found) for word in ("certified", "refuted"))
-    spread = " / ".join(f"{np.percentile(seconds, share):.2f}" for share in (50, 95, 100))
-    print(f"{whole} of {len(found)} certified whole, {wrong} refuted; processor time {spread} s (median, 95 %, worst)")
+        found.append(each := json.loads(file.read_text()))
+        said = f"{number:4} {each['robot']:6} {each['seconds']:6.2f} s: {each['words'][:200]}"
+        print(said, file=sys.stderr, flush=True)
+    print("| arm | jobs | certified whole | refuted | processor time of planning [s]: median, 95 %, worst |")
+    print("| --- | --- | --- | --- | --- |")
+    for name in (*ARMS, "all"):
+        if some := [each for each in found if name in (each["robot"], "all")]:
+            whole, wrong = (sum(each["is"] == word for each in some) for word in ("certified", "refuted"))
+            seconds = np.percentile([each["seconds"] for each in some], (50, 95, 100))
+            print(f"| {name} | {len(some)} | {whole} | {wrong} | {' / '.join(f'{each:.2f}' for each in seconds)} |")
 
 
 def _planned(folder: Path, number: int, time_limit: float) -> dict[str, Any]:

@@ -115,7 +115,8 @@ class Scene:
                 if link not in holding and not _moves_with(self, link, name):
                     found.append((i, number))
             if name in self.held:
-                found += [(number, *self.numbers(other)) for other in self.shapes if other not in self.held]
+                others = [other for other in self.shapes if other not in self.held]
+                found += [(number, i) for other in others for i in self.numbers(other)]
         kept = [pair for pair in found if frozenset(self.names[i] for i in pair) not in touch]
         one, other = np.array(kept).T
         return Pairs(one, other, np.array([bool({self.names[i] for i in pair} & free) for pair in kept]))

@@ -24,7 +24,7 @@ from hdplan.planner.job.following import (
 )
 from hdplan.planner.job.joining import Piece, exactly_timed, one_after_other
 from hdplan.planner.job.redundancy import ways_along
-from hdplan.planner.job.stage_scenes import stage_setup
+from hdplan.planner.job.stage_scenes import stage_certifier, stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
@@ -160,6 +160,7 @@ class Certain:
                 except NotFollowedError as error:
                     raise StageFailedError(str(error)) from None
                 used = max(used, finer)
+                self._check_contact(world, number, rows)
                 try:
                     motions.append(self._timed(setup, drawn_through(rows)))
                 except InputError:
@@ -176,6 +177,20 @@ class Certain:
                 break
             least = used + 1
         raise StageFailedError(found.certificate.text)
+
+    def _check_contact(self, world: World, number: int, rows: Array) -> None:
+        """Refuse configurations (N, n) evenly along a curve of which one is in contact: that takes a fraction of the
+        time of a motion and its certificate, which would say the same. Raises StageFailedError."""
+        certifier = stage_certifier(world, number)
+        if certifier.scene.moving:
+            return
+        for row in np.flatnonzero(~certifier.are_clear(certifier.robot.expand(rows), 0.0)).tolist():
+            if contacts := certifier.contacts(rows[row]):
+                one, other, deep = contacts[0].link, contacts[0].other, contacts[0].depth
+                meet = f"overlap by {deep * 1e3:.3g} mm" if deep else "touch"
+                raise StageFailedError(
+                    f"in contact: {one} and {other} {meet} at {row / (len(rows) - 1):.0%} of the way"
+                )
 
     def _timed(self, setup: Setup, waypoints: Array) -> Trajectory:
         path = Trajectory(setup.robot.joint_names, waypoints, setup.robot.locked)

@@ -21,7 +21,7 @@ from hdplan.planner.job.blends import UnblendedError
 from hdplan.planner.job.changes import REACH, after
 from hdplan.planner.job.curves import corner_of, leg_of, radius_link, settled
 from hdplan.planner.job.places import link_pose
-from hdplan.planner.job.stage_scenes import moves_fingers, stage_setup, stage_source, standing_scene
+from hdplan.planner.job.stage_scenes import moves_fingers, stage_certifier, stage_setup, stage_source, standing_scene
 from hdplan.planner.job.stops import notes_on, stopping, with_stops
 from hdplan.planner.job.touching import touched
 from hdplan.planner.job.world import Corner, Rates, World
@@ -249,7 +249,7 @@ def certified_stage(world: World, number: int, part: Trajectory) -> tuple[StageC
         curve = curve_of(setup.robot, part)
         if blend:
             setup = setup.changed(goal=_passed(curve, _rates_at_end(curve, setup.robot, part)))
-        scene, certifier = setup.asked, Certifier(setup)
+        scene, certifier = setup.asked, Certifier(setup) if blend else stage_certifier(world, number)
         passing = tuple(end for end, passed in (("start", world.rates), ("goal", blend)) if passed)
         certificate = certifier.certify(part, passing=passing)
     fingers = moves_fingers(stage)

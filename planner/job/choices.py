@@ -25,12 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.certain import Certain, StageFailedError
 from hdplan.planner.job.changes import after
 from hdplan.planner.job.following import NotFollowedError, is_along
 from hdplan.planner.job.joining import Piece, exactly_timed
-from hdplan.planner.job.stage_scenes import stage_setup
+from hdplan.planner.job.stage_scenes import stage_certifier, stage_setup
 from hdplan.planner.job.world import World
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.plan import plan
@@ -41,7 +40,7 @@ from hdplan.scenes.errors import InputError, MisplacedError, TimeLimitError, Uns
 from hdplan.scenes.job import Move, stage_name
 from hdplan.scenes.path_constraints import Follow
 from hdplan.scenes.scene import Scene, derived
-from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
 SHARE = 0.3  # of the time left, for one motion, or a look ahead, where there are others to try
 FOLLOWING = 0.5  # of the time left, for all that follows a motion to one of several goals
@@ -93,7 +92,7 @@ class Search:
         self.scene, self.stages, self.seed, self.deadline = scene, scene.job.stages, seed, deadline
         self.report, self.stop = report, stop
         self.best: list[Piece] = []  # of the most stages that were done one after the other
-        self.refused: list[tuple[int, str]] = []  # the stage, and why a choice for it was given up
+        self.refused: list[tuple[int, str, str]] = []  # the stage, the goal if it has several, and why it was given up
         self.wrong: MisplacedError | None = None  # what alone ended what came farthest
         self._until = deadline  # of the share of what is tried now
         self._farthest = -1  # stage that was tried
@@ -136,9 +135,12 @@ class Search:
             until = self._end_of(FOLLOWING) if others else self._until
             open_.append(_Open(self._choices(piece.after, len(pieces)), until))
 
-    def _refuse(self, number: int, error: str | StageFailedError | MisplacedError) -> None:
-        """Note that a choice for a stage was given up, and why."""
-        refusal = number, self._failed(number, error)
+    def _refuse(
+        self, number: int, error: str | StageFailedError | MisplacedError, goal: JointTarget | None = None
+    ) -> None:
+        """Note that a choice for a stage was given up, one of its goals if it has several, and why."""
+        field = "" if goal is None else named(goal)
+        refusal = number, field, self._failed(number, error)
         if refusal not in self.refused:
             self.refused.append(refusal)
 
@@ -197,7 +199,7 @@ class Search:
                         tried.add(goal.positions)
                     piece = self._moved(world, number, goal, several)
                 except (StageFailedError, MisplacedError) as error:
-                    self._refuse(number, error)
+                    self._refuse(number, error, goal if several else None)
                     yield None
                 else:
                     yield piece, several
@@ -214,7 +216,7 @@ class Search:
         if isinstance(setup.scene.goal, JointTarget):
             made = Aims([setup.scene.goal])
         else:
-            made = Aims(goals_in_turn(Certifier(setup), self.seed, EACH))
+            made = Aims(goals_in_turn(stage_certifier(world, number), self.seed, EACH))
             try:
                 next(iter(made))
             except UnsolvableError as error:
@@ -254,7 +256,8 @@ class Search:
                     way = next(ways, None)
             except NotFollowedError as error:
                 name, why = stage_name(self.stages[number + 1], number + 1), self._failed(number + 1, str(error))
-                self._refuse(number, f"rejected, as stage '{name}' cannot follow it from wherever it begins: {why}")
+                why_not = f"rejected, as stage '{name}' cannot follow it from wherever it begins: {why}"
+                self._refuse(number, why_not, goal)
                 continue
             if way is None:
                 continue
@@ -334,6 +337,11 @@ class Search:
         if isinstance(made, Piece) or not self._late():
             kept.append((world, plainly, made))
         return made
+
+
+def named(target: JointTarget | PoseTarget | AllOf) -> str:
+    """Return which goal of its move one is, such as "poses[2]"."""
+    return target.field.rpartition("move.")[2]
 
 
 def _cause(error: InputError | TimeLimitError, scene: Scene) -> str:

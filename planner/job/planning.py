@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from hdplan.planner.job.blending import INTERRUPTED, blended
 from hdplan.planner.job.certify import certified_job
-from hdplan.planner.job.choices import Search
+from hdplan.planner.job.choices import Search, named
 from hdplan.planner.job.curves import turns_with_tool
 from hdplan.planner.job.joining import joined
 from hdplan.planner.job.result import JobResult
@@ -20,6 +20,7 @@ from hdplan.scenes.errors import TimeLimitError, UnsolvableError
 from hdplan.scenes.job import Job, Move
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.stage import ArmStage
+from hdplan.scenes.targets import Goals
 from hdplan.scenes.values import Number, Whole, checked, functions, instance
 
 
@@ -66,7 +67,7 @@ def plan_job(
     interrupted = len(pieces) < len(names) and (interrupted or stop())
     if len(pieces) < len(names) and search.wrong is not None and not (interrupted or search.over()):
         raise search.wrong
-    refused = tuple(f"{names[number]}: {why}" for number, why in search.refused)
+    refused = tuple(": ".join(filter(None, (names[number], goal, why))) for number, goal, why in search.refused)
     if not pieces and (interrupted or not search.refused):
         ended = "interrupted" if interrupted else f"the time limit of {time_limit:g} s passed"
         raise TimeLimitError(f"{scene.source}: {ended} before the first stage was planned")
@@ -95,16 +96,21 @@ def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool)
     """Say which stage stopped the job, why, and what would help."""
     if interrupted:
         return f"interrupted before stage '{names[done]}' was planned"
-    if done not in {number for number, _ in search.refused}:
+    if done not in {number for number, *_ in search.refused}:
         return f"stage '{names[done]}' was not reached within the time limit; more time may help"
     return f"stage '{names[done]}'{_last(search, done)}"
 
 
 def _last(search: Search, done: int) -> str:
-    """Say why a stage could not be done, at last."""
-    found = [why for number, why in search.refused if number == done]
-    times = f" (the last of {len(found)} tries)" if len(found) > 1 else ""
-    return f"{times}: {found[-1]}"
+    """Say why a stage could not be done: at last, of every goal that it has."""
+    last = {goal: why for number, goal, why in search.refused if number == done}
+    stage, said = search.stages[done], dict[str, list[str]]()
+    if isinstance(stage, Move) and isinstance(stage.goal, Goals) and any(last) and not search.over():
+        for target in stage.goal.targets:
+            last.setdefault(named(target), "not reached without contact")
+    for goal, why in last.items():
+        said.setdefault(why, []).append(goal)
+    return ": " + "; ".join(": ".join(filter(None, (", ".join(goals), why))) for why, goals in said.items())
 
 
 def at_rest(scene: Scene) -> Scene:

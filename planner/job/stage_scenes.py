@@ -14,6 +14,7 @@ from typing import Any, assert_never
 
 import numpy as np
 
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.curves import along_curve
 from hdplan.planner.job.places import fixed_link, pose_of
 from hdplan.planner.job.world import World, shape_of
@@ -67,6 +68,13 @@ def stage_setup(world: World, number: int) -> Setup:
     if number not in world.setups:
         world.setups[number] = Setup.of(stage_scene(world, number))
     return world.setups[number]
+
+
+def stage_certifier(world: World, number: int) -> Certifier:
+    """Return the certifier of a stage's scene, made once. Raises InputError as `stage_scene`."""
+    if number not in world.certifiers:
+        world.certifiers[number] = Certifier(stage_setup(world, number))
+    return world.certifiers[number]
 
 
 def standing_scene(world: World, number: int) -> Scene:

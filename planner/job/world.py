@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.job.places import link_pose
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -115,6 +116,11 @@ class World:
     @cached_property
     def setups(self) -> dict[int, Setup]:
         """The scenes of stages that were made from here, with their robots, by number."""
+        return {}
+
+    @cached_property
+    def certifiers(self) -> dict[int, Certifier]:
+        """Their certifiers, by number."""
         return {}
 
     @cached_property

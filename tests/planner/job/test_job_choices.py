@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import Any
 
@@ -41,7 +42,8 @@ def test_all_grasps_are_tried_plainly_before_ways_along_curves(monkeypatch: pyte
     scene = hdplan.Scene(robot="panda", obstacles=[floor, bar, *sides], start="default", limits=limits, job=job)
     result = hdplan.plan_job(scene)
     assert result.certified, result.text
-    assert any(note.startswith("above: rejected, as stage 'carry' cannot follow it") for note in result.notes)
+    rejected = re.compile(r"above: goal\[\d\]: rejected, as stage 'carry' cannot follow it")
+    assert any(map(rejected.match, result.notes))
     assert not looked_for
 
 
@@ -111,4 +113,16 @@ def test_no_choice_takes_all_of_the_time(monkeypatch: pytest.MonkeyPatch, fails:
     assert (len(pieces) == 3) == (fails != "AB")
     assert pieces[-1].chosen == found
     assert clock[0] < 100.0 or fails == "AB"
-    assert search.refused == ([(2, "cannot be done")] if fails else [])
+    assert search.refused == ([(2, "", "cannot be done")] if fails else [])
+
+
+def test_where_no_grasp_works_each_says_why() -> None:
+    """Two grasps lead to a line out of reach; the third one is inside the floor."""
+    floor = hdplan.Box([0.6, 1.2, 0.2], name="floor", pose=[0.5, 0.0, -0.1])
+    poses = [above([0.5, 0.2, 0.3], DOWN), above([0.5, 0.2, 0.3], ACROSS), above([0.5, 0.2, -0.1], DOWN)]
+    job = hdplan.Job([hdplan.Move(poses, name="above"), hdplan.Line(by=[0.0, 0.0, 2.0], name="up")])
+    limits = hdplan.Limits(acceleration=4.0)
+    scene = hdplan.Scene(robot="panda", start="default", obstacles=[floor], limits=limits, job=job)
+    with pytest.raises(hdplan.UnsolvableError, match=r"job\[0\] \(above\): .*goal\[2\]: not reached") as refused:
+        hdplan.plan_job(scene, time_limit=10.0)
+    assert "goal[0], goal[1]: given up, as stage 'up' cannot follow it" in str(refused.value)
