@@ -83,7 +83,11 @@ class Followed:
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
         yielded = ", ".join(f"{a} to {b} ({count} periods)" for (a, b), count in self.run.gave.most_common(3))
         return [
-            *([("slowed", f"{self.slowed:.3g} times: it asks for more than the limits allow")] if self.slowed > 1 else []),
+            *(
+                [("slowed", f"{self.slowed:.3g} times: it asks for more than the limits allow")]
+                if self.slowed > 1
+                else []
+            ),
             *([("not kept apart", f"{unguarded}: their outer bodies overlap anyway")] if unguarded else []),
             ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
             *([("not kept", f"the margin of {yielded}")] if yielded else []),
