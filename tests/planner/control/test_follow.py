@@ -224,7 +224,8 @@ def test_it_arrives_without_overshoot_within_any_limits(acceleration: float, jer
 def test_a_motion_that_is_slowed_asks_for_what_it_may(robot: Robot) -> None:
     """Whatever it knows of its derivatives: positions, velocities and accelerations."""
     rng, times = np.random.default_rng(3), np.linspace(0.0, 0.8, 9)
-    rows, rates = rng.uniform(-1.0, 1.0, (3, 9, 2)), Rates(*np.full((3, 2), 2.0), 0.005)
+    rows, most = rng.uniform(-1.0, 1.0, (3, 9, 2)), np.full(2, 2.0)
+    rates = Rates(most, most, most, 0.005)
     for known in (1, 2, 3):
         motion = Curve.through(rows[0], times, *rows[1:known])
         longer = slowness(motion, rates)
