@@ -221,7 +221,7 @@ def body_pairs(
     pieces = Pieces.of(halfspace_bodies)
     margins = np.full(len(pieces), margin, dtype=np.float64)
     first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    slots = max(len(bodies[a].body.vertices) for a in set(first.tolist()))
+    slots = max(len(bodies[a].body.vertices) for a in np.flatnonzero(np.bincount(first)).tolist())
     plane_slots, rows = np.zeros((2, len(pieces)), dtype=np.int64)
     tables = {}
     for own in pieces.planes:

@@ -57,7 +57,8 @@ def pieces_of(name: str, cloud: Cloud, pose: Pose, planes: str, within: Array) -
     normals, supports, box, half = _planes(_cell_boxes(points, radii, local), pose, planes)
     count = len(half)
     every = (Planes(np.arange(count), normals, supports),) if count else ()
-    return Pieces((name,) * count, np.zeros(count, np.int64), every, box, half, (None,) * count, box)
+    known = (few_directions(planes),) if count else ()
+    return Pieces((name,) * count, np.zeros(count, np.int64), every, box, half, (None,) * count, box, known)
 
 
 def _cell_boxes(points: Array, radii: Array, within: Array) -> CellBoxes:

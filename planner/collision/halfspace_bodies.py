@@ -28,6 +28,7 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Points, Shape
 from hdplan.scenes.voxel_grids import Map
 
@@ -66,24 +67,29 @@ class HalfspaceBody:
 
 
 def from_obstacle(
-    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS, closely: bool = False
+    obstacle: Obstacle,
+    planes: str = "box",
+    seconds: float = MOST_SECONDS,
+    closely: bool = False,
+    pose: Pose | None = None,
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle whose file was read: one body, or one for each convex piece of its mesh; and notes on how it
     was split.
 
     A mesh that cannot be split, or not within `seconds`, is enclosed by boxes around parts of its surface, as a cloud
-    is by boxes around parts of it; `closely` by smaller ones.
+    is by boxes around parts of it; `closely` by smaller ones. pose: where it stands, its own by default.
     """
     check_time("building the problem")
-    placement = obstacle.pose.matrix
+    pose = obstacle.pose if pose is None else pose
+    placement = pose.matrix
     if isinstance(obstacle.shape, Cloud):
         from hdplan.planner.collision.cell_bodies import from_cloud
 
-        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes, closely)
+        return from_cloud(obstacle.name, obstacle.shape, pose, planes, closely)
     if isinstance(obstacle.shape, Map):
         from hdplan.planner.collision.cell_bodies import from_boxes
 
-        return from_boxes(obstacle.name, boxes_in(obstacle.shape), obstacle.pose, planes), ()
+        return from_boxes(obstacle.name, boxes_in(obstacle.shape), pose, planes), ()
     if not isinstance(obstacle.shape, ReadMesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
     mesh = obstacle.shape.mesh
@@ -92,7 +98,7 @@ def from_obstacle(
     if split is None:
         from hdplan.planner.collision.cell_bodies import from_surface
 
-        bodies = from_surface(obstacle.name, mesh, obstacle.pose, planes, closely)
+        bodies = from_surface(obstacle.name, mesh, pose, planes, closely)
         return bodies, (f"{about} is planned around as {len(bodies)} boxes that contain its surface",)
     bodies = tuple(from_points(obstacle.name, piece, placement, planes) for piece in split)
     return bodies, (f"{about} split into {len(split)} convex pieces",) if len(split) > 1 else ()

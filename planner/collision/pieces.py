@@ -38,6 +38,7 @@ class Pieces(Sequence[HalfspaceBody]):
     half_sizes: Array  # (B, 3) [m]
     shapes: tuple[Shape | ConvexBody | None, ...]  # (B,)
     placements: Array  # (B, 4, 4)
+    known: tuple[Array, ...] | None = None  # `directions`, of parts of which they were known
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -70,7 +71,9 @@ class Pieces(Sequence[HalfspaceBody]):
         parts = [part for part in parts if len(part)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        first = np.cumsum([0, *(len(part) for part in parts)])
+        first, known = np.cumsum([0, *(len(part) for part in parts)]), None
+        if any(part.known is not None for part in parts):
+            known = tuple(each for part in parts for each in part.directions)
         found: dict[int, list[Planes]] = {}
         for begin, part in zip(first.tolist(), parts, strict=False):
             for own in part.planes:
@@ -83,11 +86,14 @@ class Pieces(Sequence[HalfspaceBody]):
             np.concatenate([part.half_sizes for part in parts]),
             sum((part.shapes for part in parts), ()),
             np.concatenate([part.placements for part in parts]),
+            known,
         )
 
     @cached_property
     def directions(self) -> tuple[Array, ...]:
         """The sets of `HalfspaceBody.directions` that occur, to DIRECTION_TOLERANCE: one for all cells of a cloud."""
+        if self.known is not None:
+            return self.known
         found: list[Array] = []
         for own in self.planes:
             boxes = self.boxes[own.pieces]

@@ -35,7 +35,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import naming
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.once import made_once
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import IDENTITY
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import instance
 
@@ -313,8 +313,7 @@ def setup_barriers(setup: Setup, settings: BarrierSettings, hulls: Sequence[Link
             elif obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes, closely=True)[0]
             else:
-                own = replace(obstacle, pose=Pose(), motion=None)
-                movers.append((ObstacleMotion.of(obstacle), from_obstacle(own, planes)[0]))
+                movers.append((ObstacleMotion.of(obstacle), from_obstacle(obstacle, planes, pose=IDENTITY)[0]))
         return Barriers(
             robot,
             collision_model.kinematics,

@@ -100,7 +100,7 @@ def _eased(motion: Curve) -> Curve:
 def _times_as_long(largest: Iterable[Array], limits: Sequence[Array]) -> float:
     """Return the least factor of the duration at which the first, second and third derivatives (n,) are in limits."""
     orders = enumerate(zip(largest, limits, strict=True), 1)
-    return max(float((most / limit).max()) ** (1.0 / order) for order, (most, limit) in orders)
+    return max(float(np.max(most / limit) ** (1.0 / order)) for order, (most, limit) in orders)
 
 
 def _largest(motion: Curve) -> Iterator[Array]:

@@ -56,19 +56,8 @@ def axes_of(found: Array, first: Rows) -> Array:
     sizes = np.diff(np.append(first, len(found)))
     away = found - np.repeat(np.add.reduceat(found, first) / sizes[:, None], sizes, axis=0)
     products = np.stack([away[:, i] * away[:, j] for i, j in _UPPER], axis=1)
-    return axes_from(np.add.reduceat(products, first))
-
-
-def mean_free(counts: Array, sums: Array, products: Array) -> Array:
-    """Return the products (c, 6) of what is left of coordinates without their means, from the numbers (c,), sums (c, 3)
-    and products (c, 6) of groups."""
-    return products - np.stack([sums[:, i] * sums[:, j] / counts for i, j in _UPPER], axis=1)
-
-
-def axes_from(products: Array) -> Array:
-    """Return axes (c, 3, 3) as columns, right-handed, for groups of points with these products (c, 6): the upper half
-    of the matrix of their spread."""
-    return _axes(*np.linalg.eigh(products[:, _WHOLE].reshape(-1, 3, 3)))
+    spread = np.add.reduceat(products, first)
+    return _axes(*np.linalg.eigh(spread[:, _WHOLE].reshape(-1, 3, 3)))
 
 
 def _axes(spread: Array, principal: Array) -> Array:

@@ -11,17 +11,18 @@ from types import ModuleType
 
 import numpy as np
 
-from hdplan.planner.geometry.cells import CellBoxes, axes_from, mean_free
+from hdplan.planner.geometry.cells import CellBoxes
 from hdplan.scenes.array_types import Array
 
 
 def cell_boxes(loops: ModuleType, points: Array, radii: Array, edge: float, balls: Array) -> CellBoxes:
     """Enclose those balls about points (m, 3) with radii (m,) [m] that touch any of the other balls (k, 4)."""
     points, radii, count = np.ascontiguousarray(points), np.ascontiguousarray(radii), len(points)
-    cell, sums = np.empty(count, np.int64), np.empty((count, 11))
-    cells = loops.gather_cells(points, radii, edge, np.ascontiguousarray(balls), cell, sums)
+    near, cell, sums = np.empty(count, np.int64), np.empty(count, np.int64), np.empty((count, 11))
+    cells = loops.gather_cells(points, radii, edge, np.ascontiguousarray(balls), near, cell, sums)
     sums = sums[:cells].copy()
-    rotation = np.ascontiguousarray(axes_from(mean_free(sums[:, 0], sums[:, 2:5], sums[:, 5:])))
-    low, high = np.empty((2, cells, 3))
-    loops.extend_cells(points, rotation, cell, low, high)
+    found = int(sums[:, 0].sum())  # of the points, those in a cell
+    rotation, low, high = np.empty((cells, 3, 3)), *np.empty((2, cells, 3))
+    loops.turn_cells(sums, rotation)
+    loops.extend_cells(points, rotation, near[:found], cell[:found], low, high)
     return CellBoxes(rotation, low, high, sums[:, 1])

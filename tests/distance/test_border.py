@@ -74,6 +74,7 @@ FREE = {
     "penalties": {("placements", 1)},
     "grow_trees": {("targets", 0)},
     "gather_cells": {("balls", 0)},
+    "extend_cells": {("points", 0)},
 }
 
 
@@ -109,7 +110,7 @@ def run_scenes() -> None:
     time_optimal([PathRows.both(slope, 0.0 * slope, 0.0 * slope, np.ones(n))])
     inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
-    cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.ones((2, 4)))
+    cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.tile([0.0, 0.0, 0.0, 9.0], (2, 1)))
 
 
 @pytest.fixture(scope="module")

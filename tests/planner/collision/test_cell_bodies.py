@@ -13,7 +13,7 @@ import trimesh
 
 import hdplan
 from hdplan.planner.collision import cell_bodies, convex_pieces
-from hdplan.planner.collision.cell_bodies import from_balls, from_cloud, from_surface
+from hdplan.planner.collision.cell_bodies import _cell_boxes, from_balls, from_cloud, from_surface
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.opened import opened
 from hdplan.planner.problem.assemble import more_closely
@@ -181,3 +181,30 @@ def test_other_points_in_a_built_problem_are_as_if_it_was_built_with_them() -> N
         built.with_cloud(np.empty((0, 3)))
     with pytest.raises(InputError, match="is needed where there is not one cloud; there are 0"):
         hdplan.build(scene).with_cloud(first)
+
+
+@pytest.mark.parametrize("kind", ["volume", "surface", "line", "grid", "one"])
+def test_small_cells_contain_all_that_is_in_reach(kind: str) -> None:
+    """Every ball that touches one of the others is in a box along right-handed axes of unit length; surfaces and lines
+    are in thin ones."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-1.0, 1.0, (1 if kind == "one" else 3000, 3))
+    if kind == "surface":
+        points[:, 2] = 0.3 * points[:, 0] - 0.5 * points[:, 1]
+    elif kind == "line":
+        points = points[:, :1] * [0.3, -0.5, 0.7]
+    elif kind == "grid":
+        points = np.round(points, 1)
+    radii, reached = rng.uniform(0.001, 0.01, len(points)), np.array([[0.3, 0.0, 0.1, 0.5], [-0.4, 0.2, 0.0, 0.3]])
+    boxes = _cell_boxes(points, radii, reached)
+    axes = boxes.rotation
+    np.testing.assert_allclose(axes.transpose(0, 2, 1) @ axes, np.broadcast_to(np.eye(3), axes.shape), atol=1e-12)
+    assert (np.linalg.det(axes) > 0.0).all()
+    away = np.linalg.norm(points[:, None] - reached[:, :3], axis=2) - reached[:, 3]
+    near = (away <= radii[:, None]).any(axis=1)
+    local = np.einsum("mi,cij->mcj", points[near], axes)
+    short = np.maximum(local - boxes.high, boxes.low - local).max(axis=2)
+    inside = (short <= 1e-12) & (boxes.radius >= radii[near][:, None])
+    assert inside.any(axis=1).all()
+    thin = {"surface": 1, "line": 2}.get(kind, 0)
+    assert np.sort(boxes.high - boxes.low, axis=1)[:, :thin].max(initial=0.0) < 1e-9
