@@ -75,8 +75,8 @@ class Walker:
         return t >= self.begins
 
     def seen(self, off: float | None) -> hdplan.Obstacle:
-        """Return what a picture shows that is up to so much off; None: as far, but it does not say so, nor that anything
-        moves."""
+        """Return what a picture shows that is up to so much off; None: as far as others, but it does not say so, nor
+        that anything moves."""
         way = self.rng.normal(size=3)
         away = self.rng.uniform(0.0, OFF if off is None else off) * way / np.linalg.norm(way)
         pose = hdplan.Pose(self.at + away, pin.Quaternion(self.turn).normalized().coeffs())
@@ -153,9 +153,7 @@ class Judge:
         for i in self.moving:
             item = self.items.geometryObjects[i]
             center = item.placement.act(np.array(item.geometry.aabb_center))
-            reach[item.parentJoint] = max(
-                reach[item.parentJoint], np.linalg.norm(center) + item.geometry.aabb_radius
-            )
+            reach[item.parentJoint] = max(reach[item.parentJoint], np.linalg.norm(center) + item.geometry.aabb_radius)
         for j in range(self.model.njoints - 1, 1, -1):
             parent, step = self.model.parents[j], np.linalg.norm(self.model.jointPlacements[j].translation)
             at, slides = self.model.idx_qs[j], self.model.joints[j].shortname().startswith("JointModelP")

@@ -181,9 +181,9 @@ class Certifier:
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
-        failures are not complete; nor is it said then what the unknown costs. At ends that are `passing` the robot goes on: the motion itself says where those
-        are, so that no lesser clearance is required for them. What is neither proven nor refuted on the `shortest` part
-        of a waypoint interval is given up as not proven."""
+        failures are not complete; nor is it said then what the unknown costs. At ends that are `passing` the robot goes
+        on: the motion itself says where those are, so that no lesser clearance is required for them. What is neither
+        proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven."""
         began = time.perf_counter()
         check_as_loaded(self.robot)
         instance(trajectory, Trajectory, "trajectory")
