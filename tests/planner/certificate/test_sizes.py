@@ -108,6 +108,35 @@ def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str
         np.testing.assert_array_equal(mine, other)
 
 
+@pytest.mark.parametrize("robot", HOMES)
+def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
+    """Whether a motion keeps what is required does not depend on whether its clearance is measured; and what is then
+    said of it is no more than what it has, and no less than required."""
+    home, more = HOMES[robot]
+    kept = refused = 0
+    for seed in range(1, 9):
+        scene, motion = random_scene(seed, robot, home, **more)
+        sweep = Certifier(Setup.of(scene)).sweep
+        known = sweep.prove(motion.curve)
+        least = min(known.clearance) if not known.failures else 0.0
+        for floor in (0.0, 0.5 * least, least - 2e-3, least + 2e-2):
+            if floor < 0.0:
+                continue
+            found = sweep.prove(motion.curve, floor, measured=False)
+            whole = sweep.prove(motion.curve, floor)
+            assert {(each.interval, each.pair) for each in found.failures} == {
+                (each.interval, each.pair) for each in whole.failures
+            }, (seed, floor)
+            assert found.whole
+            kept, refused = kept + (not found.failures), refused + bool(found.failures)
+            if not found.failures:
+                closest = [spot.distance for spot in known.closest if spot is not None]
+                assert floor <= min(found.clearance) <= min(closest) + LESS
+                assert min(found.clearance) > 0.0
+    assert kept > 2
+    assert refused > 2
+
+
 def test_what_a_shift_costs_is_its_size_and_no_more() -> None:
     """The bound on what is proven is that of the scene as it is said to be, less the shift."""
     scene = load_scene("panda_cage")
