@@ -110,6 +110,7 @@ class Arm:
 
     def take(self, command: hdplan.Command, look: int) -> None:
         """Execute a command from now on, at a look."""
+        assert command.motion.times is not None
         ends = command.time + float(command.motion.times[-1])
         count = max(math.ceil(ends / CHECK) - look, 0) + 1
         self.command, self.began = command, look

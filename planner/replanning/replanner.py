@@ -309,7 +309,7 @@ class Replanner:
         if (course := self._ways.waiting(self._held, self._course, row)) is not None:
             courses.insert(0, course)
         elif self._course.arrives and row >= self._held.last:
-            return False, ""
+            return False, "" if self._ways.reaches else self._ways.why or "no way was found yet"
         why, hopeful, self._hopeful = "", self._hopeful, False
         for course in courses:
             for motion in self._motions.of(course.nominal, course.at(row), hopeful):

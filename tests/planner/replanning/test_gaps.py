@@ -29,9 +29,9 @@ def test_a_gap_that_is_not_measured_is_no_smaller_than_it_is_said_to_be() -> Non
     def counted(*args: object, **named: object) -> float:
         nonlocal measured
         measured += 1
-        return float(whole(*args, **named))  # type: ignore[arg-type]
+        return float(whole(*args, **named))
 
-    gaps.judge.distance = counted  # type: ignore[method-assign, assignment]
+    gaps.judge.distance = counted  # type: ignore[method-assign]
     q, dq = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]), np.zeros(7)
     for k in range(400):
         if k % 20 == 0:
@@ -46,6 +46,6 @@ def test_a_gap_that_is_not_measured_is_no_smaller_than_it_is_said_to_be() -> Non
             least = min(whole(q, there, most), most)
             assert abs(found - least) < 1e-9, (found, least)
             near += least < most
-        world.go(k * DT, DT, lambda at=q: judge.hand(at))  # type: ignore[misc]
+        world.go(k * DT, DT, lambda at=q: judge.hand(at))
     assert near > 3
     assert measured < 0.5 * looks
