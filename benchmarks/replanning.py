@@ -158,6 +158,8 @@ def cause(command: hdplan.Command, room: float, due: float) -> str:
         )
     if command.why.startswith("too close"):
         return "shut in" if room < due else "way is not free"
+    if "goal: in collision" in command.why:
+        return "goal is taken"
     return "late" if command.why.startswith("the step took") else "no way"
 
 
