@@ -144,8 +144,8 @@ class Bodies:
 
     @cached_property
     def _drifts(self) -> list[tuple[int, ObstacleMotion, float, Array, Array]]:
-        """Each drifting one of the `moving` bodies: its place among them, its motion, lever [m], and in each segment |ω|
-        [rad/s] and the greatest speed of its points [m/s]."""
+        """Each drifting one of the `moving` bodies: its place among them, its motion, lever [m], and in each segment
+        |ω| [rad/s] and the greatest speed of its points [m/s]."""
         found = []
         for g in np.flatnonzero(self.drifting[self.moving]).tolist():
             motion, lever = self._motion(self.moving[g]), self._lever(self.moving[g])

@@ -77,7 +77,7 @@ class Motion:
 
     @property
     def parts(self) -> tuple[Array, Array, Array, Array]:
-        """Its arrays."""
+        """Return its arrays."""
         return self.omega, self.velocity, self.first, self.second
 
     def __add__(self, other: Motion) -> Motion:
