@@ -1,7 +1,7 @@
 """Replanning among people, boxes that come into sight, and a conveyor: what is touched, and how long a cycle takes.
 
     python benchmarks/replanning.py
-        [--runs N] [--from SEED] [--seconds S] [--journal FILE] [--knowing] [--alone] [--trusting]
+        [--runs N] [--from SEED] [--seconds S] [--journal FILE] [--present] [--knowing] [--alone] [--trusting]
 
 A Panda drives to one goal after the other, for S seconds (20) in each of N seeded worlds. A camera takes a picture
 every 50 ms, which arrives 30 to 80 ms later; a step of the replanner is due every 40 ms, takes as long as the processor
@@ -12,10 +12,15 @@ conveyor. What the camera says is up to 1 cm off. Ways are looked for beside the
 processor takes for them.
 
 Bodies that touch are found without hdplan: the robot's meshes and the world as it is, by Pinocchio and coal, every 5 ms
-while any joint is faster than 1 mrad/s. With --journal, outcomes are added to a file, and seeds in it are not run
-again. With --alone, each run is made again in a world with the floor alone: no planner, whatever it knows of the
-future, reaches more goals with these commands. With --trusting, each run is made again with pictures that hold no
-sizes, as if everything stood still where it is seen: these touch.
+while any joint is faster than 1 mrad/s, wherever what was measured last and what both have gone since do not tell that
+they are apart. With --journal, outcomes are added to a file, and seeds in it are not run again.
+
+Each run is made again, with --present, by a replanner that knows the present: pictures are exact and at hand at once,
+the arm does what it is told without lag or latency, and computing takes no time; what is left is that anybody may go
+anywhere at 0.5 m/s. With --knowing a planner that knows the future drives through the world that was recorded
+(`replanning_foresight`). With --alone there is nothing but the floor: no planner, whatever it knows, reaches more goals
+with these commands. With --trusting, pictures hold no sizes, as if everything stood still where it is seen: these
+touch.
 """
 
 from __future__ import annotations
@@ -65,7 +70,8 @@ class Outcome:
     picture: list[float]  # [s] median, 99 % of taking a picture
     late: int  # steps that took longer than their period
     causes: dict[str, int]  # steps by what kept them from proving a motion
-    trusting: dict[str, float] | None = None  # contacts, least and goals of the run without sizes
+    present: dict[str, Any] | None = None  # contacts, least, goals, moving and causes of who knows the present
+    trusting: dict[str, Any] | None = None  # the same of the run without sizes
 
 
 class Beside(Executor):
@@ -104,6 +110,7 @@ class Arm:
 
     def take(self, command: hdplan.Command, look: int) -> None:
         """Execute a command from now on, at a look."""
+        assert command.motion.times is not None
         ends = command.time + float(command.motion.times[-1])
         count = max(math.ceil(ends / CHECK) - look, 0) + 1
         self.command, self.began = command, look
@@ -133,6 +140,7 @@ class Senses:
     empty: bool = False  # nothing is there
 
 
+KEPT = ("contacts", "least", "goals", "moving", "causes")  # of a run with other senses
 TRUSTING, EMPTY = Senses(off=None), Senses(empty=True)
 PRESENT = Senses(off=0.0, every=PERIOD, after=(0.0, 0.0), lag=0.0, latency=0.0, settling=0.0, computes=False)
 
@@ -144,6 +152,8 @@ def cause(command: hdplan.Command, room: float, due: float) -> str:
         return {"moving": "proven", "arrived": "at its goal"}.get(command.mode.value, "waits")
     if command.why.startswith("too close"):
         return "shut in" if room < due else "way is not free"
+    if "goal: in collision" in command.why:
+        return "goal is taken"
     return "late" if command.why.startswith("the step took") else "no way"
 
 
@@ -237,6 +247,20 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
     }
 
 
+def _driven(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what runs of one kind showed of the robot."""
+    causes = sum((Counter(each["causes"]) for each in runs), Counter[str]())
+    steps = causes.total() / 100
+    return {
+        "with a contact while moving": sum(each["contacts"] > 0 for each in runs),
+        "closest while moving, if within 100 [mm]": 1e3 * min(each["least"] for each in runs),
+        "with a goal reached": sum(each["goals"] > 0 for each in runs),
+        "goals in a run": float(np.mean([each["goals"] for each in runs])),
+        "moving": f"{np.mean([each['moving'] for each in runs]):.0%}",
+        "of 100 steps": ", ".join(f"{count / steps:.1f} {name}" for name, count in causes.most_common()),
+    }
+
+
 def table(outcomes: list[Outcome]) -> str:
     """Return what all runs showed."""
     cycles, ways, pictures = (
@@ -246,11 +270,7 @@ def table(outcomes: list[Outcome]) -> str:
         {
             "what is seen": "within its sizes",
             "runs": len(outcomes),
-            "with a contact while moving": sum(each.contacts > 0 for each in outcomes),
-            "closest while moving [mm]": 1e3 * min(each.least for each in outcomes),
-            "with a goal reached": sum(each.goals > 0 for each in outcomes),
-            "goals in a run": float(np.mean([each.goals for each in outcomes])),
-            "moving": f"{np.mean([each.moving for each in outcomes]):.0%}",
+            **_driven([{name: getattr(each, name) for name in KEPT} for each in outcomes]),
             "cycle median / 99 % / longest [ms]": (
                 f"{np.median(cycles[:, 0]):.1f} / {np.median(cycles[:, 1]):.1f} / {cycles[:, 2].max():.0f}"
             ),
@@ -259,19 +279,10 @@ def table(outcomes: list[Outcome]) -> str:
             "picture median [ms]": float(np.median(pictures[:, 0])),
         }
     ]
-    naive = [each.trusting for each in outcomes if each.trusting is not None]
-    if naive:
-        rows.append(
-            dict.fromkeys(rows[0])
-            | {
-                "what is seen": "as it is",
-                "runs": len(naive),
-                "with a contact while moving": sum(each["contacts"] > 0 for each in naive),
-                "closest while moving [mm]": 1e3 * min(each["least"] for each in naive),
-                "with a goal reached": sum(each["goals"] > 0 for each in naive),
-                "goals in a run": float(np.mean([each["goals"] for each in naive])),
-            }
-        )
+    for what, name in (("the present", "present"), ("as it is", "trusting")):
+        others = [other for each in outcomes if (other := getattr(each, name)) is not None]
+        if others:
+            rows.append(dict.fromkeys(rows[0]) | {"what is seen": what, "runs": len(others)} | _driven(others))
     known = [each for each in outcomes if each.knowing >= 0]
     if known:
         goals = {
@@ -292,6 +303,7 @@ def main() -> None:
     parser.add_argument("--from", dest="first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--journal", type=Path)
+    parser.add_argument("--present", action="store_true")
     parser.add_argument("--alone", action="store_true")
     parser.add_argument("--knowing", action="store_true")
     parser.add_argument("--trusting", action="store_true")
@@ -305,15 +317,16 @@ def main() -> None:
     for seed in seeds:
         if seed in done:
             continue
-        found = run(seed, said.seconds)
+        found = run(seed, said.seconds, Senses())
         past, (scene, goals) = found.pop("past"), scene_of(seed)
         found["knowing"], found["known_first"] = -1, math.inf
         if said.knowing:
             found["knowing"], found["known_first"] = goals_of_who_knows(past, scene, goals, said.seconds)
-        found["alone"] = run(seed, said.seconds, empty=True)["goals"] if said.alone else -1
-        if said.trusting:
-            naive = run(seed, said.seconds, trusting=True)
-            found["trusting"] = {name: naive[name] for name in ("contacts", "least", "goals")}
+        found["alone"] = run(seed, said.seconds, EMPTY)["goals"] if said.alone else -1
+        for wanted, name, senses in ((said.present, "present", PRESENT), (said.trusting, "trusting", TRUSTING)):
+            if wanted:
+                other = run(seed, said.seconds, senses)
+                found[name] = {key: other[key] for key in KEPT}
         done[seed] = Outcome(**found)
         print(done[seed], file=sys.stderr, flush=True)
         if said.journal is not None:

@@ -9,7 +9,8 @@ robot at start and goal; they may overlap. Nothing says that there is a way. The
 within S seconds (75, as their 150 periods of half a second); steps and ways take as long as the processor takes, and
 all boxes are known from the beginning.
 
-Theirs is a Kinova Gen3, whose description comes with no package that hdplan needs: name one by --robot (URDF or MJCF).
+Theirs is a Kinova Gen3, whose description (gen3.urdf of zonopy-robots) comes with no package that hdplan needs: name it
+by --robot (URDF or MJCF).
 By default it is a Panda by the same rule, with its own limits; the shares are then not comparable with theirs. Contacts
 are looked for without hdplan, by Pinocchio and coal, every 20 ms.
 """

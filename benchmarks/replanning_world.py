@@ -212,6 +212,7 @@ class Gaps:
         """Return the least distance [m] of the robot from these bodies if it is below `most`, and otherwise that."""
         for name, group in [("floor", []), *((each.name, [each]) for each in walkers)][0 if floor else 1 :]:
             if self.least.get(name, -np.inf) < most:
+                assert self.at is not None
                 self.least[name] = self.judge.distance(self.at, group, FAR, floor=not group)
             most = min(most, self.least[name])
         return most

@@ -178,14 +178,16 @@ class Certifier:
         suspect: tuple[int, float] | None = None,
         passing: Collection[str] = (),
         shortest: float = SHORTEST_INTERVAL,
+        measured: bool = True,
     ) -> Certificate:
         """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
         a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
         failures are not complete, nor is the cost of the unknown then given. At ends that are `passing` the robot does
         not stop: the motion itself says where those are, so that no lesser clearance is required for them. What is
-        neither proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven."""
+        neither proven nor refuted on the `shortest` part of a waypoint interval is given up as not proven. Without
+        `measured`, the proven clearance may be far less than the distance of the bodies."""
         began = time.perf_counter()
-        check_as_loaded(self.robot)
+        check_as_loaded(self.robot, shapes=False)
         instance(trajectory, Trajectory, "trajectory")
         check_ends = checked(boolean, check_ends, "check_ends")
         if required is not None:
@@ -199,7 +201,7 @@ class Certifier:
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve, passing) if required is None else (required, ())
         floor = self.floor(required)
-        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest)
+        proof = Proof() if beyond else self.sweep.prove(moved, floor, suspect, shortest, measured)
         path = None if self.path is None or beyond else self.path.prove(moved)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)
@@ -215,7 +217,7 @@ class Certifier:
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
             refuse_gaps(self._asked | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
-        check_as_loaded(self.robot)  # again: another thread may have changed it while it was looked at
+        check_as_loaded(self.robot)  # at the end: another thread may have changed it while it was looked at
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),

@@ -121,16 +121,18 @@ class Sweep:
         required: Array | float = 0.0,
         suspect: tuple[int, float] | None = None,
         shortest: float = SHORTEST_INTERVAL,
+        measured: bool = True,
     ) -> Proof:
         """Prove a motion, or find where it cannot be proven.
 
         `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
         `suspect`, a waypoint interval and a fraction of it, is looked at first, and the first contact found anywhere
         ends the search: failures are then not complete. What is neither proven nor refuted on the `shortest` part of a
-        waypoint interval is not proven.
+        waypoint interval is not proven. Unless it is to be `measured` how far apart they are, what suffices is enough:
+        the proven clearance is then no less than required, and may be far less than the closest distance.
         """
         floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
-        return _Run(self, curve, floor, suspect, shortest).prove()
+        return _Run(self, curve, floor, suspect, shortest, measured).prove()
 
     def _standing(self, q: Array, time: float) -> _Run:
         """Return a run that stands at one configuration and time."""
@@ -147,11 +149,12 @@ class _Run:
         floor: Array,
         suspect: tuple[int, float] | None = None,
         shortest: float = SHORTEST_INTERVAL,
+        measured: bool = True,
     ) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
         self.bounds, self.containment = sweep.bounds, sweep.containment
         self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
-        self.suspect, self.shortest = suspect, shortest
+        self.suspect, self.shortest, self.measured = suspect, shortest, measured
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
@@ -189,7 +192,7 @@ class _Run:
             pairs, first = order[first : first + more], first + more
             self.looked_at += len(pairs)
             group = self.pairs.group[pairs]
-            done = far[pairs] >= self._enough(pairs)
+            done = (far[pairs] >= self._enough(pairs)) & (far[pairs] > 0.0)
             for which in (0, 1):
                 self.clearance[which] = min(
                     self.clearance[which], float(far[pairs[done & (group == which)]].min(initial=np.inf))
@@ -403,9 +406,14 @@ class _Run:
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
         if self._asked is None:
-            goals = np.array([np.inf if spot is None else _goal(spot.distance) for spot in self.closest])
+            goals = np.array([_goal(distance) for distance in self._least()])
             self._asked = np.maximum(self.floor, goals[self.pairs.group])
         return self._asked[pairs]
+
+    def _least(self) -> list[float]:
+        """Return the least distances [m] found, for each group, whose clearance is to be proven; −inf if none is."""
+        none = np.inf if self.measured else -np.inf
+        return [none if spot is None or not self.measured else spot.distance for spot in self.closest]
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
@@ -434,7 +442,7 @@ class _Run:
         if not hollow.any():
             return hulls
         values = np.where(hollow, np.inf, hulls)
-        known = [np.inf if spot is None else spot.distance for spot in self.closest]
+        known = self._least()
         least = [min(known[which], float(values[group == which].min(initial=np.inf))) for which in (0, 1)]
         enough = np.maximum(self.floor[items.pair], np.array([_goal(distance) for distance in least])[group])
         closer = hulls < np.array(least)[group]
@@ -449,7 +457,8 @@ class _Run:
             goal = max(floor, _goal(closest))
             if hulls[i] < closest or (hulls[i] < goal and items.bound[i] < goal):
                 self.exact_calls += 1
-                within = max(closest - CLOSER_SHARE * (closest - _goal(closest)), floor) if closest < np.inf else np.inf
+                near = closest - CLOSER_SHARE * (closest - _goal(closest)) if np.isfinite(closest) else closest
+                within = max(near, floor)
                 try:
                     found = parts.bound(k, within + float(unknown[i]), goal)
                 except TimeLimitError:  # what is left is not proven
@@ -541,6 +550,6 @@ class _Run:
 
 def _goal(distance: float) -> float:
     """Return the greatest clearance [m] that can be proven where this is the least distance found, less a tolerance."""
-    if distance == np.inf:
-        return np.inf
+    if not np.isfinite(distance):
+        return distance
     return distance - min(max(TOLERANCE, RELATIVE_TOLERANCE * distance), 0.5 * distance)

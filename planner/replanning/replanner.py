@@ -52,7 +52,7 @@ from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import AnyGoal, Goals, JointTarget
 from hdplan.scenes.values import Number, checked, describe, functions, instance
 
-ROWS = 2  # of the grid in a period
+ROWS = 4  # of the grid in a period: what begins at a row waits for it
 OFF = 1e-6  # [rad] or [m] by which a measured joint may be off beyond `robot.tracking`, from rounding
 AT_REST = 1e-2  # [rad/s] or [m/s] of a measured joint, below which a robot that is off its motion counts as standing
 FIRST_HORIZON = 0.5  # [s] until one was measured
@@ -211,6 +211,9 @@ class Replanner:
         with self._steps:
             self._scene = setup.asked
             self._ways.forget(reaches=False)
+            if not self._off and self._now > -math.inf:  # the next step may then have a way already
+                row = self._grid.after(self._now + self._period + self._latency)
+                self._ask(row, moves=self._hopeful and self._now < self._grid.time(self._held.last))
 
     def state(self, q: ArrayLike, dq: ArrayLike, at: float | None = None) -> None:
         """Take what was measured of the joints: positions q and velocities dq (n,), at a time [s], by default that of
@@ -255,8 +258,12 @@ class Replanner:
                 self._course = self._ways.hear(t, self._held, self._course, row)
                 moves, why = self._go_on(picture, row, t, began)
             if not self._off:
-                self._ways.ask(self._scene, self._seen, t, self._horizon, self._held, self._course, row, moves)
+                self._ask(row, moves)
             return self._command(t, why, time.perf_counter() - began)
+
+    def _ask(self, row: int, moves: bool) -> None:
+        """Ask about the way, for a course that goes on from a row of the clock."""
+        self._ways.ask(self._scene, self._seen, self._now, self._horizon, self._held, self._course, row, moves)
 
     # --- a step -------------------------------------------------------------------------------------------------------
 
@@ -302,7 +309,7 @@ class Replanner:
         if (course := self._ways.waiting(self._held, self._course, row)) is not None:
             courses.insert(0, course)
         elif self._course.arrives and row >= self._held.last:
-            return False, ""
+            return False, "" if self._ways.reaches else self._ways.why or "no way was found yet"
         why, hopeful, self._hopeful = "", self._hopeful, False
         for course in courses:
             for motion in self._motions.of(course.nominal, course.at(row), hopeful):

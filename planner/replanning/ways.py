@@ -17,7 +17,7 @@ from hdplan.scenes.scene import Scene
 
 AHEAD, MOST_AHEAD = 0.1, 1.0  # [s] of the nominal motion before its rest is replaced, at least and at most
 SOONER, LATER = 0.7, 1.3  # times the last lead that the next one has at least, and times what the last answer took
-AGAIN = 0.5  # [s] after a way was not found, or did not help, until one is asked for again
+AGAIN = 0.2  # [s] after a way was not found, or did not help, until one is asked for again
 
 
 class Ways:

@@ -12,7 +12,9 @@ import pytest
 import hdplan
 from hdplan import Box, Calibration, Capsule, Cylinder, InputError, Obstacle, Pose, Scene, Sphere, Tracking, Uncertainty
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.robot_curve import curve_of, unfolded_curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import UnsolvableError
@@ -82,6 +84,57 @@ def test_no_world_within_the_sizes_is_closer_than_what_is_proven(robot: str) -> 
             found = np.array(list(worlds))
             assert (found.min(axis=0) >= np.array(proof.clearance) - LESS).all(), seed
             near += 1
+
+
+@pytest.mark.parametrize("robot", HOMES)
+def test_places_at_an_instant_are_those_of_an_interval_without_length(robot: str) -> None:
+    """Places taken from a longer interval are those computed anew, with unknown joints and things that drift."""
+    home, more = HOMES[robot]
+    scene, motion = random_scene(1, robot, home, **more)
+    setup, rng = Setup.of(scene), np.random.default_rng(1)
+    bodies, curve = Certifier(setup).sweep.bodies, unfolded_curve(setup.robot, curve_of(setup.robot, motion))
+    rho, interval, start = bodies.reach(curve), rng.integers(0, 4, 20), rng.uniform(0.0, 0.5, 20)
+    width = rng.uniform(0.0, 0.5, 20) * (np.arange(20) > 0)
+    found = Intervals.of(bodies, curve, rho, interval, start, width).instants
+    known = Intervals.of(bodies, curve, rho, interval, start + 0.5 * width, np.zeros(20))
+    for each in ("start", "width", "delta", "deviation", "rotation", "origin", "center", "reach", "axes", "points"):
+        np.testing.assert_allclose(getattr(found, each), getattr(known, each), atol=1e-14, err_msg=each)
+    np.testing.assert_allclose(found.latest, known.latest, atol=1e-14)
+    np.testing.assert_allclose(found.moved, known.moved, atol=1e-14)
+    assert known.moved.any()
+    assert found.drift is not None
+    assert known.drift is not None
+    for mine, other in zip(found.drift.parts, known.drift.parts, strict=True):
+        np.testing.assert_array_equal(mine, other)
+
+
+@pytest.mark.parametrize("robot", HOMES)
+def test_what_is_not_measured_is_proven_all_the_same(robot: str) -> None:
+    """Whether a motion keeps what is required does not depend on whether its clearance is measured; and what is then
+    said of it is no more than what it has, and no less than required."""
+    home, more = HOMES[robot]
+    kept = refused = 0
+    for seed in range(1, 9):
+        scene, motion = random_scene(seed, robot, home, **more)
+        sweep = Certifier(Setup.of(scene)).sweep
+        known = sweep.prove(motion.curve)
+        least = min(known.clearance) if not known.failures else 0.0
+        for floor in (0.0, 0.5 * least, least - 2e-3, least + 2e-2):
+            if floor < 0.0:
+                continue
+            found = sweep.prove(motion.curve, floor, measured=False)
+            whole = sweep.prove(motion.curve, floor)
+            assert {(each.interval, each.pair) for each in found.failures} == {
+                (each.interval, each.pair) for each in whole.failures
+            }, (seed, floor)
+            assert found.whole
+            kept, refused = kept + (not found.failures), refused + bool(found.failures)
+            if not found.failures:
+                closest = [spot.distance for spot in known.closest if spot is not None]
+                assert floor <= min(found.clearance) <= min(closest) + LESS
+                assert min(found.clearance) > 0.0
+    assert kept > 2
+    assert refused > 2
 
 
 def test_what_a_shift_costs_is_its_size_and_no_more() -> None:

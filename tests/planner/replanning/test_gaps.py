@@ -1,0 +1,51 @@
+"""The benchmark of replanning looks for contacts only where they can be: what it does not measure is no closer than it
+says."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+
+import replanning_world as worlds
+
+from hdplan.planner.robot.setup import Setup
+
+DT = 0.005  # [s]
+
+
+def test_a_gap_that_is_not_measured_is_no_smaller_than_it_is_said_to_be() -> None:
+    """A robot at its greatest speeds among all that moves in a world: contact, and each distance below what is asked,
+    is found when it is there, though most distances are not measured."""
+    scene, _ = worlds.scene_of(3)
+    judge = worlds.Judge(Setup.of(scene).robot)
+    gaps, world, rng = worlds.Gaps(judge), worlds.World(3), np.random.default_rng(3)
+    measured, looks, near = 0, 0, 0
+    whole = judge.distance
+
+    def counted(*args: object, **named: object) -> float:
+        nonlocal measured
+        measured += 1
+        return float(whole(*args, **named))
+
+    gaps.judge.distance = counted  # type: ignore[method-assign]
+    q, dq = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]), np.zeros(7)
+    for k in range(400):
+        if k % 20 == 0:
+            dq = rng.uniform(-1.0, 1.0, 7) * judge.robot.model.velocityLimit[:7]
+        q = np.clip(q + DT * dq, judge.robot.lower, judge.robot.upper)
+        gaps.move(q, DT)
+        there = world.there(k * DT)
+        most = rng.uniform(0.0, 0.15)
+        found = gaps.below(there, most, floor=True)
+        looks += 1 + len(there)
+        if k % 5 == 0:
+            least = min(whole(q, there, most), most)
+            assert abs(found - least) < 1e-9, (found, least)
+            near += least < most
+        world.go(k * DT, DT, lambda at=q: judge.hand(at))
+    assert near > 3
+    assert measured < 0.5 * looks
