@@ -206,7 +206,7 @@ class _Run:
                     nodes, items = self._halve(nodes, items)
 
     def _roots(self) -> Intervals:
-        """Return the parts of the motion to begin with: all of its intervals, or several of a long one each, where
+        """Return the first parts of the motion: all of its intervals, or several of a long one each, where
         nothing depends on time."""
         intervals, width = len(self.curve) - 1, 1
         if self.bodies.sizes is None and not self.bodies.drifting.any():

@@ -28,6 +28,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.certificate import places_loop
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance, angles_between, no_greater_angle, spun
+from hdplan.planner.certificate.verdict import at_most
 from hdplan.planner.geometry.rotations import matrices_of, vectors_of
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain, cross
@@ -319,7 +320,7 @@ class OnCurve(_Along):
 
     def kept(self, worst: float) -> str:
         """Words such as "tool0 within 0.08 of 0.1 mm of its curve"."""
-        return f"{self.link} within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of its curve"
+        return f"{self.link} within {at_most(worst * 1e3)} of {self.allowed * 1e3:g} mm of its curve"
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,9 +354,8 @@ class NearEnd(_Along):
 
     def kept(self, worst: float) -> str:
         """Words such as "tool0 blended within 42 of 50 mm of the end of its curve"."""
-        return (
-            f"{self.link} blended within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of the {self.end} of its curve"
-        )
+        within = f"within {at_most(worst * 1e3)} of {self.allowed * 1e3:g} mm"
+        return f"{self.link} blended {within} of the {self.end} of its curve"
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,7 +380,7 @@ class TurnedAlong(_Along):
 
     def kept(self, worst: float) -> str:
         """Words such as "tool0 turned within 0.02 of 0.05 rad against its curve"."""
-        return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against its curve"
+        return f"{self.link} turned within {at_most(worst)} of {self.allowed:g} rad against its curve"
 
 
 @dataclass(frozen=True, eq=False)

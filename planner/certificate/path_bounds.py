@@ -38,6 +38,7 @@ from typing import NamedTuple, Protocol, assert_never
 
 import numpy as np
 
+from hdplan.planner.certificate.verdict import at_most, proven_length
 from hdplan.planner.motion.curve import Index
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
 from hdplan.planner.robot.link_frame import link_frame, relative_links
@@ -188,7 +189,7 @@ class HeldUpright(WithTolerance):
 
     def kept(self, worst: float) -> str:
         """Words such as "panda_hand upright within 0.083 of 0.1 rad"."""
-        return f"{self.link} upright within {worst:.3g} of {self.allowed:g} rad"
+        return f"{self.link} upright within {at_most(worst)} of {self.allowed:g} rad"
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +232,7 @@ class HeldWithin:
 
     def kept(self, worst: float) -> str:
         """Words such as "the point of tool0 at least 2 mm inside its box"."""
-        return f"the point of {self.link} at least {max(0.0, -worst) * 1e3:.3g} mm inside its box"
+        return f"the point of {self.link} at least {proven_length(max(0.0, -worst))} inside its box"
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +271,7 @@ class HeldAt(WithTolerance):
 
     def kept(self, worst: float) -> str:
         """Words such as "right_hand within 3.2 of 5 mm of its place at left_hand"."""
-        return f"{self.link} within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of its place at {self.to}"
+        return f"{self.link} within {at_most(worst * 1e3)} of {self.allowed * 1e3:g} mm of its place at {self.to}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +312,7 @@ class HeldTurn(WithTolerance):
 
     def kept(self, worst: float) -> str:
         """Words such as "right_hand turned within 0.02 of 0.05 rad against left_hand"."""
-        return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against {self.to}"
+        return f"{self.link} turned within {at_most(worst)} of {self.allowed:g} rad against {self.to}"
 
 
 def angles_between(one: Array, other: Array) -> Array:

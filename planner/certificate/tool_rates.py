@@ -22,6 +22,7 @@ import numpy as np
 from hdplan.planner.certificate.limit_checks import JUMP
 from hdplan.planner.certificate.path_bounds import Part, Valued, WithTolerance
 from hdplan.planner.certificate.rate_check import slope_of_steps
+from hdplan.planner.certificate.verdict import at_most
 from hdplan.planner.motion.curve import Curve, Index
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.robot.link_frame import link_frame
@@ -82,7 +83,7 @@ class ToolRate(WithTolerance):
 
     def kept(self, worst: float) -> str:
         """Words such as "tool0 moves at most at 0.099 of 0.1 m/s"."""
-        return f"{self.link} {WORDS[self.order]} at most {worst:.3g} of {self.allowed:g} {UNITS[self.order]}"
+        return f"{self.link} {WORDS[self.order]} at most {at_most(worst)} of {self.allowed:g} {UNITS[self.order]}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
 from hdplan.planner.certificate.torque_bounds import torque_curvature
-from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.certificate.verdict import Status, at_most
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.robot.loads import loads_in
@@ -94,7 +94,9 @@ class TorquesFound:
         i, over = self.worst, self.overload
         name, limit, when = self.joint_names[i], self.limits[i], f"at {self.times[i]:.3f} s"
         if self.within:
-            return f"torques at most {100 * self.proven[i] / limit:.3g} % of their limits ({name}, {when})"
+            return (
+                f"torques at most {at_most(100.0 * float(self.proven[i] / limit))} % of their limits ({name}, {when})"
+            )
         if not self.exceeded:
             return (
                 f"joint '{name}' needs a torque of {self.found[i]:.6g} {when}: too close to its limit {limit:g} to "

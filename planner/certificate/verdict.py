@@ -5,10 +5,11 @@ From what the checks found, the worst first, to one status and one sentence: wha
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from decimal import ROUND_DOWN, Context, Decimal
+from decimal import ROUND_CEILING, ROUND_DOWN, Context, Decimal
 from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
@@ -212,7 +213,7 @@ def proven(
     )
     links = "" if self_clearance is None else f", {proven_length(self_clearance)} between links"
     uses = [use for found in limits if not found.remark for use in found.uses]
-    taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
+    taken = "".join(f", {use.quantity} up to {share_of_limit(use.share)} of the limits" for use in uses)
     kept = "".join(f", {constraint.words}" for constraint in path)
     remarks = "".join(f"; {found.remark}" for found in limits if found.remark)
     worlds = ", in every world within the scene's sizes" if sized else ""
@@ -246,6 +247,21 @@ def proven_length(metres: float) -> str:
     """Return a length that is proven, rounded down: no more is claimed than was proven."""
     digits = Context(prec=3, rounding=ROUND_DOWN).create_decimal(Decimal(metres) * (1000 if metres < 1.0 else 1))
     return f"{float(digits):.3g} {'mm' if metres < 1.0 else 'm'}"
+
+
+def at_most(value: float) -> str:
+    """Return an upper bound that is proven, rounded up to three digits: no less is claimed than was proven."""
+    if not math.isfinite(value):
+        return f"{value:g}"
+    return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
+
+
+def share_of_limit(share: float, decimals: int = 0) -> str:
+    """Return the share of a limit that is used at most, in per cent, rounded up but for the last digits of a double."""
+    if not math.isfinite(share):
+        return f"{share:.0%}"
+    units = 10**decimals
+    return f"{math.ceil(100.0 * units * share - 1e-6) / units:.{decimals}f}%"
 
 
 def _others(failures: tuple[Place, ...]) -> str:

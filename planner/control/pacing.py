@@ -1,6 +1,6 @@
 """The pace of a motion that is followed: as fast as the joints' limits of velocity, acceleration and jerk allow.
 
-A motion in time asks for more than a robot can do where its limits are lower than those that it was planned for. Over
+A motion in time exceeds a robot's limits where these are lower than the limits of its planning. Over
 s times its duration, velocities are 1/s of theirs, accelerations 1/s², jerks 1/s³, and its curve stays the same. One
 that begins or ends at a speed, as straight lines between rows do, is brought there and to rest by halves of a motion of
 minimum jerk, each along one interval.
@@ -73,7 +73,7 @@ def feasible(motion: Curve, rates: Rates) -> Curve:
 
 
 def slowed(motion: Curve, by: float) -> Curve:
-    """Return the same curve over so many times its duration, from the same time on."""
+    """Return the same curve over so many times its duration, with the same beginning."""
     assert motion.times is not None
     times = motion.times[0] + by * (motion.times - motion.times[0])
     return replace(motion, times=times, given=tuple(each / by**order for order, each in enumerate(motion.given, 1)))

@@ -89,7 +89,7 @@ def groups_of(stages: Sequence[Stage]) -> Iterator[range]:
 def blended(world: World, pieces: Sequence[Piece], late: Late) -> tuple[list[Piece], list[str]]:
     """Return the pieces of stages, each planned from rest to rest, with those blended that are to be; `world` is what
     there is at first. Where that does not lead to a certificate, takes longer, or time is up, they stop as they were
-    planned, which is said, too. Raises InputError as `certified_stage`."""
+    planned, with a note. Raises InputError as `certified_stage`."""
     assert world.scene.job is not None
     found, notes, names = [*pieces], [], world.scene.job.names
     scene = with_stops(world.scene, [len(pieces) - 1]) if len(pieces) < len(names) else world.scene

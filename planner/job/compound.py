@@ -200,7 +200,7 @@ class Path:
         rows = curve.back(np.concatenate(near))
         if not (reached := curve.reached(rows)).all():
             share = float(lengths[int((~reached).argmax())]) / self.cuts[-1]
-            raise NotFollowedError(f"{self.link} cannot be brought along its blended curve beyond {share:.0%} of it")
+            raise NotFollowedError(f"{self.link} cannot follow its blended curve beyond {share:.0%} of it")
         return rows
 
 

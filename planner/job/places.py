@@ -38,8 +38,8 @@ def pose_of(matrix: Array) -> Pose:
 
 
 def poses_of(matrices: Array) -> tuple[Pose, ...]:
-    """Return homogeneous matrices (k, 4, 4) as poses: the same ones for the same matrices, as curves are asked for from
-    many beginnings."""
+    """Return homogeneous matrices (k, 4, 4) as poses: the same objects for the same matrices, as one curve is followed
+    from many beginnings."""
     return _poses(np.ascontiguousarray(matrices).tobytes())
 
 

@@ -13,6 +13,8 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
+from hdplan.planner.certificate.verdict import share_of_limit
+
 if TYPE_CHECKING:
     from hdplan.planner.certificate.verdict import Certificate, Place
     from hdplan.planner.control.simulation import JointUse, Peak, Simulation
@@ -69,7 +71,7 @@ def limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
     return [
         (
             use.quantity,
-            f"at most {use.share:.1%} of the limit, by {use.joint} (limit {use.limit:.4g})"
+            f"at most {share_of_limit(use.share, 1)} of the limit, by {use.joint} (limit {use.limit:.4g})"
             if math.isfinite(use.share)
             else f"jumps, which no limit allows, of {use.joint} (limit {use.limit:.4g})",
         )

@@ -42,7 +42,7 @@ class Step:
     selected: Thing | None = None  # before it: a new name is another thing
 
     def goes_on(self, field: str, now: Edited, when: float | None) -> bool:
-        """True if an edit that was asked for at a moment [s], if it was, belongs to it."""
+        """True if an edit that was requested at a moment [s], if it was, belongs to it."""
         return field == self.field and now is self.edited and when is not None and when < self.when + PAUSE
 
     def begins(self, typed: tuple[str, ...]) -> bool:

@@ -13,7 +13,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import SLACK, PathCheck, PathProof
-from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.planner.certificate.verdict import Certificate, Status, at_most
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
@@ -237,7 +237,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
     wide = Within("tool0", (2.0, 2.0, 0.3), Pose((0.5, 0.0, 0.25)))
     good = verdict([start, turned], down, wide)
     assert good.status is Status.CERTIFIED
-    assert f", tool0 upright within {good.path[0].worst:.3g} of 0.1 rad" in good.text
+    assert f", tool0 upright within {at_most(good.path[0].worst)} of 0.1 rad" in good.text
     assert "the point of tool0 at least " in good.text
     assert (good.departures, good.unproven) == ((), ())
     bad = verdict([start, turned, nodded, turned], down, wide)
