@@ -39,7 +39,7 @@ import hdplan
 from hdplan.planner.search import search
 from hdplan.planner.studies.report import Cell, markdown_text
 
-STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search does without
+STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search leaves out
     "defaults": {},
     "no trees": {"without": "trees"},
     "no trees, no exact distance": {"without": "exact distance"},

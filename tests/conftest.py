@@ -42,7 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", " ".join(LITTLE_XLA))
         c_library.FLAGS += ("-O0",)
-        stopwatch.LEAST_TIME = 0.01  # what studies time is not looked at
+        stopwatch.LEAST_TIME = 0.01  # the times of studies are not examined
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
 

@@ -159,7 +159,7 @@ def test_plot_draws_any_trajectory(hdplan: Command) -> None:
     Path("line.csv").write_text("elbow,shoulder\n0.4,-0.8\n0.4,1.0\n", encoding="utf-8")
     done = hdplan("plot", "planar_arm", "line.csv", "-o", "line.pdf")
     assert (done.code, done.err) == (0, "")
-    assert done.out.startswith("wrong ends: ")  # the verdict is shown; the picture was asked for
+    assert done.out.startswith("wrong ends: ")  # the verdict is shown; the picture was requested
     assert done.out.splitlines()[-1].split() == ["written", "line.pdf"]
     assert Path("line.pdf").read_bytes().startswith(b"%PDF")
 

@@ -215,7 +215,7 @@ class Certifier:
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
             refuse_gaps(self._asked | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
-        check_as_loaded(self.robot)  # again: another thread may have changed it while it was looked at
+        check_as_loaded(self.robot)  # again: another thread may have changed it in the meantime
         found = Findings(
             curve,
             next(filter(None, ends.values()), None),

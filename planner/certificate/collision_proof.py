@@ -29,7 +29,7 @@ LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
 CLEAR_OVERLAP = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-# share of this tolerance by which a place must be closer than the closest one known to be looked at
+# share of this tolerance by which a place must be closer than the closest known one to be examined
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
@@ -203,7 +203,7 @@ class _Run:
                     nodes, items = self._halve(nodes, items)
 
     def _roots(self) -> Intervals:
-        """Return the parts of the motion to begin with: all of its intervals, or several of a long one each, where
+        """Return the first division of the motion: all of its intervals, or several of a long one each, where
         nothing depends on time."""
         intervals, width = len(self.curve) - 1, 1
         if self.bodies.sizes is None and not self.bodies.drifting.any():

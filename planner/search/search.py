@@ -69,7 +69,7 @@ class Event:
     step: Iteration | None = None
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
-    motion: Trajectory | None = None  # that it is of
+    motion: Trajectory | None = None  # which it judges
 
 
 Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better end, at most so far away
@@ -81,7 +81,7 @@ class Guess(NamedTuple):
     positions: Array  # (N, n)
     weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
     as_it_is: bool = False  # whether it may be the motion itself
-    last: float = math.inf  # what the motion cost that it comes from, if it is a warm start
+    last: float = math.inf  # cost of the motion that it continues, if it is a warm start
     way: Array | None = None  # (C, n) what it goes along more finely, which may be the motion itself, timed or not
 
 

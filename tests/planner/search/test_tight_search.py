@@ -96,7 +96,7 @@ def test_what_is_laid_out_anew_stays_exact() -> None:
     problem = exactly(build(load_scene("panda_cage")))
     near = closer(problem, 0.01, quick=False)
     assert near.exact
-    assert near.depth(problem.polyline()).max() == problem.depth(problem.polyline()).max()  # where it sets in
+    assert near.depth(problem.polyline()).max() == problem.depth(problem.polyline()).max()  # where it begins
 
 
 def test_ways_back_and_nodes_are_free_by_the_exact_distance() -> None:
