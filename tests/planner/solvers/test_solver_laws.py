@@ -596,7 +596,7 @@ def test_guesses_deep_inside_an_obstacle_come_out(monkeypatch: pytest.MonkeyPatc
         for guess in (np.tile(q, (problem.waypoints, 1)), np.vstack(through)):
             first = problem.clip(guess)
             monkeypatch.setattr(
-                "hdplan.planner.search.search.seeds",
+                "hdplan.planner.search.guesses.seeds",
                 lambda problem, seed, first=first: iter([first, *first_guesses(problem, seed)]),
             )
             result = hdplan.plan(scene)
