@@ -38,7 +38,7 @@ from hdplan.scenes.array_types import Array
 SPACING, RADIUS = 0.005, 0.005  # [m]
 NOISE, OUTLIERS, OFF = 0.002, 0.01, 0.05  # [m] along the ray, share of the points, [m] by at most which these are off
 JITTER = 0.0005  # [m] by which points of the next cloud are elsewhere
-CAMERAS = ((1.6, 1.2, 1.4), (1.6, -1.2, 1.4), (-0.4, 0.0, 2.2))  # [m] three eyes that look at
+CAMERAS = ((1.6, 1.2, 1.4), (1.6, -1.2, 1.4), (-0.4, 0.0, 2.2))  # [m] three eyes, around the robot
 AIM = (0.5, 0.0, 0.5)
 FOLLOWED, WARM = 2.0, 5  # [s], steps
 PIXELS, OPENING = 480, np.radians(60.0)  # along both sides of each picture, and its opening

@@ -18,10 +18,10 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import onto_path
 from hdplan.scenes.array_types import Array, Mask
 
-STEP = 0.05  # [rad] or [m] of an edge, at most; its middle is looked at, too
+STEP = 0.05  # [rad] or [m] of an edge, at most; its middle is tested, too
 TARGETS = 32  # at once
 USED = 0.95  # share of the band of clearance, or of a constraint, that may be used up
-LEAST = 0.2  # of a step that must be left after the projection, for a branch to go on
+LEAST = 0.2  # of a step that must be left after the projection, for a branch to grow further
 CUTS = 200  # tries to shorten a way
 
 

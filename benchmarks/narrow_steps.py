@@ -36,10 +36,10 @@ from processor_time import add_processor_time, set_clock
 from resumed import kept, read
 
 import hdplan
-from hdplan.planner.search import search
+from hdplan.planner.search import guesses
 from hdplan.planner.studies.report import Cell, markdown_text
 
-STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search does without
+STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the solver; what the search leaves out
     "defaults": {},
     "no trees": {"without": "trees"},
     "no trees, no exact distance": {"without": "exact distance"},
@@ -53,7 +53,7 @@ STEPS: dict[str, dict[str, Any]] = {  # words: settings of the planner, and the 
     "no polish": {"polish": 0},
     "three rounds of polish": {"polish": 3},
 }
-WITHOUT: dict[str, tuple[str, Callable[..., Any]]] = {  # a name in the search, and what stands in its place
+WITHOUT: dict[str, tuple[str, Callable[..., Any]]] = {  # a name in the order of guesses, and what stands in its place
     "trees": ("tree_ways", lambda *_: iter(())),
     "exact distance": ("exactly", lambda problem: problem),  # nor do trees grow then
 }
@@ -93,7 +93,7 @@ def run(kind: str, step: str, number: str, scene: hdplan.Scene, time_limit: floa
     scene = replace(scene, planner=replace(scene.planner, **settings))
     began = time.process_time()
     try:
-        with mock.patch.object(search, *WITHOUT[without]) if without else contextlib.nullcontext():
+        with mock.patch.object(guesses, *WITHOUT[without]) if without else contextlib.nullcontext():
             found = hdplan.plan(scene, solver=solver, time_limit=time_limit)
     except hdplan.UnsolvableError:
         return None

@@ -26,7 +26,7 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     """Plan with OMPL's geometric planner of that name, edges checked at steps of `resolution` [rad] (OMPL's default
     without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
     began = time.process_time()
-    util.RNG.setSeed(seed)  # of the generators made from here on; 0 would be passed over
+    util.RNG.setSeed(seed)  # of all generators made later; 0 would be ignored
     setup = asked(task.lower, task.upper, task.start, task.goal)
     information = setup.getSpaceInformation()
     setup.setStateValidityChecker(_Validity(task, margin))

@@ -158,7 +158,7 @@ class Answer:
 
     path: Array | None  # (N, n) configurations joined by straight lines; None if it claims no solution
     setup: float  # [s] of the processor, to make robot and obstacles known to the planner
-    seconds: float  # [s] of the processor, from then on
+    seconds: float  # [s] of the processor, since then
     motion: Trajectory | None = None  # along the path, from a planner that gives one within LIMITS itself
 
 

@@ -46,7 +46,7 @@ import numpy as np  # isort: skip  (after Tesseract, which brings a C++ runtime 
 
 STEPS = 10
 ITERATIONS = 200
-FORBIDDEN, COSTLY = (0.005, 10.0), (0.01, 50.0)  # [m] from which on contacts are looked at; weight
+FORBIDDEN, COSTLY = (0.005, 10.0), (0.01, 50.0)  # [m] below which contacts count; weight
 TASK, PROFILE = "TrajOptMotionPlannerTask", "DEFAULT"
 COARSE = 100.0  # [rad] or [m]: so that STEPS alone says how finely the line is cut
 CONTACTS = """

@@ -59,7 +59,7 @@ class Meter:
 
     evaluations: int = 0  # of the cost
     evaluate: float = 0.0  # [s] in them
-    pairs: int = 0  # distances computed, in evaluations and to choose first guesses by
+    pairs: int = 0  # distances computed, in evaluations and in the choice of first guesses
     distance: float = 0.0  # [s] in them
     solve: float = 0.0  # [s] in the solver, all attempts
 

@@ -38,7 +38,7 @@ INSIDE = 0.03  # [m] that fingers reach into what they take from the side
 SHUFFLED = 6  # grasps with which a job is tried when it is drawn
 TRIES, STEPS = 12, 40  # of inverse kinematics
 INNER = 0.05  # [rad] from the limits of joints
-PARTS, FARTHEST = 6, 0.35  # of a line on which an arm is looked at; [rad] that a joint moves between two of them
+PARTS, FARTHEST = 6, 0.35  # of a line on which an arm is tested; [rad] that a joint moves between two of them
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ ROBOTS = {  # description, and pairs of links that its maker lets touch, or that
 }
 STEP = 5e-3  # [s] between samples
 REACH = 5e-3 + 1e-6  # [m] of a hand from what it takes
-OFF, TURNED = 1e-3 + 1e-6, 1e-2 + 1e-6  # [m] and [rad] that a pose, and a line, may be missed by
+OFF, TURNED = 1e-3 + 1e-6, 1e-2 + 1e-6  # [m] and [rad] by which a pose, and a line, may be missed
 DEEP = 3e-3  # [m] by which bodies that may touch may overlap
 ROUNDING = 1e-6  # of a limit
 STILL = 1e-9  # of joints that stand still

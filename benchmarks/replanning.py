@@ -178,7 +178,7 @@ def run(seed: int, seconds: float, senses: Senses) -> dict[str, Any]:
     speeds = np.array(replanner.robot.model.velocityLimit[:7])
     arm = Arm(replanner.robot.configuration(scene.start), speeds, senses.lag)
     coming: list[tuple[float, hdplan.Command]] = []  # commands on their way to the arm
-    taken: list[tuple[float, float, list[hdplan.Obstacle]]] = []  # pictures on their way: when they come, and are of
+    taken: list[tuple[float, float, list[hdplan.Obstacle]]] = []  # pictures on their way: arrival, time when taken
     next_step = next_picture = 0.0
     reached, first, contacts, least, moving, late = 0, math.inf, 0, NEAREST, 0, 0
     count, past, seen_at = round(seconds / CHECK), Past(), 0.0

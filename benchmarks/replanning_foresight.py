@@ -22,7 +22,7 @@ KNOTS = 0.02  # [s] between two recorded poses
 INTERPOLATED = 0.005  # [m] kept from what moves, as between two knots it may have turned
 FAR = 2.0  # [m] from the base, out of the robot's reach
 LONGER = (1.3, 1.8, 2.6)  # times the quickest motion's duration
-WAITS = 0.2  # [s] until another one is looked for
+WAITS = 0.2  # [s] until another one is sought
 LIMIT = 0.3  # [s] of the processor for one motion
 
 

@@ -167,7 +167,7 @@ def buffered(function: ca.Function, given: list[Array]) -> Callable[[], object]:
         memory.set_arg(k, array.data)  # type: ignore[call-arg]  # an overload that the stubs lack
     for k, array in enumerate(results):
         memory.set_res(k, array.data)  # type: ignore[call-arg]
-    return lambda: (run(), memory, given, results)  # which have to live on
+    return lambda: (run(), memory, given, results)  # which have to stay alive
 
 
 def stepped(solver: ca.Function, program: Program, x: Array) -> None:

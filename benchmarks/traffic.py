@@ -46,7 +46,7 @@ from hdplan.scenes.yaml_format.reader import shipped_scenes
 HOOK = shipped_scenes()["empty"].with_name("hook.obj")
 WAYPOINTS = 40
 SPARE = 0.02  # [m] that the built motion keeps from everything
-LOOKS = 60  # times at which a mover is looked at, before the certificate judges the whole scene
+LOOKS = 60  # times at which a mover is tested, before the certificate judges the whole scene
 ROBOTS, KINDS = ("panda", "ur5"), ("around", "hurry")
 READY = {  # postures that reach ahead of the base
     "panda": (0.0, 0.3, 0.0, -1.9, 0.0, 2.2, 0.785),

@@ -36,7 +36,7 @@ class Outcome(NamedTuple):
 
     certified: bool
     warm: float  # [s] processor time with the guess
-    cold: float  # and without
+    cold: float  # without one
     cost: float  # of the warm motion, in shares of the other's
 
 

@@ -118,7 +118,7 @@ def _measured(result: PlanResult) -> str:
 def _trials(scene: Scene, cause: str, blamed: Sequence[str], time_limit: float) -> Iterator[_Trial]:
     """Yield what may help, the most telling first: `blamed` is what stands in the way."""
     seconds = min(time_limit, MOST_SECONDS)
-    searched = cause not in REFUSALS and not cause.startswith("end_")  # a motion was looked for
+    searched = cause not in REFUSALS and not cause.startswith("end_")  # a motion was sought
     shut = cause == "disconnected"  # whatever time, torques and paths there are
     most = min(max(LONGER * time_limit, MOST_SECONDS), LONGEST)
     longer = _Trial("time", f"a time limit of {most:g} s", scene, most)

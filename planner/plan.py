@@ -23,9 +23,10 @@ from hdplan.planner.result import CUT_SHORT, PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import met_by, reachable_clearance
+from hdplan.planner.search.guesses import Guess, search_in_turn
 from hdplan.planner.search.infeasible import InfeasibilityCheck
 from hdplan.planner.search.polish import Stages, Ways, first_motion, polish
-from hdplan.planner.search.search import Event, Guess, Search, Slide, search_in_turn
+from hdplan.planner.search.search import Event, Search, Slide
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left, whole_limit

@@ -58,7 +58,7 @@ class PlanResult:
     notes: tuple[str, ...]  # on what was assumed or left out
     objective: Achieved  # by what certified motions were compared, and how much of it this one has
     goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
-    asked: Scene | None = None  # the scene that was planned in
+    asked: Scene | None = None  # the planned scene
     ended: str = ""  # what the time limit ended, in words; empty if it ended nothing
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ class Scene(Checked):
 
     name: str = field(default="scene", compare=False)
     source: Path = field(default=Path(), compare=False, repr=False)
-    # the file it was read from; without one, its name; in errors about a changed copy the file is not to blame
+    # its file; without one, its name; in errors about a changed copy the file is not to blame
     robot: Annotated[RobotSpec, robot_spec] = NEEDED
     obstacles: Annotated[tuple[Obstacle, ...], obstacles_of] = ()
     start: Annotated[JointTarget, Configuration("start")] = NEEDED

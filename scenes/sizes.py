@@ -64,7 +64,7 @@ class Uncertainty(Sized):
 
     position: Distance = 0.0  # [m]
     orientation: Turn = 0.0  # [rad] about any axis through its origin
-    speed: Annotated[float, Number(0.0, 100.0, unit="m/s")] = 0.0  # at which it may leave, from time 0 on
+    speed: Annotated[float, Number(0.0, 100.0, unit="m/s")] = 0.0  # at which it may leave its pose, after time 0
 
     if TYPE_CHECKING:
 

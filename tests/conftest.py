@@ -15,12 +15,16 @@ import threading
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from hdplan.distance.compiled import c_library
 from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
+
+if TYPE_CHECKING:
+    from tests.commands import Command
 
 LITTLE_XLA = (  # which compiles in a third of the time
     "--xla_backend_optimization_level=0",
@@ -42,7 +46,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", " ".join(LITTLE_XLA))
         c_library.FLAGS += ("-O0",)
-        stopwatch.LEAST_TIME = 0.01  # what studies time is not looked at
+        stopwatch.LEAST_TIME = 0.01  # the times of studies are not examined
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
 
@@ -103,3 +107,12 @@ def ctrl_c_is_heard() -> Iterator[None]:
 def no_step_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """However slow the machine is: what commands print must not hang on it."""
     monkeypatch.setattr(console, "LONG_WAIT", threading.TIMEOUT_MAX)
+
+
+@pytest.fixture(name="hdplan")
+def _hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
+    """Run `hdplan` in this process, in a folder of its own."""
+    from tests.commands import in_process  # which imports the command line: for the tests that use it
+
+    monkeypatch.chdir(tmp_path)
+    return in_process(monkeypatch, capsys)

@@ -44,7 +44,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
 ]
 
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
-# What a proof may rest on; the compiler is a tool, and no distance is in its room.
+# The allowed basis of a proof; the compiler is a tool, and no distance is in its room.
 CERTIFICATE = {
     *("scenes", "scenes.robot_files", "planner.geometry", "planner.geometry.mesh_formats", "planner.robot"),
     *("planner.motion", "distance.compiled"),

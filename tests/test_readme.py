@@ -54,6 +54,23 @@ def test_it_is_one_page() -> None:
     assert len(README.splitlines()) < 150
 
 
+def test_the_first_page_of_the_site_agrees() -> None:
+    """One picture, two commands, ten lines of Python and three figures, each as in README."""
+    page = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    readme = README.replace("](docs/", "](")
+    assert page.split("\n\n* **")[0] in readme  # the title, and what hdplan is
+    for mark, count in (("![", 1), ("* **", 3)):
+        lines = [line for line in page.splitlines() if line.startswith(mark)]
+        assert len(lines) == count
+        assert all(line in readme for line in lines)
+    commands = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    assert len(commands) == 2
+    assert commands[0] in readme
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert code in readme
+    assert len([line for line in code.splitlines() if line]) == 10
+
+
 def test_every_link_and_picture_is_there() -> None:
     places = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", README)
     assert len(places) > 10

@@ -10,7 +10,7 @@ from typing import TypeVar
 Found = TypeVar("Found")
 
 THREADS = 8
-TURN = 1e-6  # [s] after which Python lets another thread on
+TURN = 1e-6  # [s] after which Python lets another thread run
 
 
 def together(work: Callable[[int], Found], count: int = THREADS) -> list[Found]:

@@ -28,7 +28,7 @@ from memory import most_memory
 Attack = Callable[[np.random.Generator, Path], "Outcome"]  # a case: its random numbers, and an empty folder for it
 
 SCRIPT = Path(__file__).parents[1] / "siege.py"
-MEMORY = 6 << 30  # [bytes] of data that a worker may ask for
+MEMORY = 6 << 30  # [bytes] of data that a worker may allocate
 GROWN = 3 << 30  # [bytes] in memory at which a worker is ended, and what it was at is a finding
 PATIENCE = 6.0  # times its limit that a case may take by the clock, as other processes run beside it
 SIGNS = {"tracebacks": "traceback", "signals": "signal ", "over": "limit of "}  # of findings, by their words

@@ -20,7 +20,7 @@ from sieges.campaign import Outcome
 from sieges.poses import turn
 
 POSES = 4096
-TWISTS = 60  # poses of a case at which derivatives are looked at
+TWISTS = 60  # poses of a case at which derivatives are compared
 ULP = float(np.finfo(float).eps)
 STEP = 1e-6
 EXACT = 5e-9  # of the size, of the exact distance; the library says about 1e-9

@@ -34,7 +34,7 @@ class Pieces:
     ball: Array  # (P,) [m]
     disc: Array  # (P,) [m] of a disc across z
     spins: Array  # (P, 3, 3) from the piece's own axes (of its disc) into the body's
-    body: Index  # (P,) which body it belongs to
+    body: Index  # (P,) its body
     centre: Array  # (P, 3) of a ball around it
     radius: Array  # (P,) of that [m]
 

@@ -26,7 +26,7 @@ ROUNDING = 100 * float(np.finfo(float).eps)  # of positions, in what a polynomia
 JUMP = 2e-6  # of a rate at a row, beyond which it is no rounding
 SAMPLES = 257  # of a motion
 COARSE = 25  # of them at which all bodies are compared at first
-MOST = 2500  # pairs of pieces looked at, at once
+MOST = 2500  # pairs of pieces judged at once
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ class MovingAxes(NamedTuple):
     softness: Array  # (n, 1)
     fade: Array  # (n, 1) [m]
     points_a: Array  # (3, L, n, 1) [m] A's vertices as far as they differ across the axis, padded with copies
-    counts_a: Array  # (L, n, 1) how many vertices each stands for; 0 for copies
+    counts_a: Array  # (L, n, 1) how many vertices each represents; 0 for copies
     points_b: Array  # (3, V, n, 1) [m] B's, in its frame
     counts_b: Array  # (V, n, 1)
 

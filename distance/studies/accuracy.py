@@ -54,7 +54,7 @@ class Entry:
     bias: Mapping[str, float]  # [m] per band: median of D - d
     median_error: Mapping[str, float]  # [m] per band: median of |D - d|
     high_error: Mapping[str, float]  # [m] per band: 95th percentile of |D - d|
-    bend: float | None  # [1/m] near contact: how fast the gradient turns; None if no Hessians were asked for
+    bend: float | None  # [1/m] near contact: how fast the gradient turns; None without Hessians
     seconds: Mapping[str, float]  # per query, by order: value; value + gradient; value + gradient + Hessian
 
 

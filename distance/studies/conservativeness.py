@@ -39,8 +39,8 @@ class RungAlarms:
 class Conservativeness:
     """Figures of ``conservativeness``."""
 
-    planned: int  # configurations asked for
-    distances: Array  # (N,) [m] exact distances of the configurations looked at
+    planned: int  # requested configurations
+    distances: Array  # (N,) [m] exact distances of the measured configurations
     missed: int  # contacts that some D called free: the distance is safe if there are none
     rungs: tuple[RungAlarms, ...]
     fcl_compared: int  # configurations held against FCL; 0 where it is not installed

@@ -52,7 +52,7 @@ class PairTimes:
 class QueryTimes:
     """Figures of ``query_times``."""
 
-    planned: int  # pairs asked for
+    planned: int  # requested pairs
     pairs: tuple[PairTimes, ...]  # in the order of their complexity
 
     @property

@@ -17,7 +17,7 @@ from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.unions import Body
 from hdplan.scenes.array_types import Array
 
-NEAR_GAPS = (-0.12, 0.06)  # [m] range of the gaps that poses near contact are aimed at
+NEAR_GAPS = (-0.12, 0.06)  # [m] range of the gaps that poses near contact should have
 HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre
 
 

@@ -57,7 +57,7 @@ def closed_function(name: str, given: Sequence[ca.MX], form: ClosedForm, fixed: 
     sizes = [symbol.numel() for symbol in every]
     differs = [*[True] * len(given), *[False] * len(fixed)]
     first = [*form.slopes, *(ca.MX(1, symbol.numel()) for symbol in fixed)]
-    # CasADi passes results and, to second derivatives, what values alone depend on: not looked at, so not evaluated.
+    # CasADi passes results and, to second derivatives, arguments of values alone: not used, so not evaluated.
     ignored = [_unseen(part) for part in (form.value, *first)]
     blocks = []
     for i in range(len(every)):

@@ -60,7 +60,7 @@ class Outcome:
     text: str  # the certificate's sentence, with what the time limit ended; or the error's
     trajectory: Trajectory | None = None
     figures: dict[str, Any] = field(default_factory=dict)  # the other columns of its row (COLUMNS)
-    files: dict[str, bytes] = field(default_factory=dict)  # by ending, where they are asked for
+    files: dict[str, bytes] = field(default_factory=dict)  # by ending, where they are requested
 
     @property
     def certified(self) -> bool:

@@ -49,7 +49,7 @@ class Failures:
 
     cause: str  # in words
     count: int
-    problem: str  # one of them, to look at
+    problem: str  # an example
     text: str  # what it says
     advice: str  # what would help it, where that was tried
 

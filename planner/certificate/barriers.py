@@ -20,7 +20,7 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import made_once
 
 STEP = 1.0  # of a radius: the longest edge between points of one obstacle
-CROWD = 5_000  # points of one obstacle from which on
+CROWD = 5_000  # points of one obstacle above which they are thinned
 CELL = 0.3  # of a radius: of those in a cube of this edge one is kept
 CIRCLE_CORNERS = 40  # corners in place of a circle
 RADII_BEYOND_REACH = 2.0  # radii beyond the reach up to which there are points

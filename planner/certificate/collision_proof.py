@@ -29,7 +29,7 @@ LEAST_MOTION = 1e-6  # [m] motion below which halving does not help
 CLEAR_OVERLAP = 1e-3  # [m] by which hulls overlap where no closer look is needed
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-# share of this tolerance by which a place must be closer than the closest one known to be looked at
+# share of this tolerance by which a place must be closer than the closest known one to be examined
 CLOSER_SHARE = 0.02
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements

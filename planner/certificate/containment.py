@@ -43,7 +43,7 @@ class Containment:
         whole = np.array([first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)], np.int64)
         self._pairs = np.flatnonzero(bodies.bounding[pairs.a] | bodies.bounding[pairs.b])  # of pieces
         key = whole[pairs.a[self._pairs]] * len(whole) + whole[pairs.b[self._pairs]]
-        met, self._met = np.unique(key, return_inverse=True)  # bodies that meet (u,); which of them each pair is of
+        met, self._met = np.unique(key, return_inverse=True)  # bodies that meet (u,); each pair's row among these
         both = np.stack(np.divmod(met, len(whole)), axis=1)  # (u, 2)
         outer, inner, asked = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
         self.outer, self.inner, self._asked = (each[bodies.bounding[outer]] for each in (outer, inner, asked))

@@ -147,7 +147,7 @@ def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
             names = [part.name for part in fields(constraint) if getattr(constraint, part.name) is not None]
             parts = [name for name in names if name.endswith(("_tolerance", "speed", "acceleration"))]  # one proof each
             yield from (f"path.{each.name}.{part}" for part in parts) if parts else (f"path.{each.name}",)
-    if any(name in limited and each.order is None for name, each in QUANTITIES.items()):  # what masses matter to
+    if any(name in limited and each.order is None for name, each in QUANTITIES.items()):  # which depend on masses
         yield from ["payload"] if scene.payload is not None else []
         yield from (f"attached.{held.name}.mass" for held in scene.attached if held.mass is not None)
 

@@ -40,8 +40,8 @@ from hdplan.scenes.path_constraints import Follow
 NODES = (
     1,
     4,
-)  # of an interval between two rows, at which the nearest place is looked for: more where few prove nothing
-LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: so far the next place is looked for
+)  # of an interval between two rows, at which the nearest place is sought: more where few prove nothing
+LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: how far the next place is sought
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
 SOONER = (
     0.25  # tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
@@ -225,7 +225,7 @@ class Followed:
     nodes: Array  # (k,) of the motion, in intervals between rows, while it is on the curve
     places: Array  # (k,) on the curve, in poses
     before: Array  # (j,) nodes up to the first of these
-    after: Array  # (j,) nodes from the last of these on
+    after: Array  # (j,) nodes after the last of these
 
     @classmethod
     def by(cls, motion: Curve, curve: PoseCurve, robot: Robot, chain: Chain, nodes: int) -> Followed:

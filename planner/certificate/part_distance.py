@@ -24,7 +24,7 @@ from hdplan.scenes.once import read_only
 
 MOST_AT_ONCE = 64  # pairs of parts that coal is asked about before it is seen what their directions settle
 KEPT_DIRECTIONS = 8  # directions that are tried first next time
-EQUAL_SHARE = 1e-7  # share of a distance by which another pair of parts must be closer to be looked for
+EQUAL_SHARE = 1e-7  # share of a distance by which another pair of parts must be closer to be sought
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +91,8 @@ class Found:
 
     distance: float  # [m] lower bound of the signed distance at the midpoint
     bound: float  # [m] of the distance over the interval
-    normals: Array  # (k, 3) directions to try first at a place near by
-    closest: tuple[int, int]  # the two parts that are, if their distance was asked for
+    normals: Array  # (k, 3) directions to try first at a nearby place
+    closest: tuple[int, int]  # the two parts that are, if their distance was requested
 
 
 def distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array, within: float = np.inf) -> float:

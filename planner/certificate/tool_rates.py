@@ -47,7 +47,7 @@ class ToolRate(WithTolerance):
     order: int  # 1: speed; 2: acceleration
     allowed: float
     field: str
-    spans: tuple[Index, Array, Array]  # parts of the motion to begin with
+    spans: tuple[Index, Array, Array]  # the first division of the motion
 
     @classmethod
     def of(

@@ -108,7 +108,7 @@ class Certificate:
     exact_calls: int  # of the exact distance
     seconds: float  # spent
     required: float  # [m] of clearance, to obstacles without one of their own
-    notes: tuple[str, ...] = ()  # on less clearance than asked for, holes in meshes, masses and points left out
+    notes: tuple[str, ...] = ()  # on less clearance than requested, holes in meshes, masses and points left out
     prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a planned motion
 
     @property

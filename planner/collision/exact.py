@@ -33,7 +33,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.shapes import Shape
 
 LANES = 8  # numbers in the widest vector of a processor
-CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be looked at
+CLUSTER = 32  # vertices that are near each other: of a large hull, few clusters have to be examined
 ROUNDING = 1e-12  # [–]
 CLUSTERED_VERTICES = 256  # vertices of a hull from which on clusters pay
 

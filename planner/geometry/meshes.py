@@ -176,7 +176,7 @@ def load_mesh(shape: Mesh, where: str, upright: bool = False) -> TriangleMesh:
 def connected(one: Rows, other: Rows, count: int) -> Rows:
     """Return for each of `count` nodes the number of the connected part in which it lies; node one[k] and node other[k]
     are linked."""
-    part: Rows = np.arange(count)  # the least node that each is known to be connected with
+    part: Rows = np.arange(count)  # the least node in each node's known component
     while len(one):
         low, high = np.minimum(part[one], part[other]), np.maximum(part[one], part[other])
         apart = low != high

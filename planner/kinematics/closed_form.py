@@ -34,7 +34,7 @@ MOST_HELD = 3  # of the others
 AXIS_TOLERANCE = 1e-3  # [m] or sine by which axes may miss each other, or be out of parallel; last steps make up for it
 LEAST_DETERMINANT = 1e-6  # [m³] of the Jacobian's determinant, below which what is solved cannot place a link
 SAME_ANGLE = 1e-6  # [rad] between configurations that are one
-PLACES = 5  # random places of an arm where its geometry is looked at
+PLACES = 5  # random places of an arm where its geometry is examined
 PER_HELD = 16  # values of held joints that are tried
 
 

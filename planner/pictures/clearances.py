@@ -29,7 +29,7 @@ class Clearances:
     """Distances at k path parameters of a motion [m]."""
 
     parameter: Array  # (k,) 0 start to 1 goal
-    closest: tuple[Place, ...]  # (k,) to obstacles; empty in a scene without
+    closest: tuple[Place, ...]  # (k,) to obstacles; empty without obstacles
     between_links: Array  # (k,) exact; empty for a robot without pairs of links
     outer: Array  # (k,) D̃ of the planner's bodies to obstacles, inf where none is near; empty without obstacles
 

@@ -36,7 +36,7 @@ class Subject:
     trajectory: Trajectory  # with the robot's planned joints, in its order
     certificate: Certificate
     steps: tuple[Iteration, ...]  # of the solver; empty if not known
-    origin: str  # a short note on where the motion comes from
+    origin: str  # a short note on the motion's source
 
     @classmethod
     def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Iteration, ...], name: str) -> Subject:

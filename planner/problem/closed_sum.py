@@ -35,8 +35,8 @@ def closed_sum(name: str, places: Sequence[SymbolicPlace], form: ClosedForm, wei
     known = each.map(count).call([*columns, every])
     once = ca.Function(f"{name}_evaluated", columns, known, CLOSED_OPTIONS | {"is_diff_in": [False] * len(columns)})
 
-    # Handed over by a Function that has no derivative itself: what its results depend on, CasADi looks for in
-    # expressions of them, column by column.
+    # Handed over by a Function that has no derivative itself: CasADi searches expressions of its results for
+    # their arguments, column by column.
     handed = [ca.MX.sym(f"known{k}", part.sparsity()) for k, part in enumerate(known)]
     squares = [ca.sum1(ca.reshape(part, size, count) ** 2) for part, size in zip(x, sizes, strict=True) if size]
     nothing = ca.fmin(functools.reduce(operator.add, squares), 0)

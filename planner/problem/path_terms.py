@@ -34,7 +34,7 @@ from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
-OVERSHOOT = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
+OVERSHOOT = 1.2  # of the way back to the constraint, the aim of a step: damped steps fall short
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 NO_TURN = 1e-4  # [rad] below which the series of a rotation vector is cut off after its first terms
 PARALLEL_SINE = 1e-12  # sine below which two directions have no axis of their own

@@ -122,7 +122,7 @@ class SymbolicMotion:
     kinematics: Kinematics
     first: ca.MX  # (n, K) values of all joints at the beginning of each interval
     step: ca.MX  # (n, K) to its end
-    frames: ca.MX  # (15, F) of obstacles that stand; those of others are not meant to be looked at
+    frames: ca.MX  # (15, F) of obstacles that stand; those of others are unused
     exact: bool
     movable: bool
 

@@ -38,7 +38,7 @@ ROUNDING = 1e-6  # [m] by which balls must overlap beyond what is needed
 POINTS = 512  # of a grid in a geometry's bounding box, tried as centres
 MOST_BALLS = 40  # of one geometry
 MOST_CORNERS = 200  # vertices of one mesh that count as balls of radius 0
-MOST_TRIANGLES = 2000  # of a mesh that is looked into
+MOST_TRIANGLES = 2000  # of a mesh that is examined
 SPREAD = 0.6  # of a ball's radius: centres within are not tried, as their balls are nearly in it
 MOST_CELLS = 150  # looked at for one pair; if they do not do, the pair is not proven
 

@@ -56,7 +56,7 @@ class Linkage:
     """The m joints of a model, and how they move with the n planned ones among them."""
 
     names: tuple[str, ...]  # (m,) in the model's order
-    leader: Index  # (m,) which planned joint each moves with
+    leader: Index  # (m,) the planned joint that moves each
     factor: Array  # (m,) 1 for the planned ones
     offset: Array  # (m,) 0 for the planned ones
     own: Index  # (n,) which of the m joints the planned ones are

@@ -57,7 +57,7 @@ class Robot:
     notes: tuple[str, ...]  # notes for the user on what was decided in loading
     unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links not checked, and the reason
     doubtful: tuple[LinkPair, ...] = ()  # pairs checked that touch at every sampled configuration, which is no proof
-    files: Stamps = ()  # stamps of the files that it was read from, taken before reading
+    files: Stamps = ()  # stamps of its files, taken before reading
     attached: tuple[Attached, ...] = ()  # held objects, which are also among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hdplan.planner.robot.robot import Robot
 
 
-CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is looked into
+CONTACT_SAMPLES = 1000  # configurations at which a pair must touch before it is examined
 EXCESS = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of a robot differ
 ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
 # Reasons for which pairs of links are not checked, beside those that files give.

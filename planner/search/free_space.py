@@ -23,7 +23,7 @@ from hdplan.scenes.shapes import Shape
 
 SPARE_CLEARANCE = 5e-4  # [m] beyond the clearance that is kept; less where the ends have less to spare
 KEPT_SHARE = 0.5  # share of what the ends have to spare that is kept
-FINEST_MOTION = 5e-4  # [m] that anything moves in the smallest interval of a line that is looked at
+FINEST_MOTION = 5e-4  # [m] that anything moves in the smallest examined interval of a line
 
 
 def free_space(problem: Problem, required: float) -> Record | None:

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
 
-DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
+DRAWN = 10  # rounds of draws at most, where a pose can be reached but not freely
 CHECKED_TOGETHER = 16  # configurations that are asked together whether they are free
 COMPARED_GOALS = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE_GOAL = 0.03  # [m] to an obstacle below which a goal is penalized
 FEWEST_STARTS = 16  # of inverse kinematics, where there are many targets
-PLANNED_GOALS = 4  # goals that are planned to, over all targets; at least one of each
+PLANNED_GOALS = 4  # goals to which motions are planned, over all targets; at least one of each
 
 
 class Choice(NamedTuple):

@@ -31,7 +31,7 @@ SHORTEST, LONGEST = 0.05, 0.2  # of a line between two nodes [rad or m]
 STRETCHED = 2.0  # times as long a line may be once its end is on the constraints
 USED = 0.9  # share of the band below the bound of a constraint that may be used up along a line
 PULLS = 5  # steps that bring the end of a line back onto the constraints; what needs more is left
-LEAST_STEP_SHARE = 0.2  # of a step that must be left once its end is on the constraints, for a branch to go on
+LEAST_STEP_SHARE = 0.2  # of a step that must be left once its end is on the constraints, for a branch to grow further
 SHORTCUTS = 60  # that are tried between two nodes of a way
 ARRIVED = 1e-9  # [rad or m]
 

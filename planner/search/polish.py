@@ -29,8 +29,9 @@ from hdplan.planner.problem.path_duration import PathDuration
 from hdplan.planner.problem.path_speed import PathSpeed
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.smoothness import Smoothness
+from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.roadmap import seeds
-from hdplan.planner.search.search import Guess, Search
+from hdplan.planner.search.search import Search
 from hdplan.planner.search.touches import NOTHING_LEFT
 from hdplan.planner.solvers.methods import gauss_newton
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT, SolverStatus, ends_overlap

@@ -1,6 +1,5 @@
-"""The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
-again; and where they keep failing by contacts, go on with exact distances, which take longer, and with trees of free
-lines.
+"""The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or go on
+from the next guess (`guesses.py`).
 
 A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
 outer bodies at samples, and neither relies on the other.
@@ -9,8 +8,6 @@ outer bodies at samples, and neither relies on the other.
 from __future__ import annotations
 
 import contextlib
-import functools
-import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -20,16 +17,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.assemble import exactly, more_closely
+from hdplan.planner.problem.assemble import more_closely
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.search.idle_core import IdleCore
+from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.objective import objective_of
-from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.touches import once_more, touched
-from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.solvers.solution import (
-    DETOUR_WEIGHT,
-    FIRST_WEIGHT,
     RAISE,
     SLOW_DECREASE,
     Budget,
@@ -37,7 +30,6 @@ from hdplan.planner.solvers.solution import (
     Solution,
     Solver,
     SolverStatus,
-    ends_overlap,
     is_clear,
 )
 from hdplan.scenes.array_types import Array
@@ -47,10 +39,6 @@ from hdplan.scenes.errors import HdplanError
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
-GUESSES = 3  # first guesses for a goal before the next goal's turn
-TIGHT, LOOSE = 2, 4  # guesses before trees have their turn: where bodies overlap at an end, and where they do not
-AHEAD_AFTER = 2  # guesses that failed before trees begin to grow on an idle core; one where bodies overlap at an end
-EXACT_AFTER = 6  # guesses after LOOSE before exact distances have their turn, where the bodies are free at both ends
 DENSER_ROUNDS = 2  # times that solving continues at denser samples, before a certificate
 # relative difference of the costs of a motion and the one from which it was begun, if little changed
 LITTLE_CHANGE = 0.05
@@ -69,20 +57,10 @@ class Event:
     step: Iteration | None = None
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
-    motion: Trajectory | None = None  # that it is of
+    motion: Trajectory | None = None  # which it judges
 
 
 Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better end, at most so far away
-
-
-class Guess(NamedTuple):
-    """The beginning of an attempt."""
-
-    positions: Array  # (N, n)
-    weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
-    as_it_is: bool = False  # whether it may be the motion itself
-    last: float = math.inf  # what the motion cost that it comes from, if it is a warm start
-    way: Array | None = None  # (C, n) what it goes along more finely, which may be the motion itself, timed or not
 
 
 class Best(NamedTuple):
@@ -401,79 +379,6 @@ class Search:
         samples = self.problem.resampled(positions).samples
         deepest = int(self.problem.depth(samples.configurations(positions), samples.parameter).argmax())
         return int(samples.interval[deepest]), float(samples.fraction[deepest])
-
-
-def search_in_turn(
-    searches: Sequence[Search], seed: int, warm: Sequence[Guess | None], failed: Callable[[], None] = lambda: None
-) -> None:
-    """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
-    up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
-    `warm` holds a guess per goal, or None, that is tried before all others; where it leads to a motion like the one
-    that it comes from, there is no need for any. `failed` is called where guesses led to none."""
-    with IdleCore(max(search.deadline for search in searches)) as core:
-        lines = [(search, _guesses(search, seed, begin, core)) for search, begin in zip(searches, warm, strict=True)]
-        lines.sort(key=lambda line: warm[searches.index(line[0])] is None)
-        while not any(search.certified for search in searches):
-            for search, guesses in lines:
-                value = min((other.value for other in searches if other.certified), default=math.inf)
-                if value < search.objective.least(search.problem):
-                    continue
-                over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
-                if search.settled or (over and not search.certified and not search.passed):
-                    return
-                if not search.certified:
-                    failed()
-
-
-def _guesses(search: Search, seed: int, warm: Guess | None, core: IdleCore) -> Iterator[Guess]:
-    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's. Where they keep failing
-    by contacts, or by path constraints, trees of lines that are free by exact distances grow in turn with further
-    guesses, and what they find is a motion already. Guesses are solved with exact distances, too, from the straight
-    line again: where bodies overlap at an end, these alone, else, as the HD-SDF has no kinks, after EXACT_AFTER more,
-    and in turn."""
-    if warm is not None:
-        yield warm
-    problem, ways = search.problem, seeds(search.problem, seed)
-    yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
-    if search.problem is not problem:
-        ways = itertools.islice(seeds(search.problem, seed), 1, None)
-    loose, overlap = search.problem, ends_overlap(search.problem)
-    tightly = functools.cache(lambda: exactly(loose))
-    grown = core.ahead(lambda over: _tree_guesses(tightly(), search.required, seed, over), lambda: search.over)
-    for turn in range(1, TIGHT if overlap else LOOSE):
-        if (overlap or turn >= AHEAD_AFTER) and search.is_tight:
-            grown.begin()
-        yield Guess(next(ways))
-    exact = tightly() if search.is_tight else loose
-    if exact is loose:
-        yield from map(Guess, ways)
-    exactly_so = _exact_guesses(exact, seed)
-    for turn in itertools.count():
-        search.problem = exact
-        if (guess := grown.take()) is not None:
-            yield guess
-        if overlap or turn >= EXACT_AFTER:
-            yield next(exactly_so)
-        if not overlap:
-            search.problem = loose
-            yield Guess(next(ways))
-
-
-def _tree_guesses(problem: Problem, required: float, seed: int, over: Callable[[], bool]) -> Iterator[Guess | None]:
-    """Yield what trees of free lines find in a problem with exact distances, and None where they go on growing."""
-    if problem.terms.path:
-        from hdplan.planner.search.held_trees import held_ways  # imported here, as few scenes have path constraints
-
-        for way in held_ways(problem, required, seed, over):
-            yield None if way is None else Guess(problem.polyline(way[1:-1]), way=way)
-    for way in tree_ways(problem, required, seed, over):
-        yield None if way is None else Guess(way, as_it_is=True)
-
-
-def _exact_guesses(problem: Problem, seed: int) -> Iterator[Guess]:
-    ways = seeds(problem, seed)
-    yield Guess(next(ways), FIRST_WEIGHT)
-    yield from map(Guess, ways)
 
 
 def _rank(certificate: Certificate, left: tuple[str, ...]) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-# Of a Function: what only CasADi's loader asks for; what is seen from outside; arguments that may be unused; tables.
+# Of a Function: what only CasADi's loader uses; what is seen from outside; arguments that may be unused; tables.
 LOADER = r"^[^\n;{{}}]*\b{name}_\w+\([^\n;{{}}]*\) ?\{{(?:[^\n]+\}}\n+|\n.*?^\}}\n+)"
 SEEN = re.compile(r"^(?=(?:void|int|casadi_int|casadi_real) \w+\([^;{]*\) ?\{)", re.MULTILINE)
 TAKEN = re.compile(r"(\(const casadi_real\*\* arg, [^;{]*int mem\)) ?\{\n")

@@ -175,7 +175,7 @@ def counting(word: str, enough: int = 10) -> Iterator[Any]:
             nonlocal good, before, began
             note()
             if before < 0:
-                before, began = done - 1, time.monotonic()  # those of an earlier run that goes on
+                before, began = done - 1, time.monotonic()  # those of the continued earlier run
             good += well
             found = done - before
             said = f"{good} {word}, {found - good} not" + f", {before} done before" * (before > 0)

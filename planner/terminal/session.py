@@ -25,7 +25,7 @@ from hdplan.planner.terminal.plain_text import register
 from hdplan.planner.terminal.quick_start import command_of
 from hdplan.scenes.errors import DEBUG, HdplanError, TimeLimitError, debugging
 
-# new objects before cycles are looked for: imports make as many and drop none, a sixth of a start's time
+# new objects before a search for cycles: imports make as many and drop none, a sixth of a start's time
 NEW_OBJECTS = 50_000
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click

@@ -46,9 +46,9 @@ if TYPE_CHECKING:
 
 FEWEST_ROWS, FEWEST_PARTS = 1, 4  # in the narrowest window; beside the window
 WINDOWS, GAIN = 8, 3e-3  # that are tried at most; relative gain for which one is
-LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion that its window is wide enough for; that has other causes
+LITTLE, MUCH = 1e-3, 0.1  # relative stretch of a motion for which its window is wide enough; that has other causes
 REFINEMENTS = 5  # times that a motion, stretched, gets more rows
-ROUNDINGS = 8  # stretches at most, for what rows are rounded by
+ROUNDINGS = 8  # stretches at most, for the rounding of rows
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
 

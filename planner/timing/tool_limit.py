@@ -37,7 +37,7 @@ class Pace:
 
     speed: float | None  # [m/s]
     acceleration: float | None  # [m/s²]
-    planned: tuple[float, float] = (0.0, 1.0)  # the path's parameters between which it is planned for
+    planned: tuple[float, float] = (0.0, 1.0)  # the path's planned span of parameters
     begins: Array | None = None  # (n,) the configuration from which on it is kept; None: from the beginning
 
     def most(self, order: int) -> float:

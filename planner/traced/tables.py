@@ -26,7 +26,7 @@ class Structure(NamedTuple):
     waypoints: int  # N
     joints: int  # n that are planned
     parents: tuple[int, ...]  # of all joints of the model but the world
-    coordinates: tuple[int, ...]  # which of the m values each of them moves with
+    coordinates: tuple[int, ...]  # which of the m values moves each of them
     turning: tuple[bool, ...]  # or sliding
     leaders: tuple[int, ...]  # which planned joint each of the m values follows
     gamma: int
@@ -53,7 +53,7 @@ class Tables(NamedTuple):
     smoothness: Array  # (N, N)
     interval: Rows  # (B,) of each sample
     fraction: Array  # (B,) where in it
-    share: Array  # (B,) of the duration that each stands for
+    share: Array  # (B,) of the duration, the part of each sample
     turns: Array  # (B, f, 3, 3) of the frames of moving obstacles at the samples' times
     origins: Array  # (B, f, 3) [m]
     shaping_length: Array  # () [m]

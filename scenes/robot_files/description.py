@@ -40,7 +40,7 @@ class Tree:
     name: str = ""  # of the robot
     fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> pose in its parent
     notes: tuple[str, ...] = ()  # what was ignored
-    files: tuple[Path, ...] = ()  # that it was read from
+    files: tuple[Path, ...] = ()  # its sources
     excluded: frozenset[LinkPair] = frozenset()  # pairs that are not checked, where the description itself says so
     impossible: tuple[str, ...] = ()  # links with an inertia that no body has
     solid: frozenset[str] = frozenset()  # links with collision geometry

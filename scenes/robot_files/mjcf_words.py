@@ -37,7 +37,7 @@ READ = {  # attributes, by element
 }
 HARMLESS: Mapping[
     str, Mapping[str, tuple[str, ...]]
-] = {  # attributes, by element, with the reason for which they change nothing that is planned with
+] = {  # attributes, by element, with the reason why they do not affect planning
     "compiler": {
         "visuals are no concern of planning": ("texturedir", "discardvisual"),
         "how the model is compiled and saved": ("usethread", "saveinertial", "convexhull"),
@@ -76,7 +76,7 @@ HARMLESS: Mapping[
     },
     "coupling": {"how it is held": ("solref", "solimp")},
 }
-UNSUPPORTED = {  # attributes that MuJoCo has, and that say what is not planned with
+UNSUPPORTED = {  # attributes of MuJoCo whose meaning the planner does not support
     "mesh": ("vertex", "face", "refpos", "refquat", "builtin", "params", "content_type"),
     "body": ("fuse", "simple"),
     "compiler": ("conflict", "passthrough", "savecanonical", "savecompiled"),
@@ -110,7 +110,7 @@ ELEMENTS = {  # that may stand in an element which is looked through
     "frame": IN_BODY,
     "contact": ("pair", "exclude"),
 }
-PASSED_OVER = {  # elements that are not looked into, with the reason
+PASSED_OVER = {  # elements that are not read, with the reason
     **dict.fromkeys(("size", "statistic", "visual", "custom"), "the simulator's, and the user's own"),
     **dict.fromkeys(("option", "sensor", "keyframe"), "how the simulation runs; of options, gravity is looked up"),
     **dict.fromkeys(("actuator", "lengthrange", *FORCES), "forces, whose limits are the scene's"),

@@ -18,7 +18,7 @@ from hdplan.scenes.errors import InputError, listed
 PACKAGE_FILE = "package.xml"
 IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE")  # files that tell ROS to pass over a folder
 OF_ROS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-LEVELS = 3  # above its own package at which the neighbours of a description are looked for
+LEVELS = 3  # above a description's own package at which its neighbours are sought
 SCHEMES = ("package", "model")  # of addresses in a package
 
 

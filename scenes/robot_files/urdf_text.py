@@ -29,7 +29,7 @@ class Description:
     """A robot's file as URDF."""
 
     root: ElementTree.Element
-    files: tuple[Path, ...]  # that it was read from: the file itself, and those that it includes
+    files: tuple[Path, ...]  # its sources: the file itself, and those that it includes
     excluded: frozenset[LinkPair] = frozenset()  # pairs of links that it says are not to be checked
     notes: tuple[str, ...] = ()  # what was ignored
 

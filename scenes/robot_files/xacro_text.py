@@ -39,7 +39,7 @@ def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -
         xacro._global_symbols = xacro.create_global_symbols()  # an expression may have changed them
         try:
             text = xacro.process_file(str(path), mappings=given, verbosity=0).toxml()
-        except Exception as error:  # whatever the expressions in the file come to
+        except Exception as error:  # whatever the expressions in the file raise
             raise _in_words(error) from None
         files = tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))
     for name in arguments:

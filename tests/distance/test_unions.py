@@ -133,7 +133,7 @@ def test_gradient_and_hessian_are_those_of_the_value(union, settings, poses):
     before, here, after = map(at, (-1.0, 0.0, 1.0))
     slope = np.einsum("ni,ni->n", here.gradient, twists)
     np.testing.assert_allclose((after.value - before.value) / (2 * step), slope, rtol=1e-5, atol=1e-9)
-    if settings["gamma"] > 1:  # the gradient's change, less what the frames turn by: half the bracket, 0 along a twist
+    if settings["gamma"] > 1:  # the gradient's change, less the frames' own turn: half the bracket, 0 along a twist
         curvature = np.einsum("ni,nij,nj->n", twists, here.hessian, twists)
         change = np.einsum("ni,ni->n", after.gradient - before.gradient, twists) / (2 * step)
         np.testing.assert_allclose(change, curvature, rtol=1e-4, atol=1e-5)

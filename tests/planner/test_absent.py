@@ -53,7 +53,7 @@ EFFECTS = {
     "choice of goals": (["planner.search.goals", "planner.certificate.pose_goals"], "panda_grasp"),
     "self-collision": (["planner.collision.separation_bounds"], "panda_cage"),
 }
-ALSO = {  # what else these scenes call for; a path constraint finds its link as a goal's pose does
+ALSO = {  # what else these scenes require; a path constraint finds its link as a goal's pose does
     "panda_gate": {"times"},
     "ur5_pallet": {"held objects"},
     "ur5_payload": {"times", "held objects"},

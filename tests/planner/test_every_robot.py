@@ -22,7 +22,7 @@ from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.targets import JointTarget
 
 QUICK = ("TwoDofs", "double_pendulum", "double_pendulum_continuous", "quadruped", "simple_humanoid")
-WITHOUT = {  # robots that nothing can be planned for
+WITHOUT = {  # robots for which nothing can be planned
     "iris_simple": "iris_simple has no joint left to plan",
     "quadrotor_base": "quadrotor_base has no joint left to plan",
     "ur_description/ur3.urdf": "holds no <link>; a file of macros holds no robot of its own",

@@ -21,7 +21,8 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.search.search import DENSER_ROUNDS, Event, Guess, Search
+from hdplan.planner.search.guesses import Guess
+from hdplan.planner.search.search import DENSER_ROUNDS, Event, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes import deadline
 from hdplan.scenes.errors import InputError

@@ -98,7 +98,7 @@ def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
             return
     seen = isinstance(read, dict) and balls(read)
     if isinstance(read, dict) and isinstance(told, dict) and "sha256" in told and (seen or triangles(read)):
-        rows = {"left_out": told.get("left_out")} if seen else {}  # which the reader has gone by
+        rows = {"left_out": told.get("left_out")} if seen else {}  # which the reader has used
         same = told == {**digest(read), **rows}
         need(same, f"the worlds differ: {where}: the numbers that are read have another SHA-256")
     elif isinstance(read, dict) and isinstance(told, dict):

@@ -38,7 +38,7 @@ class Leg:
     rotations: Any  # (N, 3, 3)
     free: str  # axis about which the link may turn as it likes
     law: tuple[float | None, float | None] = (None, None)  # speed and acceleration of the tool
-    arc: tuple[Any, Any, Any, float] | None = None  # centre, two arms at right angles, and the angle from the first on
+    arc: tuple[Any, Any, Any, float] | None = None  # centre, two arms at right angles, the angle from the first one
 
     @cached_property
     def turns(self) -> Any:

@@ -25,7 +25,7 @@ from .world import Bond, World, keys_of, number, placed
 
 KEYS = "kind link free poses position_tolerance orientation_tolerance begin_tolerance end_tolerance speed acceleration"
 NODES = 4  # of an interval
-AHEAD, BESIDE = 2.0, 1.0  # of the link's own way, in tolerances, and beside it: so far the next place is looked for
+AHEAD, BESIDE = 2.0, 1.0  # of the link's own way, in tolerances, and beside it: how far the next place is sought
 FINEST = 0.05  # [rad] of turn between two poses: longer ways are divided
 CLOSE = 2.0**-36  # of an interval: nodes that are closer to a pose than that are not needed
 BEFORE = 1e-6  # of a tolerance

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 TABLE = ("x", "y", "z", "qx", "qy", "qz", "qw")  # columns of poses in a file, beside a time that says nothing
 SAME = 1e-14  # of places and rotations
-TURNS = 4  # times that a turn about a free axis is looked for
+TURNS = 4  # times that a turn about a free axis is sought
 KNOWN = 1e-10  # by which placements of links may be off where curves begin there
 
 

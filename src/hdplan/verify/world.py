@@ -222,7 +222,7 @@ class World:
         version, joints, self.held, links, bodies, tracks, apart, clearances, motion, *rest, self.loads, sizes = (
             keys_of({"loads": None, "sizes": None, **said}, "the world", f"hdplan_world {keys} loads sizes")
         )
-        self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # what `effects` is about
+        self.limits, self.path, self.start, self.goal, self.duration, self.also = rest  # which `effects` reads
         need(version == VERSION, f"the world is not of version {VERSION}")
         self.joints, self.cuts = list[Joint](), cuts
         read = placed([(f"joints[{i}]", x) for i, x in enumerate(joints)], "name parent kind axis follows")

@@ -369,7 +369,7 @@ def test_a_ball_inside_a_link_that_is_not_convex() -> None:
     pin.forwardKinematics(robot.model, data, robot.pin_q(q))
     item = robot.collision.geometryObjects[robot.link_geometry["forearm_link"][0]]
     pieces = link_pieces(item.geometry, "forearm_link")
-    assert len(pieces) > 1  # cut, and what is cut still knows the solid that it belongs to
+    assert len(pieces) > 1  # cut, and each piece still knows its solid
     assert pieces[0].surface is not None
     solid = pieces[0].surface.solid.mesh
     placement = data.oMi[item.parentJoint] * item.placement

@@ -33,7 +33,7 @@ BASES = {
     "upside down": Pose((0, 0, 2), (1, 0, 0, 0)),
     "on a wall": Pose((0.3, -0.2, 0.9), (0, 0.6, 0, 0.8)),
 }
-EXACT = 1e-10  # [Nm] agreement asked for
+EXACT = 1e-10  # [Nm] required agreement
 LOAD = Payload("panda_hand", 2.5, (0.02, -0.03, 0.11), (0.02, 0.001, -0.002, 0.03, 0.0015, 0.025))
 
 
@@ -159,7 +159,7 @@ def test_a_payload_changes_torques_by_what_a_body_there_takes() -> None:
         np.testing.assert_allclose(added[row], jacobian.T @ np.concatenate([force, moment]), atol=1e-9)
 
 
-SHAPES: dict[str, tuple[Shape, Floats]] = {  # and points that fill it evenly enough to integrate by
+SHAPES: dict[str, tuple[Shape, Floats]] = {  # and points that fill it evenly enough for integrals
     "box": (Box((0.1, 0.2, 0.3)), np.array([0.1, 0.2, 0.3])),
     "sphere": (Sphere(0.1), np.array([0.2, 0.2, 0.2])),
     "ellipsoid": (Ellipsoid((0.1, 0.2, 0.05)), np.array([0.2, 0.4, 0.1])),

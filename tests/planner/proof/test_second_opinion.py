@@ -22,7 +22,7 @@ from hdplan.verify.world import Piece
 from .worlds import read_and_planned
 
 arb = flint.arb
-LEAVES, TIMES = 30, 4  # that are looked at, and times of each beside its ends
+LEAVES, TIMES = 30, 4  # that are examined, and times of each beside its ends
 
 
 def matrix(rows: Any) -> Any:

@@ -18,8 +18,9 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.free_space import free_space, is_free
+from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.held_trees import STRETCHED, HeldTrees, held_ways
-from hdplan.planner.search.search import Guess, Search
+from hdplan.planner.search.search import Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.array_types import Array

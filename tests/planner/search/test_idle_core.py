@@ -17,9 +17,9 @@ import yaml
 import hdplan
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, solve
-from hdplan.planner.search import idle_core, search as searching
+from hdplan.planner.search import guesses as trying, idle_core
+from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.idle_core import IdleCore, one_core
-from hdplan.planner.search.search import Guess
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
@@ -118,8 +118,8 @@ def test_a_search_finds_the_same_motion_with_and_without_an_idle_core(
 ) -> None:
     """In a scene whose way trees of free lines find, as they have their turn early; and a batch leaves the other cores
     to its other problems."""
-    monkeypatch.setattr(searching, "LOOSE", 2)
-    monkeypatch.setattr(searching, "AHEAD_AFTER", 1)
+    monkeypatch.setattr(trying, "LOOSE", 2)
+    monkeypatch.setattr(trying, "AHEAD_AFTER", 1)
     begun = []
     real = idle_core.Ahead.begin
 
@@ -133,7 +133,7 @@ def test_a_search_finds_the_same_motion_with_and_without_an_idle_core(
     scene = hdplan.load_scene(file)
     with_it = hdplan.plan(scene)
     assert with_it.certified
-    assert with_it.attempts > searching.LOOSE
+    assert with_it.attempts > trying.LOOSE
     assert any(pool is not None for pool in begun)
     begun.clear()
     with one_core():

@@ -21,8 +21,9 @@ from hdplan.planner.problem.assemble import assemble
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
+from hdplan.planner.search.guesses import Guess
 from hdplan.planner.search.objective import Energy
-from hdplan.planner.search.search import Guess, Search
+from hdplan.planner.search.search import Search
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.attached import Payload

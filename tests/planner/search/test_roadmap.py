@@ -26,7 +26,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 EXACT = 1e-12  # [rad]
-COUNT = 9  # guesses looked at: every kind of draw comes up
+COUNT = 9  # examined guesses: every kind of draw comes up
 
 
 @pytest.fixture(scope="module", params=["planar_arm", "panda_cage"])

@@ -19,11 +19,12 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.problem.assemble import closer, exactly
-from hdplan.planner.search import search as searching
+from hdplan.planner.search import guesses as trying
 from hdplan.planner.search.escape import escapes
+from hdplan.planner.search.guesses import EXACT_AFTER, LOOSE, TIGHT, _guesses
 from hdplan.planner.search.idle_core import IdleCore
 from hdplan.planner.search.roadmap import Roadmap, seeds
-from hdplan.planner.search.search import EXACT_AFTER, LOOSE, TIGHT, Search, _guesses
+from hdplan.planner.search.search import Search
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -49,9 +50,9 @@ def failing(status: Status) -> Any:
 @pytest.mark.parametrize("overlap", [True, False])
 def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """With exact guesses alone where bodies overlap at an end; else with those as ever, and later with both."""
-    monkeypatch.setattr(searching, "ends_overlap", lambda problem: overlap)
+    monkeypatch.setattr(trying, "ends_overlap", lambda problem: overlap)
     found = np.full((32, 7), 7.0)
-    monkeypatch.setattr(searching, "tree_ways", lambda *given: itertools.cycle([None, found]))
+    monkeypatch.setattr(trying, "tree_ways", lambda *given: itertools.cycle([None, found]))
     under_way = search(load_scene("panda_cage"))
     ever, problem = seeds(under_way.problem, 5), under_way.problem
     guesses = _guesses(under_way, 5, None, IdleCore(math.inf))
@@ -76,7 +77,7 @@ def test_the_first_guesses_are_as_ever_then_trees_grow_in_turn(overlap: bool, mo
 
 @pytest.mark.parametrize("status", [Status.TOO_FAST, Status.OFF_PATH, Status.OVERLOADED])
 def test_what_fails_by_something_else_goes_on_as_it_was(status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(searching, "ends_overlap", lambda problem: True)
+    monkeypatch.setattr(trying, "ends_overlap", lambda problem: True)
     under_way = search(load_scene("panda_corridor"))
     problem, guesses = under_way.problem, _guesses(under_way, 0, None, IdleCore(math.inf))
     under_way.best = failing(status)
@@ -96,7 +97,7 @@ def test_what_is_laid_out_anew_stays_exact() -> None:
     problem = exactly(build(load_scene("panda_cage")))
     near = closer(problem, 0.01, quick=False)
     assert near.exact
-    assert near.depth(problem.polyline()).max() == problem.depth(problem.polyline()).max()  # where it sets in
+    assert near.depth(problem.polyline()).max() == problem.depth(problem.polyline()).max()  # where it begins
 
 
 def test_ways_back_and_nodes_are_free_by_the_exact_distance() -> None:

@@ -42,7 +42,7 @@ ROUNDING = 1e-11  # the same sums in another order or in another frame; relative
 PATH = 1e-8  # [rad] between two motions that are one but for rounding: some 30 steps amplify 1e-16 to 1e-11 at most
 FITTED = 1e-6  # [rad] the same where the links' bodies are symmetric only as far as their fit converges, 1e-7 m
 MINIMUM = 1e-8  # [rad] from a closed-form minimum
-# Iterations within which the laws are looked at. A gradient step of chomp makes two runs that are one but for rounding,
+# Iterations within which the laws are tested. A gradient step of chomp makes two runs that are one but for rounding,
 # or for their bodies' fit, part by some four times more; where the steps have come down to rounding, that decides which
 # of them are taken, and both runs are right. those of ipopt and fatrop are runs of 5 steps.
 FEW = {"gauss_newton": 60, "chomp": 7, "ipopt": 2, "fatrop": 2}
@@ -596,7 +596,7 @@ def test_guesses_deep_inside_an_obstacle_come_out(monkeypatch: pytest.MonkeyPatc
         for guess in (np.tile(q, (problem.waypoints, 1)), np.vstack(through)):
             first = problem.clip(guess)
             monkeypatch.setattr(
-                "hdplan.planner.search.search.seeds",
+                "hdplan.planner.search.guesses.seeds",
                 lambda problem, seed, first=first: iter([first, *first_guesses(problem, seed)]),
             )
             result = hdplan.plan(scene)

@@ -26,7 +26,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 MINIMUM = 1e-8  # [rad] from the closed-form minimum
-# Iterations that show what a law asks for; those of the last two are runs.
+# Iterations that show what a law requires; those of the last two are runs.
 SAMPLED = {"gauss_newton": 30, "chomp": 60, "ipopt": 6, "fatrop": 6}
 
 every_solver = pytest.mark.parametrize("solver", SOLVERS)

@@ -97,7 +97,7 @@ def test_bodies_geoms_and_limits_are_what_the_text_means(tmp_path: Path) -> None
 
 
 NO_NUMBERS = ("1_0", "nan", "inf", "0x1", "1,0", "\u0663", "1e", "--1", "1d0", "1 2 3 4 5 6 7", "")
-FREE = ("name", "file", "rgba", "damping", "model")  # attributes that may say anything, or are not looked at
+FREE = ("name", "file", "rgba", "damping", "model")  # attributes that may say anything, or are not read
 
 
 def damaged(text: str, rng: np.random.Generator) -> str:
