@@ -234,11 +234,12 @@ def test_moves_blend_within_the_radius() -> None:
     assert result.trajectory.duration < rested.trajectory.duration  # type: ignore[operator]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("by", "turn", "free"),
     [
-        ([-0.02, -0.08, 0.03], None, "z"),
         ([0.05, 0.03, 0.1], [0.3, 0.0, 0.0], "z"),
+        ([-0.02, -0.08, 0.03], None, "z"),
         ([0.0, 0.0, 0.12], [0.0, 0.0, 0.5], "none"),
     ],
 )
@@ -290,6 +291,7 @@ def test_the_middle_of_a_blend_excuses_no_lesser_clearance(planned: JobResult) -
         assert hdplan.certify_job(asked, motion).certified is (share < 1.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_one_slow_stage_makes_no_job_slower_than_with_stops(seed: int) -> None:
     """It is slow itself, and nothing else is; finer steps make no motion slower."""
