@@ -1,10 +1,10 @@
-"""Fit bodies to the links of well-known arms that have none in the package yet, and ship them with what is found
+"""Fit bodies to the links of well-known robots that have none in the package yet, and ship them with what is found
 about them.
 
     python benchmarks/shipped_bodies.py
 
-Links are found by the content of their geometry. Those that no arm has any more are dropped; the others keep their
-bodies, though a newer fit may find better ones: plans with these arms are not to change for it. What is found about the
+Links are found by the content of their geometry. Those that no robot has any more are dropped; the others keep their
+bodies, though a newer fit may find better ones: plans with these robots do not change for it. What is found about the
 bodies is computed anew, in a cache of its own.
 """
 
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.link_bodies import enclosed, link_key
-from hdplan.planner.collision.shipped_bodies import ARMS, FILE, KINDS, RESULTS
+from hdplan.planner.collision.shipped_bodies import FILE, KINDS, RESULTS, ROBOTS
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -29,7 +29,7 @@ def main() -> None:
     """Write the files again."""
     RESULTS.write_text("{}\n", encoding="utf-8")  # nothing of it is taken over
     found = {}
-    for name in ARMS:
+    for name in ROBOTS:
         robot = load_robot(RobotSpec(name=name))
         for link in robot.links:
             bodies = enclosed(robot, link)
@@ -39,8 +39,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["HDPLAN_CACHE"] = folder
         held = [load_scene(name) for name in shipped_scenes()]  # some hold a gripper's fingers open
-        shown = [load_scene_robot(scene) for scene in held if scene.robot.name in ARMS and not scene.attached]
-        for robot in (*(load_robot(RobotSpec(name=name)) for name in ARMS), *shown):
+        shown = [load_scene_robot(scene) for scene in held if scene.robot.name in ROBOTS and not scene.attached]
+        for robot in (*(load_robot(RobotSpec(name=name)) for name in ROBOTS), *shown):
             collision_model_of(robot, PlannerSettings().link_bodies, PlannerSettings().normals)
         kept = {kind: sorted(Path(folder, kind).glob("*.json")) for kind in KINDS}
         rows = {kind: [f'  "{file.stem}": {file.read_text().splitlines()[1]}' for file in kept[kind]] for kind in KINDS}

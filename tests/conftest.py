@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import inspect
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -19,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hdplan.distance.compiled import c_library
 from hdplan.distance.studies import stopwatch
 from hdplan.planner.terminal import console
 
@@ -31,6 +31,7 @@ LITTLE_XLA = (  # which compiles in a third of the time
     "--xla_cpu_use_fusion_emitters=false",
     "--xla_cpu_parallel_codegen_split_count=1",
 )
+QUICK_CC = Path(__file__).with_name("quick_cc")  # which optimizes nothing
 
 
 def core(config: pytest.Config) -> bool:
@@ -38,14 +39,15 @@ def core(config: pytest.Config) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have XLA and the C compiler optimize little: what the default suite compiles runs once or twice, and C to the
-    same bits. The slow laws and the benchmarks run it as users do. Bytecode is kept, whatever the environment says: a
-    hundred child processes import hdplan, and pytest rewrites the assertions of a file once."""
+    """Have XLA and the C compiler optimize little: what the default suite and its child processes compile runs once or
+    twice, and C to the same bits. The slow laws and the benchmarks run it as users do. Bytecode is kept, whatever the
+    environment says: a hundred child processes import hdplan, and pytest rewrites the assertions of a file once."""
     if core(config):
         config.option.markexpr = "core and not slow"
     if config.option.markexpr.endswith("not slow"):
         os.environ.setdefault("XLA_FLAGS", " ".join(LITTLE_XLA))
-        c_library.FLAGS += ("-O0",)
+        if shutil.which("cc"):
+            os.environ.setdefault("CC", str(QUICK_CC))
         stopwatch.LEAST_TIME = 0.01  # the times of studies are not examined
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False

@@ -60,6 +60,7 @@ def test_a_terminal_sees_progress() -> None:
 
 
 @pytest.mark.usefixtures("ctrl_c_is_heard")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "fatrop", "ipopt"])
 def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     scene, best = arm_scene(tmp_path, obstacles=[BLOCKED]), tmp_path / "best.json"

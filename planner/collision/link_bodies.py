@@ -1,7 +1,7 @@
 """A few tight outer bodies for each link of a robot, which the planner uses instead of the link's mesh.
 
 Robot -> `LinkBody`s whose union contains the link's collision geometry, in the joint's frame, [m]. They are fitted
-(`link_fit`) once and cached on disk by the content of the link's geometry; those of well-known arms come with the
+(`link_fit`) once and cached on disk by the content of the link's geometry; those of well-known robots come with the
 package.
 
 The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others are for comparison:

@@ -1,4 +1,4 @@
-"""Bodies of well-known arms that come with the package, and what was found about them, so that nobody waits for it.
+"""Bodies of well-known robots that come with the package, and what was found about them, so that nobody waits for it.
 
 They lie in files by content, as in the cache: a link that differs in anything is fitted anew. What was found are the
 entries of the cache that take long to compute. `benchmarks/shipped_bodies.py` writes both; bodies that are there stay,
@@ -20,7 +20,7 @@ from hdplan.planner.collision.sphere_swept_fit import Swept
 FILE = Path(__file__).with_name("shipped_bodies.json")
 RESULTS = Path(__file__).with_name("shipped_results.json")  # kind -> key -> value
 KINDS = ("overlaps", "separation")  # of results
-ARMS = ("panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1")  # all of whose links are there
+ROBOTS = ("panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1", "baxter", "pr2", "tiago")
 
 
 def shipped_bodies(key: str) -> tuple[Swept, ...] | None:

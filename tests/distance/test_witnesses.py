@@ -27,14 +27,18 @@ COUNT = 6  # poses at once: one number, so that nothing is built anew for anothe
 
 EDGES = {"gamma": 2, "normals": "paper+edges"}
 BATCH = [  # JAX compiles for seconds each: aligned boxes, a flat body and a segment; a point, larger sets, large gammas
+    (("box", "box"), {"gamma": 2}),
+    (("segment", "swept triangle"), {"gamma": 1, "shaping_length": 0.1, "normals": "paper+edges"}),
     (("box", "box"), EDGES),
-    (("segment", "swept triangle"), {"gamma": 1, "shaping_length": 0.1}),
     (("box", "capsule"), {"gamma": 3, "normals": "paper+centre+edges"}),
     (("sphere", "tetrahedron"), {"gamma": 32, "normals": "paper-multiset"}),
     (("plate", "point"), {"gamma": 4, "shaping_length": 1.0, "normals": "paper+centre"}),
     (("swept octahedron", "cylinder"), {"gamma": 8, "normals": "paper+sphere-26"}),
 ]
-BATCH = [pytest.param(*row, id="-".join(row[0]), marks=[pytest.mark.slow] * (k > 1)) for k, row in enumerate(BATCH)]
+BATCH = [
+    pytest.param(*row, id="-".join((*row[0], row[1].get("normals", "paper"))), marks=[pytest.mark.slow] * (k > 1))
+    for k, row in enumerate(BATCH)
+]
 
 FAMILY = {  # where each witness begins; what it may share with the others
     "numpy": {"numpy_reference.hdsdf"},

@@ -34,13 +34,13 @@ def odd(rng: np.random.Generator, shape: tuple[int, ...], among: tuple[float, ..
 
 
 @pytest.fixture(scope="module")
-def tiago() -> Robot:
-    return load_robot(RobotSpec("tiago"))
+def pr2() -> Robot:
+    return load_robot(RobotSpec("pr2"))
 
 
 @pytest.mark.parametrize("batch", [0, 1, 3, 7, 17])
-def test_forward(batch: int, tiago: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    kinematics, rng = Kinematics(tiago.model), np.random.default_rng(batch)
+def test_forward(batch: int, pr2: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinematics, rng = Kinematics(pr2.model), np.random.default_rng(batch)
     q = odd(rng, (batch, kinematics.n), (5e-324, -1e-310, 0.0, 40.0, -3e3))
     found = kinematics.evaluate(q)
     beyond = kinematics.evaluate(odd(rng, q.shape, NOT_FINITE))
@@ -103,8 +103,8 @@ def test_path_speed(waypoints: int, n: int, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
-def test_reach(count: int, tiago: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    chain, rng = Chain.of(tiago.model), np.random.default_rng(count)
+def test_reach(count: int, pr2: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    chain, rng = Chain.of(pr2.model), np.random.default_rng(count)
     n, among, intervals = len(chain.axes), (*ODD[:5], *NOT_FINITE), 3
     joints = rng.integers(0, n + 1, count)
     cylinders, travel = odd(rng, (count, 3), among, 0.1), odd(rng, (n, 2), ODD[:5])

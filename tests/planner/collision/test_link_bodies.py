@@ -18,7 +18,7 @@ from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_bodies import LinkBody, contains, enclosed, fit_report, link_bodies, link_triangles
 from hdplan.planner.collision.link_fit import fitted
-from hdplan.planner.collision.shipped_bodies import ARMS
+from hdplan.planner.collision.shipped_bodies import ROBOTS
 from hdplan.planner.collision.sphere_swept_fit import Swept, Target, finished, rough_fits
 from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.robot.loading import load_robot
@@ -74,7 +74,7 @@ def _inside(bodies: list[LinkBody], points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("name", [*ARMS, "panda_collision", pytest.param("talos_left_arm", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*ROBOTS, "panda_collision", pytest.param("talos_left_arm", marks=pytest.mark.slow)])
 def test_bodies_contain_the_collision_geometry(name: str) -> None:
     robot, random = load_robot(RobotSpec(name=name)), np.random.default_rng(0)
     bodies = link_bodies(robot)
@@ -125,7 +125,7 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ROBOTS)
 def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
     monkeypatch.setattr(module, "_around", None)
@@ -133,7 +133,7 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ROBOTS)
 def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""
     arm, computed = load_robot(RobotSpec(name=name)), list[object]()

@@ -35,7 +35,7 @@ SCENES: dict[str, dict[str, Any]] = {  # each with a term, a body or a joint of 
     "panda_cage": {"swept": True},
     "tiago_shelf": {},  # a torso that slides
 }
-COUNT, STEP, DIFFERENCE = 40, 1e-6, 2e-6  # configurations; [rad]; the distance bends over 1 mm
+COUNT, STEP, DIFFERENCE = 16, 1e-6, 2e-6  # configurations; [rad]; the distance bends over 1 mm
 
 every_scene = pytest.mark.parametrize("name", SCENES)
 

@@ -181,7 +181,7 @@ def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(reproduce_corridor, "NAMES", (NAMES[0], AS_SAFE))
     for name, seconds in (("CRITICAL_PHASE", 0.3), ("DURATION", 0.4), ("SWEPT", 0.2)):
         monkeypatch.setattr(reproduce_corridor, name, seconds)
-    changes = sweep()[::4]
+    changes = sweep()[:8:4]  # the base, and one that is refused
     monkeypatch.setattr(reproduce_corridor, "sweep", lambda: changes)
     seen: list[str] = []
     found = reproduce_corridor.reproduce_corridor(
