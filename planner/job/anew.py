@@ -53,7 +53,7 @@ def timed_anew(
 
 def _along(retimer: Retimer, path: Trajectory, shares: Array, speeds: Array) -> tuple[Trajectory, list[float]] | None:
     """Return the quickest motion along a path, and the times of those of its rows that are nearest to shares of it, at
-    which stages with these speeds begin; None where there is none."""
+    which stages with these speeds begin; None where there is none, or no row for each stage."""
     paced = retimer.with_shares(speeds[np.searchsorted(shares[1:], grid(), side="right")])
     try:
         timed = paced.along(path, smooth(path.positions))
@@ -62,4 +62,6 @@ def _along(retimer: Retimer, path: Trajectory, shares: Array, speeds: Array) -> 
     times = timed.trajectory.times
     assert times is not None
     nearest = np.abs(timed.parameter[:, None] - shares).argmin(axis=0)
+    if not np.diff(nearest, append=len(times) - 1).all():  # a stage is over before the next row
+        return None
     return timed.trajectory, times[nearest].tolist()

@@ -218,7 +218,6 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
     speeds = np.array([stage.speed for stage in stages])
-    rated = any(each is not None for stage in driven for each in (stage.leg.speed, stage.leg.acceleration))
     for first, last in itertools.pairwise(cuts):
         number = max(5, int(np.ceil(count * (last - first) / cuts[-1])) + 1)
         rows = path.rows(np.linspace(first, last, number))
@@ -227,8 +226,9 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
         )
         waypoints = Trajectory(robot.joint_names, rows, robot.locked)
         drawn = scipy.interpolate.make_interp_spline(np.linspace(0.0, 1.0, len(rows)), rows)
-        limit = ToolLimit(robot, path.link, _paces(path, driven, first, last)) if rated else None
-        paced = (retimer if limit is None else retimer.with_limit(limit)).with_shares(
+        paces = _paces(path, driven, first, last)
+        rated = any(each is not None for pace in paces for each in (pace.speed, pace.acceleration))
+        paced = (retimer.with_limit(ToolLimit(robot, path.link, paces)) if rated else retimer).with_shares(
             speeds[np.searchsorted(path.middles, first + grid() * (last - first), side="right")]
         )
         timed = paced.along(waypoints, PathSpline(drawn.t, drawn.c, drawn.k))

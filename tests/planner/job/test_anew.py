@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,3 +88,15 @@ def _up_to(motion: Trajectory, there: float, whole: Trajectory, middle: float) -
     """Configurations of both up to the mark."""
     pairs = ((motion, there), (whole, middle))
     return [each.at_time(np.linspace(0.0, until, 400)).positions for each, until in pairs]
+
+
+def test_a_stage_that_would_be_over_before_the_next_row_is_not_timed_anew() -> None:
+    """Three moves straight on, of which the second one is 5 mm long: it was refused as a motion of one row."""
+    start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    way = np.array([0.8, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    moves = [hdplan.Move((start + share * way).tolist(), blend=5e-4) for share in (1.0, 1.008, 2.0)]
+    job = hdplan.Job([*moves[:2], replace(moves[2], blend=0.0)])
+    limits = hdplan.Limits(acceleration=7.5)
+    result = hdplan.plan_job(hdplan.Scene(robot="panda", start=start.tolist(), limits=limits, job=job))
+    assert result.certified, result.text
+    assert len({mark.row for mark in result.trajectory.stages}) == 3

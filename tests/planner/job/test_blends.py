@@ -179,6 +179,19 @@ def test_curves_of_different_speeds_keep_each_to_its_own_and_are_quicker_than_wi
     assert second.ends - second.begins < 0.6 * (first.ends - first.begins)
 
 
+def test_the_tool_has_a_speed_before_a_corner_at_which_the_motion_rests_and_none_behind_it() -> None:
+    poses = [hdplan.Pose(place) for place in ([0, 0, 0], [0.1, 0, 0], [0.1, 0, 0.1])]
+    seam = hdplan.Line(by=[0, 0.06, 0], link=TOOL, blend=0.04, tool_speed=0.02)
+    result = hdplan.plan_job(job_of(seam, hdplan.Along(poses=poses, frame="tool", link=TOOL)))
+    assert result.certified, result.text
+    assert "1 of them blended" in result.text
+    times, places, _ = driven(result)
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
+    begins = result.certificate.stages[1].begins
+    assert speeds[times[1:] < begins].max() <= 0.02 * (1.0 + 1e-6)
+    assert speeds[times[1:] > begins].max() > 0.1
+
+
 def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
     """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
     scene, motion = planned.scene, planned.trajectory
