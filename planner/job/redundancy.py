@@ -2,7 +2,7 @@
 be followed to its end, within the limits and free.
 
 At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
-values all over their limits, or else by inverse kinematics from those of the place before and from random ones. The
+values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from random ones. The
 cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can do in a second,
 and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme,
 "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
@@ -24,6 +24,7 @@ from hdplan.planner.job import layers_loop
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
 from hdplan.planner.job.layers_loop import TURN
 from hdplan.planner.job.places import poses_of
+from hdplan.planner.job.self_motions import evenly
 from hdplan.planner.kinematics.closed_form import closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
@@ -246,7 +247,7 @@ def _configurations(
             found.append(start[None])
             continue
         if (form := closed_form(robot, target)) is not None:
-            reached = form.branches(robot, target, seed, finer * VALUES[len(form.ways[0].held)])
+            reached = evenly(form, robot, target, seed, finer * VALUES[len(form.ways[0].held)])
         else:
             fresh = rng.uniform(low, high, (FRESH if found else FIRST, robot.n))
             reached = _reached(robot, target, np.concatenate([found[-1], fresh]) if found else fresh)

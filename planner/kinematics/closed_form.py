@@ -119,13 +119,17 @@ class ClosedForm(NamedTuple):
         """Return configurations (K, n) that bring the link to the target: all there are where nothing is held, else
         all with the held joints as in the seed (n,), and with others of `count` values (by default PER_HELD for each)
         that lie evenly within the limits. Joints that do not move the link are as in the seed, within the limits."""
+        return self.branches_at(robot, target, seed, self.values(seed, count))
+
+    def branches_at(self, robot: Robot, target: PoseTarget, seed: Array, values: Array) -> Array:
+        """Return all configurations (K, n) that bring the link to the target with the held joints at values (B, m), the
+        others as in `branches`."""
         functions = library()
         assert functions is not None
         own = self.planned >= 0
         start = np.where(own, seed[self.planned], 0.0)
         pose = target.pose.matrix
         wanted = np.concatenate([pose[:3, :3].ravel(), pose[:3, 3]])
-        values = self._values(start, count)
         each = [closed_form_loop.branches(functions, chain, wanted, values, start) for chain in self.chains]
         rows = each[0]
         for more in each[1:]:
@@ -135,18 +139,18 @@ class ClosedForm(NamedTuple):
         found[:, self.planned[own]] = rows[:, own]
         return found
 
-    def _values(self, start: Array, count: int) -> Array:
-        """Values (B, m) of held joints: those of the start first, then a lattice that is even in m dimensions."""
+    def values(self, seed: Array, count: int = 0) -> Array:
+        """Values (B, m) of held joints: those of a seed (n,) first, then a lattice that is even in m dimensions."""
         held = list(self.ways[0].held)
+        start = np.where(self.planned >= 0, seed[self.planned], 0.0)[held]
         low, high = self.lower[held], self.upper[held]
         wide = ~(high - low < 2 * np.pi)
-        seed = start[held]
-        low = np.where(wide, seed - np.pi, low)
+        low = np.where(wide, start - np.pi, low)
         span = np.where(wide, 2 * np.pi, high - low)
         count = (count or PER_HELD * len(held)) if held else 1
-        first = (np.clip(seed, low, low + span) - low) / np.maximum(span, 1e-300)
+        first = (np.clip(start, low, low + span) - low) / np.maximum(span, 1e-300)
         values: Array = low + span * ((first + _lattice(count, len(held))) % 1.0)
-        values[0] = seed
+        values[0] = start
         return values
 
 
