@@ -19,19 +19,20 @@ from typing import Any
 
 from chromium import SELDOM, browser
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # of tests
 from hdplan.planner.job.planning import plan_job
 from hdplan.planner.plan import plan
 from hdplan.planner.view.job_viewer import JobViewer
 from hdplan.planner.view.server import open_job_viewer, open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_jobs, shipped_scenes
+from tests.planner.view.in_page import complete, drawn
 
 Size = tuple[int, int]  # [px]
 
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
 SIZES = ((1400, 820), (1000, 700), (600, 900))
-DRAWN, TURNED, RESIZED = 8_000, 2_500, 3_000  # [ms] until all meshes are, and until the page has turned dark, and fits
 SHEET = 800  # [px] at most of a picture's width on a sheet
 PATIENCE = 120_000  # [ms]
 
@@ -48,7 +49,6 @@ def opened(browser: Any, viewer: Viewer | JobViewer, size: Size, complaints: lis
     page.wait_for_selector("canvas")
     page.get_by_text("Software WebGL").wait_for()
     page.locator(".mantine-Notification-closeButton").dispatch_event("click")
-    page.wait_for_timeout(DRAWN)
     yield page
     page.close()
 
@@ -57,7 +57,7 @@ def photograph(page: Any, file: Path, theme: str) -> None:
     """Draw a page into a file."""
     page.emulate_media(color_scheme=theme)
     page.locator(f'[data-mantine-color-scheme="{theme}"]').wait_for(state="attached")
-    page.wait_for_timeout(TURNED)
+    drawn(page)
     page.screenshot(path=file)
 
 
@@ -112,10 +112,11 @@ def main() -> None:
     with browser() as running:
         for name in options.scenes:
             viewer = served(name, not options.unplanned)
+            looking = viewer.looking if isinstance(viewer, JobViewer) else viewer.panel.looking
             with opened(running, viewer, options.sizes[0], complaints) as page:
                 for width, height in options.sizes:
                     page.set_viewport_size({"width": width, "height": height})
-                    page.wait_for_timeout(RESIZED)
+                    complete(page, viewer.server, looking)
                     for theme in themes:
                         photograph(page, options.folder / f"{Path(name).stem}-{width}-{theme}.png", theme)
             viewer.close()

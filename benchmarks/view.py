@@ -26,20 +26,20 @@ from typing import Any
 import numpy as np
 from chromium import browser
 from scaling import scene_of
-from scipy.spatial.transform import Rotation
 
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # of tests
 from hdplan.planner.plan import plan
 from hdplan.planner.studies.report import markdown_text
-from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import Scene, derived
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.view.in_page import complete, grip, gripped, handled, look, seen
+from tests.waiting import PATIENCE
 
 FRAMES = 200
 MOMENT = 0.5  # of the picture
@@ -49,7 +49,7 @@ FEW = 5  # obstacles beside a cloud
 TABLE, WALL = (-0.35, 1.3), 1.15  # [m] height and reach of the cloud's table, and how far its wall is away
 POST, WAY = Thing("obstacle", "post"), 0.25  # [m] to and fro along y
 PERIOD = 4.0  # [s]
-GRIPS = 60  # tries to grip its handle, which is drawn after it is sent
+EYE, TARGET = (2.4, -0.6, 1.3), (0.3, 0.0, 0.5)  # [m] of the page meanwhile: y is across the picture
 SMALL = {"width": 760, "height": 360}  # [px] while it is dragged
 UNFILLED = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
     WebGL2RenderingContext.prototype[name] = () => {}"""
@@ -60,6 +60,7 @@ def opened(viewer: Viewer, size: dict[str, int], script: str = "") -> Iterator[A
     """A viewer's page in chromium."""
     with browser() as found:
         page = found.new_page(viewport=size)
+        page.set_default_timeout(1e3 * PATIENCE)
         page.add_init_script(script)
         page.goto(viewer.address())
         page.get_by_text("certified: at least").first.wait_for()
@@ -75,7 +76,7 @@ def photograph(name: str, file: Path) -> None:
         page.locator(f'[data-moment="{MOMENT:.3f}"]').wait_for()
         for button in page.locator(".mantine-Notification-closeButton").all():  # "Software WebGL rendering detected"
             button.click()
-        page.wait_for_timeout(10_000)  # until all meshes are drawn
+        complete(page, viewer.server, viewer.panel.looking)
         page.screenshot(path=file)
     viewer.close()
 
@@ -131,10 +132,13 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
     """Drag the post by the mouse while the motion plays; return a row of the table."""
     viewer = open_viewer(scene, [(NAME, plan(scene).trajectory)], port=8380)
     with opened(viewer, SMALL, UNFILLED) as page:
-        page.wait_for_timeout(3000)
+        look(page, viewer, EYE, TARGET)
         viewer.worker.ask("select", lambda: viewer.panel.handles.select(POST))
-        page.wait_for_timeout(1000)
-        begin, way = _gripped(page, viewer)
+        handled(page, viewer)
+        held = grip(page, place_of(viewer.edited, POST, viewer.stage.tip).matrix, 1)
+        begin = np.array(seen(page, held))
+        way = seen(page, held + np.array([0.0, WAY, 0.0])) - begin
+        gripped(page, begin)
         viewer.panel.player.speed.value = "0.25"
         viewer.panel.player.play()
         shown, began, processor = Shown(viewer), time.perf_counter(), time.process_time()
@@ -156,36 +160,6 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         "processor of the server [s/s]": f"{processor / spent:.2f}",
         "of it for each certified motion [ms]": f"{1e3 * processor / max(len(shown.waits), 1):.0f}",
     }
-
-
-def _gripped(page: Any, viewer: Viewer) -> tuple[Array, Array]:
-    """Grip the arrow along which the post is dragged, once it is drawn; return where, and how far WAY is (2,) [px]."""
-    for _ in range(GRIPS):
-        middle = place_of(viewer.edited, POST, viewer.stage.tip).matrix[:3, 3]
-        along = [_seen(page, viewer, middle + step * np.array([0.0, 1.0, 0.0])) for step in (0.0, 1e-3, WAY)]
-        arrow = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
-        begin = along[0] + 0.7 * SIZE_OF_HANDLE * arrow
-        page.mouse.move(*begin)
-        page.wait_for_timeout(500)
-        page.mouse.down()
-        page.mouse.move(*(begin + arrow))
-        page.wait_for_timeout(500)
-        if viewer.panel.handles.dragging:
-            return begin, along[2] - along[0]
-        page.mouse.up()
-    sys.exit("the handle of what is to be dragged was not drawn in time")
-
-
-def _seen(page: Any, viewer: Viewer, point: Array) -> Array:
-    """Where on the page a point (3,) of the scene is seen [px]."""
-    (client,) = viewer.server.get_clients().values()
-    camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
-    w, x, y, z = camera.wxyz
-    right, down, ahead = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
-    scale = 0.5 * canvas["height"] / np.tan(0.5 * camera.fov) / ahead
-    middle = np.array([canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 0.5 * canvas["height"]])
-    place: Array = middle + scale * np.array([right, down])
-    return place
 
 
 def main() -> None:

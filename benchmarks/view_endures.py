@@ -9,14 +9,16 @@ does but fill triangles, which a graphics card does elsewhere. It needs chromium
 
 With --drags, one scene is dragged so often (each a press, three movements and a release, with the motion that follows),
 without a browser: the time of a drag at the beginning and at the end, and the memory of the process before and after;
-then all of it is undone.
+then all of it is undone. After 13 minutes, at Ctrl-C, or when it is told to end, it stops and writes what it has.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
@@ -46,6 +48,7 @@ FIRST = (
     "processor time of the command until the address [s]",
     "until the robot [s]",
 )
+LONGEST, TOLD = 780.0, 100  # [s] of all drags, and after how many of them a line is written
 SHARE = 10  # the first and the last of so many parts are compared
 RUNS = 3
 ROBOT = 1500  # indices of a mesh that is one of the robot's, and not a grid or a label
@@ -123,14 +126,25 @@ def drags(count: int) -> dict[str, str]:
     viewer = open_viewer(scene, [(NAME, plan(scene).trajectory)], port=8390)
     viewer.panel.live.set(True)
     viewer.worker.ask("select", lambda: viewer.panel.handles.select(thing))
+    viewer.worker.settle()
     first = np.array(place_of(viewer.edited, thing, viewer.stage.tip).position)
-    spent, before = [], memory()
-    for number in range(count):
-        aim = first + WAY * np.array([*rng.normal(size=2), 0.0])
-        spent.append(dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position))
-        if number == count // SHARE:
-            before = memory()  # caches are full
-    after, part = memory(), max(count // SHARE, 1)
+    spent: list[float] = []
+    held: list[float] = []
+    end = time.monotonic() + LONGEST
+    with contextlib.suppress(KeyboardInterrupt):
+        while len(spent) < count and time.monotonic() < end:
+            aim = first + WAY * np.array([*rng.normal(size=2), 0.0])
+            seconds = dragged(viewer, thing, aim - place_of(viewer.edited, thing, viewer.stage.tip).position)
+            held.append(memory())
+            spent.append(seconds)
+            if len(spent) % TOLD == 0:
+                print(f"{len(spent)} drags: {held[-1]:.0f} MB", file=sys.stderr, flush=True)
+    if not spent:
+        sys.exit("ended before the first drag")
+    done, part = len(spent), max(len(spent) // SHARE, 1)
+    before, after = held[part - 1], held[done - 1]  # first, caches fill
+    viewer.panel.handles.release()
+    viewer.worker.settle()
     began = time.process_time()
     while viewer.document.history.can_undo:
         viewer.worker.ask("undo", viewer.document.undo)
@@ -139,12 +153,12 @@ def drags(count: int) -> dict[str, str]:
     back = viewer.edited is viewer.document.first
     viewer.close()
     return {
-        "drags": f"{count:,}",
+        "drags": f"{done:,}" + (f" of {count:,}" if done < count else ""),
         f"of the first {part}, median [ms]": f"{1e3 * statistics.median(spent[:part]):.0f}",
         f"of the last {part}, median [ms]": f"{1e3 * statistics.median(spent[-part:]):.0f}",
         f"memory after {part} [MB]": f"{before:.0f}",
         "memory after all [MB]": f"{after:.0f}",
-        "a drag's memory [kB]": f"{1e3 * (after - before) / max(count - part, 1):.1f}",
+        "a drag's memory [kB]": f"{1e3 * (after - before) / max(done - part, 1):.1f}",
         "undone in [s]": f"{undone:.1f}" + ("" if back else ", not whole"),
     }
 
@@ -157,6 +171,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=RUNS)
     options = parser.parse_args()
     if options.drags:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         print(markdown_text([drags(options.drags)]))
     if options.first is not None:
         print(markdown_text(firsts(options.first or list(SCENES), options.runs)))

@@ -24,7 +24,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_page import HOLDS, grip, handled, seen, wait_for
+from tests.planner.view.in_page import grip, gripped, handled, seen
 from tests.waiting import until
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
@@ -199,13 +199,6 @@ def typed(page: Any, viewer: Viewer, label: str, text: str) -> None:
     field = entry(page, viewer, label)
     field.fill(text)
     field.blur()
-
-
-def gripped(page: Any, at: tuple[float, float]) -> None:
-    """Press the button on a part of a handle, and wait until it is held."""
-    page.mouse.move(*at)
-    page.mouse.down()
-    wait_for(page, HOLDS)
 
 
 def arrow_dragged(

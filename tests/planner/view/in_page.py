@@ -7,12 +7,14 @@ therefore looked up in the page, and waited for there: the server knows neither 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
+from hdplan.planner.view.looking import RESIZED, Looking
 from hdplan.planner.view.viewer import Viewer
 from tests.waiting import PATIENCE, until
 
@@ -42,6 +44,11 @@ STANDS = """([name, point, most]) => {
   const at = nodeRefFromName[''].localToWorld(camera.position.clone().fromArray(point));
   return Boolean(node) && at.clone().setFromMatrixPosition(node.matrixWorld).distanceTo(at) < most;
 }"""
+HAS = """(names) => {
+  const {messageQueue, nodeRefFromName} = __viserMutable;
+  return !messageQueue.length && names.every((name) => nodeRefFromName[name]);
+}"""
+ASPECT = "__viserMutable.camera.aspect"
 HOLDS = "!__viserMutable.cameraControl.enabled"  # a handle in a hand keeps the camera still
 
 
@@ -53,6 +60,20 @@ def wait_for(page: Any, true: str, given: object = None) -> None:
 def drawn(page: Any) -> None:
     """Wait until the page has drawn two more pictures: the first of them may have begun before what is waited for."""
     wait_for(page, DRAWN, page.evaluate("__viserTestpoints.rendererInfo.render.frame") + 2)
+
+
+def complete(page: Any, server: Any, looking: Looking) -> None:
+    """Wait until the page has drawn all that its server has sent, from where it is best seen at the page's width."""
+    bodies = [name for name, node in server.scene._handle_from_node_name.items() if not hasattr(node, "text")]
+    wait_for(page, HAS, bodies)
+
+    def framed() -> bool:
+        drawn(page)
+        aspect, views = page.evaluate(ASPECT), [looking._set.get(number) for number in server.get_clients()]
+        return any(view is not None and abs(view[1] - aspect) <= RESIZED * aspect for view in views)
+
+    until(framed, "the page is not framed")
+    drawn(page)
 
 
 def seen(page: Any, point: NDArray[np.float64]) -> tuple[float, float]:
@@ -106,3 +127,10 @@ def handled(page: Any, viewer: Viewer) -> None:
 
     until(stands, "the handle is not drawn")
     drawn(page)
+
+
+def gripped(page: Any, at: Sequence[float]) -> None:
+    """Press the button on a part of a handle, and wait until it is held."""
+    page.mouse.move(*at)
+    page.mouse.down()
+    wait_for(page, HOLDS)
