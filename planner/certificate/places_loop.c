@@ -4,7 +4,7 @@
 #include "../../distance/compiled/vectors.h"
 
 /* `count` segments of a curve: where each begins, as an origin (count, 3) and a rotation (count, 9); its step and its
-   turn (count, 3); arc length to all poses (count + 1); the axis about which the link is free, or −1; tolerances. */
+   turn (count, 3); arc length to all poses (count + 1); the axis about which the link is free, or 3; tolerances. */
 typedef struct {
   long long count, axis;
   const double *origins, *rotations, *steps, *turns, *ahead;
@@ -24,7 +24,7 @@ static void scaled(double* vector, double share) {
 /* The rotation vector that takes the beginning of a segment to a rotation, or the one's free axis to the other's. */
 static void turn_from(const pose_curve* of, long long segment, const double* rotation, double* turn) {
   const double* begins = of->rotations + 9 * segment;
-  if (of->axis >= 0) {
+  if (of->axis < 3) {
     const double one[3] = {begins[of->axis], begins[3 + of->axis], begins[6 + of->axis]};
     const double other[3] = {rotation[of->axis], rotation[3 + of->axis], rotation[6 + of->axis]};
     cross(one, other, turn);
@@ -97,7 +97,7 @@ WRAPPER(make_pose_curve) {
   of.origins = numbers(&taken, "origins", SHAPE(of.count, 3));
   of.rotations = numbers(&taken, "rotations", SHAPE(of.count, 3, 3));
   of.ahead = numbers(&taken, "ahead", SHAPE(of.count + 1));
-  of.axis = whole(&taken, "axis", -1, 2);
+  of.axis = whole(&taken, "axis", 0, 3);
   of.far = number(&taken, "far");
   of.angle = number(&taken, "angle");
   of.parallel = number(&taken, "parallel");

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def pose_curve(curve: PoseCurve, parallel: float) -> Record:
     """The C struct of that name; a sine below `parallel` has no direction."""
     begins = curve.origins[:-1], curve.rotations[:-1]
-    axis = -1 if curve.axis is None else curve.axis
+    axis = 3 if curve.axis is None else curve.axis
     return Record("pose_curve", curve.steps, curve.turns, *begins, curve.ahead, axis, *curve.tolerances, parallel)
 
 

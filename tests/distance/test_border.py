@@ -22,8 +22,10 @@ import pytest
 
 from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.build import build
+from hdplan.planner.certificate.followed_curve import PoseCurve
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.geometry.cells_loop import cell_boxes
+from hdplan.planner.job import layers_loop
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.assemble import exactly
 from hdplan.planner.problem.clearance import Clearance
@@ -34,6 +36,8 @@ from hdplan.planner.search.inverse_kinematics import inverse_kinematics
 from hdplan.planner.search.tree_ways import tree_ways
 from hdplan.planner.timing.time_optimal import GRID, PathRows, time_optimal
 from hdplan.scenes.limits import Limits
+from hdplan.scenes.path_constraints import Follow
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytestmark = pytest.mark.skipif(not library(), reason="built without a C compiler")
@@ -111,6 +115,10 @@ def run_scenes() -> None:
     inverse_kinematics(replace(problem.robot), [0.4, 0.1, 0.5])  # one whose closed form is not kept
     separation_loop.separation(loops, tree, hulls, 0.1, np.ones(n), (-wide, wide), 0.0, 0.9, 9)
     cell_boxes(loops, corners, np.full(3, 0.01), 0.04, np.tile([0.0, 0.0, 0.0, 9.0], (2, 1)))
+    layers_loop.steps_between(loops, corners[:2], corners, np.ones(3), np.array([True, False, True]), 0.1)
+    followed = Follow("panda_hand", [Pose((0.1 * i, 0.0, 0.5)) for i in range(4)])
+    curve = PoseCurve.of(problem.robot, followed)
+    curve.places(curve.rotations, curve.origins, 0.0, 3.0)
 
 
 @pytest.fixture(scope="module")
