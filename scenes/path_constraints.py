@@ -194,22 +194,22 @@ class PathConstraints(Checked):
     follow: Follow | None = None
 
     @property
-    def asked(self) -> dict[str, PathConstraint]:
+    def given(self) -> dict[str, PathConstraint]:
         """The constraints that there are, by their fields in the scene: "path.upright"."""
-        given = {f"path.{each.name}": getattr(self, each.name) for each in fields(self)}
-        return {name: constraint for name, constraint in given.items() if constraint is not None}
+        every = {f"path.{each.name}": getattr(self, each.name) for each in fields(self)}
+        return {name: constraint for name, constraint in every.items() if constraint is not None}
 
     @property
     def regions(self) -> tuple[Within, ...]:
         """The constraints that can be drawn: boxes in which points of links are to stay."""
-        return tuple(box for asked in self.asked.values() for box in _region(asked))
+        return tuple(box for each in self.given.values() for box in _region(each))
 
 
-def _region(asked: PathConstraint) -> tuple[Within, ...]:
-    match asked:
+def _region(constraint: PathConstraint) -> tuple[Within, ...]:
+    match constraint:
         case Within():
-            return (asked,)
+            return (constraint,)
         case Upright() | Relative() | Follow():
             return ()
         case _:
-            assert_never(asked)
+            assert_never(constraint)

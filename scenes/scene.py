@@ -123,7 +123,7 @@ class Scene(Checked):
                     raise FieldError(problem, f"obstacles[{i}].cloud.ignore")
         if self.robot.tracking is not None or self.robot.calibration is not None:
             size = "tracking" if self.robot.tracking is not None else "calibration"
-            for name in (*self.path.asked, *(["limits.torque"] if self.limits.torque is not None else [])):
+            for name in (*self.path.given, *(["limits.torque"] if self.limits.torque is not None else [])):
                 raise FieldError(f"is given, and no proof of {name} covers it: leave one of them out", f"robot.{size}")
         if self.robot.tracking is not None and self.robot.tracking.of_rates and not self.timed:
             raise FieldError(

@@ -136,7 +136,7 @@ def test_where_things_are_is_true() -> None:
     rows = re.findall(r"^\| (.+) \| (.+) \|$", text.partition("## Where is …?")[2], re.MULTILINE)
     assert len(rows) > 25
     for what, where in rows:
-        path = ROOT
+        path = ROOT / "README.md"  # a bare first name is at the top
         for name in re.findall(r"`([^`]+)`", where):
             if "/" in name or "." in name:
                 path = ROOT / name if "/" in name else path.parent / name

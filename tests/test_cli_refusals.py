@@ -147,7 +147,7 @@ BAD_TRAJECTORIES = {
         "time,shoulder,elbow\n0,0,0\ninf,1,1\n": "times: inf",
         "shoulder,elbw\n0,0\n1,1\n": "joint 'elbow' of planar_arm is missing (did you mean 'elbw'?)",
         "shoulder,elbow,wrist\n0,0,0\n1,1,1\n": "joint 'wrist' is not one of planar_arm",
-        "shoulder,elbow\n0,0\n1,1e308\n": "waypoint 1, joint 'elbow': 1e+308 is larger than 1e+06",
+        "shoulder,elbow\n0,0\n1,1e308\n": "waypoint 1, joint 'elbow': 1e+308 exceeds 1e+06",
     },
     "x.npz": {"": "not an NPZ", "PK\x03\x04 rubbish": "not an NPZ"},
 }

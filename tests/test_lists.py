@@ -115,9 +115,9 @@ CLASSES = {
 Fails = Callable[[], object]
 PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
     ("planner/batch/sample.py", "_moved", "seen"): "what was measured keeps its size",
-    ("planner/certificate/coverage.py", "", "motion"): (lambda: coverage.asked_of(of(SWINGING), robot()),),
-    ("planner/certificate/coverage.py", "", "path"): (lambda: coverage.asked_of(along(Level()), robot()),),
-    ("planner/certificate/coverage.py", "", "seen"): (lambda: coverage.asked_of(of(OF_LIDAR), robot()),),
+    ("planner/certificate/coverage.py", "", "motion"): (lambda: coverage.required_of(of(SWINGING), robot()),),
+    ("planner/certificate/coverage.py", "", "path"): (lambda: coverage.required_of(along(Level()), robot()),),
+    ("planner/certificate/coverage.py", "", "seen"): (lambda: coverage.required_of(of(OF_LIDAR), robot()),),
     ("planner/certificate/exact_proximity.py", "", "shape"): (
         lambda: exact_proximity.obstacle_pieces(OF_TORUS),
         lambda: exact_proximity.obstacle_pieces(OF_ROUNDED),

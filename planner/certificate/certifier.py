@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.collision_proof import SHORTEST_INTERVAL, Proof, Spot, Sweep
-from hdplan.planner.certificate.coverage import asked_of, compared, ends_of, refuse_gaps
+from hdplan.planner.certificate.coverage import compared, ends_of, refuse_gaps, required_of
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
@@ -141,7 +141,7 @@ class Certifier:
         chain = self.sweep.bodies.chain
         self.path = None if setup.scene.path == PathConstraints() else _path_check(setup, chain)
         self.limits = tuple(limit_checks(setup))
-        self._asked = asked_of(setup.scene, setup.robot)
+        self._required = required_of(setup.scene, setup.robot)
 
     def between(self, start: JointTarget, goal: JointTarget) -> Certifier:
         """Return the same of another start and goal: of the bodies nothing is made anew. Raises InputError for ends
@@ -216,7 +216,7 @@ class Certifier:
             covered = {name for finding in limits for name in finding.covered}
             covered |= self._compared if proof.whole else set()
             covered |= ends.keys() | (path.covered if path else set())
-            refuse_gaps(self._asked | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
+            refuse_gaps(self._required | (ends_of(self.scene) if check_ends else set()), frozenset(covered))
         check_as_loaded(self.robot)  # at the end: another thread may have changed it while it was looked at
         found = Findings(
             curve,

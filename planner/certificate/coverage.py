@@ -37,11 +37,11 @@ from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
-ANY = "*"  # fields of a class each of which is asked by its own name
+ANY = "*"  # fields of a class each of which is required by its own name
 FIELDS: Mapping[type, str] = {  # of each class of a scene: the fields that the certificate knows, alone or by a check
     Scene: (
         "name source robot obstacles start goal planner from_request attached self_collision limits payload path "
-        "timing job notes"  # a job is asked by its name, and no check of a single motion covers it
+        "timing job notes"  # a job is required by its name, and no check of a single motion covers it
     ),
     RobotSpec: (
         "name urdf srdf package_dirs xacro_args group base base_joints locked ignore_pairs check_pairs "
@@ -92,14 +92,14 @@ class UncheckedError(RuntimeError):
     """A fault of hdplan: something that the scene asks of a motion was not checked, so that there is no certificate."""
 
 
-def refuse_gaps(asked: frozenset[str], checked: frozenset[str]) -> None:
+def refuse_gaps(required: frozenset[str], checked: frozenset[str]) -> None:
     """Raise UncheckedError unless all demands were checked, and nothing else."""
-    if asked == checked:
+    if required == checked:
         return
-    if missing := sorted(asked - checked):
+    if missing := sorted(required - checked):
         raise UncheckedError(f"no certificate: the scene requires {', '.join(missing)}, which no check covers")
     raise UncheckedError(
-        f"no certificate: checks cover {', '.join(sorted(checked - asked))}, which the scene does not require"
+        f"no certificate: checks cover {', '.join(sorted(checked - required))}, which the scene does not require"
     )
 
 
@@ -110,19 +110,19 @@ def ends_of(scene: Scene) -> frozenset[str]:
     return frozenset({*ends, *(f"{end}.{rate}" for end, rate in given)})
 
 
-def asked_of(scene: Scene, robot: Robot) -> frozenset[str]:
+def required_of(scene: Scene, robot: Robot) -> frozenset[str]:
     """Return what a scene asks of a motion of its robot, by name, beside its ends (`ends_of`). Raises UncheckedError
     for what no certificate can cover, as this module has never heard of it."""
     if unknown := sorted(_unknown(scene, "")):
         raise UncheckedError(f"no certificate: the certificate does not know {', '.join(unknown)}")
-    return frozenset(_asked(scene, robot))
+    return frozenset(_required(scene, robot))
 
 
 def _of_pair(one: str, other: str) -> str:
     return f"robot.check_pairs: {one}, {other}"
 
 
-def _asked(scene: Scene, robot: Robot) -> Iterator[str]:
+def _required(scene: Scene, robot: Robot) -> Iterator[str]:
     yield from (f"robot: {link}" for link in robot.links)
     for obstacle in scene.obstacles:
         where = f"obstacles.{obstacle.name}"
@@ -266,12 +266,12 @@ def _of_self_pairs(scene: Scene, robot: Robot, bodies: Bodies, pairs: Pairs, flo
     met[codes] = found
     pieces = np.bincount(link, minlength=count)
     carried = bodies.chain.carried_by[np.array([robot.link_joint[each] for each in robot.links], dtype=np.int64)]
-    asked = np.triu((carried[:, None] != carried[None]).any(axis=2), 1)
+    due = np.triu((carried[:, None] != carried[None]).any(axis=2), 1)
     for one, other in robot.unchecked.keys() - {*robot.never_touching}:
         if one in number and other in number:
-            asked[min(number[one], number[other]), max(number[one], number[other])] = False
+            due[min(number[one], number[other]), max(number[one], number[other])] = False
     compared = met.reshape(count, count) >= pieces[:, None] * pieces
-    if compared[asked].all():
+    if compared[due].all():
         yield "self_collision"
     for pair in scene.robot.check_pairs:  # what moves as one, or has no geometry, cannot meet
         rows = sorted(number[link] for link in pair if link in number)

@@ -66,18 +66,18 @@ class PoseCurve:
     goes: float | None = None  # [m] around its end, within which it leaves
 
     @classmethod
-    def of(cls, robot: Robot, asked: Follow) -> PoseCurve:
+    def of(cls, robot: Robot, follow: Follow) -> PoseCurve:
         """Look up the link. Raises InputError as `link_frame`."""
-        frame = robot.model.frames[link_frame(robot, asked.link, "path.follow")]
-        poses = np.array([pose.matrix for pose in asked.poses])
-        axis = AXES.index(asked.free_rotation) if asked.free_rotation in AXES else None
+        frame = robot.model.frames[link_frame(robot, follow.link, "path.follow")]
+        poses = np.array([pose.matrix for pose in follow.poses])
+        axis = AXES.index(follow.free_rotation) if follow.free_rotation in AXES else None
         origins, rotations = poses[:, :3, 3], poses[:, :3, :3]
         turns = turn_vectors(rotations[:-1], rotations[1:], axis)
-        tolerances = asked.position_tolerance, asked.orientation_tolerance
+        tolerances = follow.position_tolerance, follow.orientation_tolerance
         own = frame.placement.homogeneous
         joint, steps = int(frame.parentJoint), np.diff(origins, axis=0)
-        ends = asked.begin_tolerance, asked.end_tolerance
-        return cls(asked.link, joint, own, axis, origins, rotations, steps, turns, tolerances, *ends)
+        ends = follow.begin_tolerance, follow.end_tolerance
+        return cls(follow.link, joint, own, axis, origins, rotations, steps, turns, tolerances, *ends)
 
     def poses(self, rotations: Array, origins: Array) -> tuple[Array, Array]:
         """Return the link's rotations (k, 3, 3) and origins (k, 3) from all joints' frames."""

@@ -331,42 +331,44 @@ def held_by(setup: Setup) -> tuple[Held, ...]:
     """Return the requirements of the scene's path constraints. Raises InputError for a link that the robot lacks or
     that does not move."""
     with naming(setup.scene.source):
-        return tuple(held for asked in setup.scene.path.asked.values() for held in _held(setup, asked))
+        return tuple(held for constraint in setup.scene.path.given.values() for held in _held(setup, constraint))
 
 
-def _held(setup: Setup, asked: PathConstraint) -> tuple[Held, ...]:
-    match asked:
+def _held(setup: Setup, constraint: PathConstraint) -> tuple[Held, ...]:
+    match constraint:
         case Upright():
-            return _upright(setup, asked)
+            return _upright(setup, constraint)
         case Within():
-            return _within(setup, asked)
+            return _within(setup, constraint)
         case Relative():
-            return _relative(setup, asked)
+            return _relative(setup, constraint)
         case Follow():
             return ()  # which is about a whole motion, not a configuration: `followed_curve`
         case _:
-            assert_never(asked)
+            assert_never(constraint)
 
 
-def _upright(setup: Setup, asked: Upright) -> tuple[Held, ...]:
-    frame = setup.robot.model.frames[link_frame(setup.robot, asked.link, "path.upright")]
-    axis = np.array(asked.axis) / np.linalg.norm(asked.axis)
-    return (HeldUpright(asked.link, int(frame.parentJoint), frame.placement.rotation @ axis, asked.tolerance),)
+def _upright(setup: Setup, constraint: Upright) -> tuple[Held, ...]:
+    frame = setup.robot.model.frames[link_frame(setup.robot, constraint.link, "path.upright")]
+    axis = np.array(constraint.axis) / np.linalg.norm(constraint.axis)
+    return (
+        HeldUpright(constraint.link, int(frame.parentJoint), frame.placement.rotation @ axis, constraint.tolerance),
+    )
 
 
-def _within(setup: Setup, asked: Within) -> tuple[Held, ...]:
-    frame = setup.robot.model.frames[link_frame(setup.robot, asked.link, "path.position")]
-    point, half = frame.placement.act(np.array(asked.point)), 0.5 * np.array(asked.size)
-    return (HeldWithin(asked.link, int(frame.parentJoint), point, asked.pose.matrix, half),)
+def _within(setup: Setup, constraint: Within) -> tuple[Held, ...]:
+    frame = setup.robot.model.frames[link_frame(setup.robot, constraint.link, "path.position")]
+    point, half = frame.placement.act(np.array(constraint.point)), 0.5 * np.array(constraint.size)
+    return (HeldWithin(constraint.link, int(frame.parentJoint), point, constraint.pose.matrix, half),)
 
 
-def _relative(setup: Setup, asked: Relative) -> tuple[Held, ...]:
-    joints, (own, other), pose = relative_links(setup.scene, setup.robot, asked)
+def _relative(setup: Setup, constraint: Relative) -> tuple[Held, ...]:
+    joints, (own, other), pose = relative_links(setup.scene, setup.robot, constraint)
     wanted = other @ pose
     places, turns = (own[:3, 3], wanted[:3, 3]), (own[:3, :3], wanted[:3, :3])
     return (
-        HeldAt(asked.link, asked.to, joints, places, asked.position_tolerance),
-        HeldTurn(asked.link, asked.to, joints, turns, asked.orientation_tolerance),
+        HeldAt(constraint.link, constraint.to, joints, places, constraint.position_tolerance),
+        HeldTurn(constraint.link, constraint.to, joints, turns, constraint.orientation_tolerance),
     )
 
 

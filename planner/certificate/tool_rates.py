@@ -51,13 +51,13 @@ class ToolRate(WithTolerance):
 
     @classmethod
     def of(
-        cls, robot: Robot, chain: Chain, asked: Follow, motion: Curve, order: int, spans: tuple[Index, Array, Array]
+        cls, robot: Robot, chain: Chain, follow: Follow, motion: Curve, order: int, spans: tuple[Index, Array, Array]
     ) -> ToolRate:
         """Look up the link; it is limited on these parts of the motion. Raises InputError as `link_frame`."""
-        frame = robot.model.frames[link_frame(robot, asked.link, "path.follow")]
+        frame = robot.model.frames[link_frame(robot, follow.link, "path.follow")]
         name = FIELDS[order]
-        joint, point, allowed = int(frame.parentJoint), frame.placement.translation, getattr(asked, name)
-        return cls(asked.link, joint, point, motion, chain, order, allowed, f"path.follow.{name}", spans)
+        joint, point, allowed = int(frame.parentJoint), frame.placement.translation, getattr(follow, name)
+        return cls(follow.link, joint, point, motion, chain, order, allowed, f"path.follow.{name}", spans)
 
     @cached_property
     def rates(self) -> tuple[Curve, ...]:

@@ -170,7 +170,7 @@ class Findings:
     beyond: str | None  # where it leaves the joint limits
     failures: tuple[Place, ...]  # where bodies are too close, or not proven to be apart
     touching: tuple[bool, ...]  # for each, whether it was found too close; otherwise it only could not be proven
-    asked: tuple[float, ...]  # for each, the clearance required there [m]
+    required: tuple[float, ...]  # for each, the clearance required there [m]
     departures: tuple[Departure, ...]
     limits: tuple[LimitFinding, ...]
 
@@ -181,15 +181,15 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
         yield Status.WRONG_ENDS, found.ends
     if found.beyond:
         yield Status.OUTSIDE_LIMITS, found.beyond
-    places = list(zip(found.failures, found.asked, found.touching, strict=True))
+    places = list(zip(found.failures, found.required, found.touching, strict=True))
     others = _others(found.failures)
     # contacts first, then the places that fall short of the required clearance by most
-    short = [(place, asked) for place, asked, touching in places if touching]
-    for place, asked in sorted(short, key=lambda each: (each[0].distance > 0.0, each[0].distance - each[1]))[:1]:
+    short = [(place, required) for place, required, touching in places if touching]
+    for place, required in sorted(short, key=lambda each: (each[0].distance > 0.0, each[0].distance - each[1]))[:1]:
         if place.distance + place.unknown <= 0.0:
             yield Status.IN_CONTACT, f"{_approach(place)}; {others}"
         else:
-            yield Status.TOO_CLOSE, f"{_approach(place)}, {asked * 1e3:.4g} mm are required; {others}"
+            yield Status.TOO_CLOSE, f"{_approach(place)}, {required * 1e3:.4g} mm are required; {others}"
     if found.departures:
         worst = max(found.departures, key=lambda place: place.excess)
         status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN

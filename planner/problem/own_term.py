@@ -138,7 +138,7 @@ class WrittenTerm(Term):
 
     def __init__(
         self,
-        asked: OwnTerm,
+        definition: OwnTerm,
         residual: ca.Function,
         value: ca.Function,
         own: Rows,
@@ -147,15 +147,15 @@ class WrittenTerm(Term):
         bounds: tuple[Array, Array],
     ) -> None:
         """Take the residual, of a cost the cost itself, and differentiate it."""
-        self.asked, self.name, self.own, self.activation, self.band, self.bounds = (
-            asked,
-            asked.name,
+        self.definition, self.name, self.own, self.activation, self.band, self.bounds = (
+            definition,
+            definition.name,
             own,
             activation,
             band,
             bounds,
         )
-        self.is_cost = asked.kind == "cost"
+        self.is_cost = definition.kind == "cost"
         q, step = residual.mx_in()
         found = residual(q, step)
         self.each = ca.Function("own_term", [q, step], [found if self.is_cost else ca.sumsqr(found) / 2])
@@ -198,7 +198,7 @@ class WrittenTerm(Term):
         blocks, depth = curvature.reshape(-1, 2 * n, 2 * n), np.zeros(count - 1)
         if self.is_cost:
             blocks = _semidefinite(blocks)
-        elif self.asked.kind == "constraint":  # a penalty alone keeps no motion from being clear
+        elif self.definition.kind == "constraint":  # a penalty alone keeps no motion from being clear
             used = self.activation * residual / self.band + np.maximum(residual - self.band, 0)
             depth[1:] = used.max(axis=1, initial=0.0)
         gradient = np.zeros((count, n))
@@ -271,7 +271,7 @@ def _semidefinite(blocks: Array) -> Array:
 
 def hard_constraints(terms: Sequence[Term]) -> list[WrittenTerm]:
     """Return those of the terms that are constraints."""
-    return [term for term in terms if isinstance(term, WrittenTerm) and term.asked.kind == "constraint"]
+    return [term for term in terms if isinstance(term, WrittenTerm) and term.definition.kind == "constraint"]
 
 
 def left(terms: Sequence[Term], positions: Array) -> tuple[str, ...]:

@@ -286,7 +286,7 @@ def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     with naming(scene.source):
         return tuple(
             PathTerm(field, _measure(asked, field, setup, supports), scene.planner.activation)
-            for field, asked in scene.path.asked.items()
+            for field, asked in scene.path.given.items()
         )
 
 

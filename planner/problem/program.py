@@ -273,7 +273,7 @@ def program(problem: Problem, hessian: str, form: str) -> Program:
         bound[:n] = problem.start
     result = Program(problem, x, p, _cost(problem, penalty, x, p), ca.MX(0), rows, equal, equal, lbx, ubx, penalty)
     for term in hard_constraints(problem.terms.own):
-        result = result.with_constraint(term.asked.each, *term.bounds)
+        result = result.with_constraint(term.definition.each, *term.bounds)
     return result
 
 

@@ -22,7 +22,7 @@ FOLLOWED = (  # numbers of a curve that is followed, by their names there
 def plain_path(setup: Setup) -> list[Plain]:
     """Return the path constraints. Raises InputError for one of which a proof holds nothing."""
     with naming(setup.scene.source):
-        return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.asked.values()]
+        return [_constraint(each, setup.scene.from_request) for each in setup.scene.path.given.values()]
 
 
 def _constraint(asked: PathConstraint, from_request: bool) -> Plain:

@@ -39,7 +39,7 @@ def limits_of_all(scene: Scene, robot: Robot) -> dict[str, Array]:
     Joints that follow others are kept within limits, too: within one number for all joints, or else within the URDF's
     own values, if it has any. Raises InputError as `joint_limits`.
     """
-    found = {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
+    found = {quantity: _resolved(quantity, given, scene, robot) for quantity, given in requested_limits(scene).items()}
     if robot.linkage is not None:
         found = {quantity: _with_followers(quantity, most, scene, robot) for quantity, most in found.items()}
     if "velocity" in found and scene.robot.tracking is not None:
@@ -60,7 +60,7 @@ def _less_lag(most: Array, scene: Scene, robot: Robot) -> Array:
     return most - lag
 
 
-def asked_limits(scene: Scene) -> dict[str, JointValues]:
+def requested_limits(scene: Scene) -> dict[str, JointValues]:
     """Return a scene's entry for each quantity that it limits, by name."""
     said = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
     if scene.timed and said["velocity"] is None:
@@ -95,7 +95,7 @@ def _with_followers(quantity: str, most: Array, scene: Scene, robot: Robot) -> A
     if quantity not in DERIVATIVES:
         raise InputError(f"{scene.source}: limits.{quantity}: {robot.linkage.no_torques}")
     every = np.full(robot.model.nv, np.inf)
-    if isinstance(given := asked_limits(scene)[quantity], float):
+    if isinstance(given := requested_limits(scene)[quantity], float):
         every[:] = given
     elif quantity == "velocity":
         every = _velocities_of_all(robot)

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdplan.planner.problem.assemble import self_margin
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
+from hdplan.planner.robot.joint_limits import DERIVATIVES, requested_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
 from hdplan.scenes.path_constraints import Follow, PathConstraint, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
@@ -165,7 +165,7 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
-    said = {name: _kept_all_along(asked) for name, asked in scene.path.asked.items()}
+    said = {name: _kept_all_along(each) for name, each in scene.path.given.items()}
     kinds = (each.name for each in dataclasses.fields(scene.path) if each.name != "follow")  # which jobs alone have
     names = (f"path.{kind}" for kind in kinds)
     return tuple(Effect(name, said.get(name, ""), f"needs {name}") for name in names)
@@ -181,21 +181,21 @@ def _moving_ends(problem: Problem) -> Effect:
     return Effect("moving ends", words + why * bool(words), "needs start.velocity or goal.velocity")
 
 
-def _kept_all_along(asked: PathConstraint) -> str:
-    match asked:
+def _kept_all_along(constraint: PathConstraint) -> str:
+    match constraint:
         case Upright(link, axis, tolerance):
             return f"axis {_numbers(axis)} of {link} points up all the way, tilted by {tolerance:g} rad at most"
         case Within(link, size, pose, point):
             box = f"the box of size {_numbers(size)} m around {_numbers(pose.position)}"
             return f"point {_numbers(point)} of {link} stays in {box}"
         case Relative(link, to):
-            allowed = f"{asked.position_tolerance * 1e3:g} mm and {asked.orientation_tolerance:g} rad"
+            allowed = f"{constraint.position_tolerance * 1e3:g} mm and {constraint.orientation_tolerance:g} rad"
             return f"{link} keeps its pose at {to}, within {allowed}"
         case Follow(link, poses):
-            allowed = f"{asked.position_tolerance * 1e3:g} mm and {asked.orientation_tolerance:g} rad"
+            allowed = f"{constraint.position_tolerance * 1e3:g} mm and {constraint.orientation_tolerance:g} rad"
             return f"{link} follows a curve of {len(poses)} poses, within {allowed}"
         case _:
-            assert_never(asked)
+            assert_never(constraint)
 
 
 def _numbers(vector: Sequence[float]) -> str:
@@ -213,15 +213,15 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
     else:
         share = f" × {timing.scale:g}" if timing.scale < 1.0 else ""
         law = f"the fastest within the limits (TOPP-RA, smoothed){share}, {rows}"
-    asked = asked_limits(scene)
-    kept = [f"{quantity} ({_origin(asked[quantity])})" for quantity in DERIVATIVES if quantity in asked]
+    limits = requested_limits(scene)
+    kept = [f"{quantity} ({_origin(limits[quantity])})" for quantity in DERIVATIVES if quantity in limits]
     sought = "; the time law is fixed, so speeds close to the velocity limit are penalized" * bool(scene.moving)
     others = [quantity for quantity in QUANTITIES if quantity not in DERIVATIVES]
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
         Effect("limits of rates", ", ".join(kept) + sought, f"needs {_either(DERIVATIVES)}"),
         *(
-            Effect(f"limits of {name}", _driven(problem, name, asked.get(name)), f"needs limits.{name}")
+            Effect(f"limits of {name}", _driven(problem, name, limits.get(name)), f"needs limits.{name}")
             for name in others
         ),
     )

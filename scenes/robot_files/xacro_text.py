@@ -43,26 +43,26 @@ def expand_xacro(path: Path, packages: Packages, arguments: Mapping[str, str]) -
             raise _in_words(error) from None
         files = tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))
     for name in arguments:
-        if name not in given.asked:
-            asked = f"used: {listed(sorted(given.asked))}" if given.asked else "the file uses none"
-            near = nearest(name, given.asked, asked)
+        if name not in given.used:
+            words = f"used: {listed(sorted(given.used))}" if given.used else "the file uses none"
+            near = nearest(name, given.used, words)
             raise InputError(f"robot.xacro_args: the file does not use the argument '{name}'{near}")
     return text.encode(), files
 
 
 class _Arguments(dict[str, str]):
-    """Values of arguments; the names that the file asks for are kept."""
+    """Values of arguments; the names that the file uses are kept."""
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
-        self.asked: set[str] = set()
+        self.used: set[str] = set()
 
     def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
+        self.used.add(str(name))
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
+        self.used.add(name)
         return super().__getitem__(name)
 
 

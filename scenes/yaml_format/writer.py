@@ -187,7 +187,7 @@ def _effects(scene: Scene) -> dict[str, Any]:
 def _own_effects(given: Limits | PathConstraints) -> dict[str, Any]:
     """Return a section of limits or of path constraints, a scene's or a stage's."""
     if isinstance(given, PathConstraints):
-        return {name.removeprefix("path."): _constraint(asked) for name, asked in given.asked.items()}
+        return {name.removeprefix("path."): _constraint(each) for name, each in given.given.items()}
     asked = {name: _joint_values(getattr(given, name)) for name in QUANTITIES}
     ranges = {joint: list(span) for joint, span in given.position.items()}
     return {name: value for name, value in {"position": ranges or None, **asked}.items() if value}

@@ -45,11 +45,11 @@ def check(
     pair and reason, or the first difference."""
     with rejecting():
         head, line, cuts, trees = unpack(proof)
-        told = loads(line)
-        reading = read_world(scene, motion, told, request, robot)
+        claimed = loads(line)
+        reading = read_world(scene, motion, claimed, request, robot)
         read, hashes = reading.world, reading.hashes
         check_files(hashes, head)
-        check_equal(read, told)
+        check_equal(read, claimed)
         world = proven_world(read, head, cuts, trees)
         check_claims(world, head)
         return verdict_of(world, head, reading), read
@@ -67,9 +67,9 @@ def check_job(scene: Path, motion: Path, proof: bytes, robot: str | None = None)
     these worlds. In this process. Raises RejectedError, which names the stage."""
     with rejecting():
         proofs = [unpack(each) for each in parts_of(proof)]
-        told = [loads(line) for _, line, _, _ in proofs]
-        parts, verdicts = read_job(scene, motion, told, robot), list[Verdict]()
-        for part, world, (head, _, cuts, trees) in zip(parts, told, proofs, strict=True):
+        claimed = [loads(line) for _, line, _, _ in proofs]
+        parts, verdicts = read_job(scene, motion, claimed, robot), list[Verdict]()
+        for part, world, (head, _, cuts, trees) in zip(parts, claimed, proofs, strict=True):
             try:
                 verdicts.append(checked_part(part, world, head, cuts, trees))
             except RejectedError as error:
@@ -77,10 +77,12 @@ def check_job(scene: Path, motion: Path, proof: bytes, robot: str | None = None)
         return verdict_of_job(parts, verdicts), [part.reading.world for part in parts]
 
 
-def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: dict[str, Any], trees: Trees) -> Verdict:
+def checked_part(
+    part: Part, claimed: dict[str, Any], head: dict[str, Any], cuts: dict[str, Any], trees: Trees
+) -> Verdict:
     """The statement proven in one world of a job."""
     check_files(part.reading.hashes, head)
-    check_part(part, told)
+    check_part(part, claimed)
     if part.holding is not None:
         check_reach(World(part.reading.world, cuts), *part.holding)
     world = proven_world(part.reading.world, head, cuts, trees)
@@ -88,15 +90,15 @@ def checked_part(part: Part, told: dict[str, Any], head: dict[str, Any], cuts: d
     return verdict_of(world, head, part.reading)
 
 
-def check_part(part: Part, told: dict[str, Any]) -> None:
-    """Reject unless the world that a proof `told` is that of a part: it derived its own, by roundings of its own. Along
+def check_part(part: Part, claimed: dict[str, Any]) -> None:
+    """Reject unless the world that a proof claims is that of a part: it derived its own, by roundings of its own. Along
     a curve they may have other chords, and the motion must keep to the checker's."""
     read = part.reading.world
-    need(read["motion"] == told.get("motion"), "the proof is that of another motion")
+    need(read["motion"] == claimed.get("motion"), "the proof is that of another motion")
     own = {"path": read["path"]} if part.drawn else {}
     if part.drawn:
-        check_curves(read["path"], told["path"])
-    check_equal(read, {**told, **own}, SAME_PLACE)
+        check_curves(read["path"], claimed["path"])
+    check_equal(read, {**claimed, **own}, SAME_PLACE)
 
 
 def verdict_of_job(parts: list[Part], verdicts: list[Verdict]) -> Verdict:

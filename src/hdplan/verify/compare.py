@@ -19,18 +19,18 @@ WORKED_OUT = (
 )
 
 
-def check_equal(read: Any, told: Any, slack: float = 0.0) -> None:
-    """Reject, with the first difference, unless the world that the checker `read` and the one that the proof's writer
-    `told` are equal: numbers that were worked out, in a group with `off`, up to the sum of both, all others to the last
-    bit, or to the `slack` of all. In the place of a mesh, or of what was seen, the proof may have its `digest`, of
-    what was seen with the rows that are left out."""
-    _same(read, told, "", slack, slack)
+def check_equal(read: Any, claimed: Any, slack: float = 0.0) -> None:
+    """Reject, with the first difference, unless the world that the checker has `read` equals the `claimed` one of the
+    proof: computed numbers, in a group with `off`, up to the sum of both, all others to the last bit, or up to `slack`.
+    In place of a mesh, or of camera data, the proof may have its `digest`; that of camera data has the rows that are
+    left out beside it."""
+    _same(read, claimed, "", slack, slack)
 
 
-def check_curves(read: list[Any], told: list[Any]) -> None:
-    """Reject unless the curve of poses that is read is the one that the proof's writer `told`, who may have other
+def check_curves(read: list[Any], claimed: list[Any]) -> None:
+    """Reject unless the curve of poses that is read is the one that the proof claims, which may have other
     chords: all poses of each are within SAME_CURVE of the tolerances of the other."""
-    one, other = ([x for x in each if x.get("kind") == "follow"] for each in (read, told))
+    one, other = ([x for x in each if x.get("kind") == "follow"] for each in (read, claimed))
     need(len(one) == len(other) == 1, "the worlds differ: path: another curve")
     said = [{key: each[0].get(key) for key in ("link", "free", "speed", "acceleration")} for each in (one, other)]
     need(said[0] == said[1], f"the worlds differ: path: {said[0]} is read, the proof has {said[1]}")
@@ -87,61 +87,61 @@ def plain(value: Any) -> Any:
     raise TypeError(f"a world holds no {type(value).__name__}")
 
 
-def _same(read: Any, told: Any, where: str, off: float, least: float) -> None:
-    if isinstance(read, np.ndarray) or isinstance(told, np.ndarray):  # tables, as a reader may have large ones
-        if type(read) is type(told) and np.array_equal(read, told):
+def _same(read: Any, claimed: Any, where: str, off: float, least: float) -> None:
+    if isinstance(read, np.ndarray) or isinstance(claimed, np.ndarray):  # tables, as a reader may have large ones
+        if type(read) is type(claimed) and np.array_equal(read, claimed):
             return
-        if type(read) is np.ndarray and read.dtype == np.float64 and _near_table(read, told, off):
+        if type(read) is np.ndarray and read.dtype == np.float64 and _near_table(read, claimed, off):
             return
-        read, told = (x.tolist() if isinstance(x, np.ndarray) else x for x in (read, told))
-        if _alike(read, told, off):
+        read, claimed = (x.tolist() if isinstance(x, np.ndarray) else x for x in (read, claimed))
+        if _alike(read, claimed, off):
             return
     seen = isinstance(read, dict) and balls(read)
-    if isinstance(read, dict) and isinstance(told, dict) and "sha256" in told and (seen or triangles(read)):
-        rows = {"left_out": told.get("left_out")} if seen else {}  # which the reader has used
-        same = told == {**digest(read), **rows}
+    if isinstance(read, dict) and isinstance(claimed, dict) and "sha256" in claimed and (seen or triangles(read)):
+        rows = {"left_out": claimed.get("left_out")} if seen else {}  # which the reader has used
+        same = claimed == {**digest(read), **rows}
         need(same, f"the worlds differ: {where}: the numbers that are read have another SHA-256")
-    elif isinstance(read, dict) and isinstance(told, dict):
-        if read.keys() != told.keys():
-            raise RejectedError(f"the worlds differ: {where or 'their keys'}: {_keys(read, told)}")
-        slack = _off(read, where) + _off(told, where) if "off" in read else 0.0
+    elif isinstance(read, dict) and isinstance(claimed, dict):
+        if read.keys() != claimed.keys():
+            raise RejectedError(f"the worlds differ: {where or 'their keys'}: {_keys(read, claimed)}")
+        slack = _off(read, where) + _off(claimed, where) if "off" in read else 0.0
         for key, one in read.items():
-            two = told[key]
+            two = claimed[key]
             more = slack + least if key in WORKED_OUT else least
             if key != "off" and not _alike(one, two, more):
                 _same(one, two, f"{where}.{key}" if where else str(key), more, least)
-    elif isinstance(read, list) and isinstance(told, list):
+    elif isinstance(read, list) and isinstance(claimed, list):
         need(
-            len(read) == len(told),
-            f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(told)}",
+            len(read) == len(claimed),
+            f"the worlds differ: {where}: {len(read)} entries are read, the proof has {len(claimed)}",
         )
-        for i, (one, two) in enumerate(zip(read, told, strict=True)):
+        for i, (one, two) in enumerate(zip(read, claimed, strict=True)):
             if not _alike(one, two, off):
                 _same(one, two, f"{where}[{_name(one, i)}]", off, least)
-    elif type(read) in (int, float) and type(told) in (int, float):
-        same = read == told or abs(read - told) <= up(off)
-        need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {told!r}")
+    elif type(read) in (int, float) and type(claimed) in (int, float):
+        same = read == claimed or abs(read - claimed) <= up(off)
+        need(same, f"the worlds differ: {where}: {read!r} is read, the proof has {claimed!r}")
     else:
         need(
-            type(read) is type(told) and read == told,
-            f"the worlds differ: {where}: {_word(read)} is read, the proof has {_word(told)}",
+            type(read) is type(claimed) and read == claimed,
+            f"the worlds differ: {where}: {_word(read)} is read, the proof has {_word(claimed)}",
         )
 
 
-def _alike(read: Any, told: Any, off: float) -> bool:
+def _alike(read: Any, claimed: Any, off: float) -> bool:
     """True if two words, numbers, or rows of numbers surely are as near as they must be, as nearly all are; of others
     the first difference counts."""
-    if type(read) is not type(told) or type(read) not in (str, int, float, list, type(None)):
+    if type(read) is not type(claimed) or type(read) not in (str, int, float, list, type(None)):
         return False
-    if type(read) is not list or {*map(type, read), *map(type, told)} != {float}:
-        return not (type(read) is list and read and type(read[0]) is dict) and bool(read == told)
-    return len(read) == len(told) and all(abs(one - two) <= off for one, two in zip(read, told, strict=True))
+    if type(read) is not list or {*map(type, read), *map(type, claimed)} != {float}:
+        return not (type(read) is list and read and type(read[0]) is dict) and bool(read == claimed)
+    return len(read) == len(claimed) and all(abs(one - two) <= off for one, two in zip(read, claimed, strict=True))
 
 
-def _near_table(read: Any, told: Any, off: float) -> bool:
+def _near_table(read: Any, claimed: Any, off: float) -> bool:
     """True if a table surely is as near as it must be to the one that the proof has."""
     try:
-        other = np.asarray(told, dtype=np.float64)
+        other = np.asarray(claimed, dtype=np.float64)
     except (TypeError, ValueError):  # of no numbers, or of rows of several lengths
         return False
     return read.shape == other.shape and bool((np.abs(read - other) <= off).all())
@@ -154,8 +154,8 @@ def _off(group: dict[str, Any], where: str) -> float:
     return float(off)
 
 
-def _keys(read: dict[str, Any], told: dict[str, Any]) -> str:
-    more, less = sorted({*read} - {*told}), sorted({*told} - {*read})
+def _keys(read: dict[str, Any], claimed: dict[str, Any]) -> str:
+    more, less = sorted({*read} - {*claimed}), sorted({*claimed} - {*read})
     return "; ".join(
         [f"'{x}' is read, the proof has none" for x in more[:1]]
         + [f"the proof has '{x}', none is read" for x in less[:1]]

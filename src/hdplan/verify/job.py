@@ -41,13 +41,13 @@ class Part:
     drawn: bool  # along a curve, which is the checker's own: the proof's may have other chords
 
 
-def read_job(scene: Path, motion: Path, told: list[Any], robot: str | None = None) -> list[Part]:
-    """The worlds of a job, in order, of which a proof `told` as many. Raises RejectedError, which names the stage."""
+def read_job(scene: Path, motion: Path, claimed: list[Any], robot: str | None = None) -> list[Part]:
+    """The worlds of a job, in order, of which a proof claims as many. Raises RejectedError, which names the stage."""
     with rejecting():
-        reader = Reader(scene, motion, told[0] if told else None, None, robot)
+        reader = Reader(scene, motion, claimed[0] if claimed else None, None, robot)
         stages = stages_of(reader.top)
         count = sum(1 + stage.fingers for stage in stages)
-        need(len(told) == count, f"the job has {count} worlds to be proven free, the proof has {len(told)}")
+        need(len(claimed) == count, f"the job has {count} worlds to be proven free, the proof has {len(claimed)}")
         return [*Job(reader, stages).parts()]
 
 

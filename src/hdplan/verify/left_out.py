@@ -47,8 +47,10 @@ class Around(NamedTuple):
 def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose: Pose) -> Any:
     """Mask of an obstacle's balls that stay (m,): all but those that the proof has left out, which the scene must
     allow."""
-    told = reader.told.seen(name)
-    stay = without(len(centres.mid), told) if "left_out" in told else kept(centres.mid, reader.told.points(name))
+    claimed = reader.claimed.seen(name)
+    stay = (
+        without(len(centres.mid), claimed) if "left_out" in claimed else kept(centres.mid, reader.claimed.points(name))
+    )
     if stay.all():
         return stay
     left = centres.mid[~stay] @ pose[0].mid.T + pose[1].mid
@@ -62,18 +64,18 @@ def staying(reader: Reader, name: str, said: dict[str, Any], centres: Ball, pose
     return stay
 
 
-def without(count: int, told: dict[str, Any]) -> Any:
-    """Mask of so many balls without the rows that a proof `told`."""
-    stay, rows = np.ones(count, dtype=bool), told["left_out"]
+def without(count: int, claimed: dict[str, Any]) -> Any:
+    """Mask of so many balls without the rows that a proof claims."""
+    stay, rows = np.ones(count, dtype=bool), claimed["left_out"]
     good = type(rows) is list and {*map(type, rows)} <= {int} and all(0 <= x < count for x in rows)
     need(good, "the proof leaves out a ball that is not seen there")
     stay[rows] = False
     return stay
 
 
-def kept(centres: Any, told: Any) -> Any:
-    """Mask of the balls' centres (m, 3): those that a proof `told` (k, 3), in the same order."""
-    found, waiting = np.zeros(len(centres), dtype=bool), iter(told.tolist())
+def kept(centres: Any, claimed: Any) -> Any:
+    """Mask of the balls' centres (m, 3): those that a proof claims (k, 3), in the same order."""
+    found, waiting = np.zeros(len(centres), dtype=bool), iter(claimed.tolist())
     x, y, z = next(waiting, (np.inf,) * 3)
     for i, (a, b, c) in enumerate(centres.tolist()):
         if abs(a - x) <= SAME and abs(b - y) <= SAME and abs(c - z) <= SAME:
@@ -125,7 +127,7 @@ def _standing(reader: Reader, name: Any, what: str) -> Placed:
     for i, said in enumerate(listing(reader.top.get("obstacles"), "obstacles")):
         if said.get("name", f"obstacle{i}") == name:
             need("shape" in said and "motion" not in said, f"{what}: '{name}' has no shape, or moves")
-            shape = scenes.shape_of(said["shape"], name, reader.folder, reader.files, reader.told)
+            shape = scenes.shape_of(said["shape"], name, reader.folder, reader.files, reader.claimed)
             turn, at = scenes.pose_of(said.get("pose"), name)
             return Placed(shape, turn.mid, at.mid)
     raise RejectedError(f"{what}: there is no obstacle '{name}'")

@@ -40,15 +40,15 @@ def limits(top: dict[str, Any], joints: Joints, targets: Targets) -> dict[str, A
 
 
 def limits_of_other(top: dict[str, Any], robot: OtherRobot) -> dict[str, Any]:
-    """The limits that a proof `told` for a robot whose description is not read, by what the scene says in numbers."""
-    said, told = mapping(top.get("limits", {}), "limits", f"position {' '.join(RATES)}"), robot.told["limits"]
+    """The limits that a proof claims for a robot whose description is not read, by what the scene says in numbers."""
+    said, claimed = mapping(top.get("limits", {}), "limits", f"position {' '.join(RATES)}"), robot.claimed["limits"]
     ranges, timed = said.pop("position", {}), bool(said) or "timing" in top
     asked = {x: said.get(x, "urdf" if x == "velocity" and timed else None) for x in RATES}
-    found = {x: told[x] for x in ("position", *RATES) if x == "position" or asked[x] is not None}
+    found = {x: claimed[x] for x in ("position", *RATES) if x == "position" or asked[x] is not None}
     for i, name in enumerate(robot.moving):
         if name in ranges:
             least, most = values(ranges[name], 2, f"limits.position.{name}").tolist()
-            low, high = told["position"][i]
+            low, high = claimed["position"][i]
             within = None not in (low, high) and least - ROOM <= low and high <= most + ROOM
             need(within, f"limits.position.{name}: the proof has another range")
         for rate in RATES:

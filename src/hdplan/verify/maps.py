@@ -31,11 +31,11 @@ CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 CORNERS.setflags(write=False)
 
 
-def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, told: Any) -> dict[str, Any]:
-    """The shape of a map, put together of cells as a proof `told` (8 k, 3)."""
+def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, claimed: Any) -> dict[str, Any]:
+    """The shape of a map, put together of cells as a proof `claimed` (8 k, 3)."""
     grid, first, edge, origin = (_voxels if kind == "voxels" else _octomap)(value, what, folder, files)
-    need(len(told) % 8 == 0 and len(told) > 0, f"{what}: the proof has no boxes")
-    cells = (told.reshape(-1, 8, 3) - origin.mid) / edge.mid - first
+    need(len(claimed) % 8 == 0 and len(claimed) > 0, f"{what}: the proof has no boxes")
+    cells = (claimed.reshape(-1, 8, 3) - origin.mid) / edge.mid - first
     low, high = (np.rint(x).astype(np.int64) for x in (cells.min(axis=1), cells.max(axis=1)))
     sides = low[:, None] + CORNERS * (high - low)[:, None]
     whole = np.abs(cells - sides).max() <= WHOLE and (low >= 0).all() and (high <= grid.shape).all()
@@ -47,7 +47,7 @@ def boxes_of(kind: str, value: Any, what: str, folder: Path, files: Files, told:
         part[...] = 1
     need((found == grid).all(), f"{what}: the proof's boxes are not just the occupied cells")
     points = origin + Ball((sides + first).reshape(-1, 3).astype(np.float64)) * edge
-    parts = np.arange(len(told)).reshape(-1, 8)
+    parts = np.arange(len(claimed)).reshape(-1, 8)
     return {"points": points.mid, "parts": parts, "sweep": np.zeros((1, 3)), "off": float(points.rad.max())}
 
 

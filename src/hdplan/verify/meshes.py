@@ -80,9 +80,9 @@ def obj(data: bytes) -> Any:
         elif key == b"f":
             words = [x.split(b"/")[0] for x in rest]
             need(len(words) > 2 and all(x.lstrip(b"-").isdigit() for x in words), "OBJ: a face of other words")
-            told = [int(x) for x in words]
-            faces.append([x - 1 if x > 0 else len(points) + x for x in told])
-            need(all(told) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
+            numbers = [int(x) for x in words]
+            faces.append([x - 1 if x > 0 else len(points) + x for x in numbers])
+            need(all(numbers) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
     need(max(map(max, faces), default=-1) < len(points), "OBJ: a face has a vertex that is not there")
     places = table([x for each in points for x in each], "OBJ").reshape(-1, 3)
     return places[fans(faces, places)]

@@ -31,10 +31,10 @@ def sections(scene: Any, request: Any, spec: dict[str, Any], tree: Tree, semanti
     found = sections_around(scene, request, spec, at, {*tree.joints}, tree.solid)
     asked = fields(request, "MotionPlanRequest", "request")
     spec = dict(spec, group=_group(asked.get("group_name", ""), spec, tree, semantics))
-    model, told, _ = found["matrix"]
+    model, stated, _ = found["matrix"]
     if model in ("", spec.get("name") or tree.stem, tree.name):  # of another robot the links have other shapes
         left = [{*x} for x in listing(spec.get("ignore_pairs"), "robot.ignore_pairs")]
-        more = [x for x in told if {*x} not in left]
+        more = [x for x in stated if {*x} not in left]
         spec["check_pairs"] = [*listing(spec.get("check_pairs"), "robot.check_pairs"), *more]
         found["matrix"] = "", *found["matrix"][1:]
     return {**found, "robot": spec, "limits": _limits(asked, tree, "velocity" in found["start"])}
@@ -215,14 +215,14 @@ def _compared(value: Any, solid: set[str]) -> tuple[list[list[str]], list[list[s
     usual = words(said.get("default_entry_names"), "default_entry_names")
     for name, free in zip(usual, _booleans(said.get("default_entry_values"), len(usual)), strict=True):
         defaults[name] = free and defaults.get(name, True)
-    told, untold = list[list[str]](), list[list[str]]()
+    stated, unstated = list[list[str]](), list[list[str]]()
     for one in sorted(solid):
         for two in [x for x in sorted(solid) if x > one]:
             given = [defaults[x] for x in (one, two) if x in defaults]
             may = entries.get(frozenset((one, two)), all(given) if given else None)
-            told += [[one, two]] * (may is False)
-            untold += [[one, two]] * (may is None and bool(entries or defaults))
-    return told, untold
+            stated += [[one, two]] * (may is False)
+            unstated += [[one, two]] * (may is None and bool(entries or defaults))
+    return stated, unstated
 
 
 def _booleans(value: Any, count: int) -> list[bool]:

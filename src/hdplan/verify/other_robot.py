@@ -12,32 +12,32 @@ from .balls import Pose, need
 from .world import placed
 
 
-class UntoldError(Exception):
-    """Contents of the robot's description alone."""
+class NotClaimedError(Exception):
+    """A request for what only the robot's description holds."""
 
 
-class Untold:
-    """In the place of the description's words: whoever needs one takes the proof's."""
+class NoSemantics:
+    """In place of the description's semantics: where these are needed, the reader takes the proof's claim."""
 
     def states(self, group: str | None) -> dict[str, dict[str, float]]:
         """Named states."""
-        raise UntoldError
+        raise NotClaimedError
 
 
 class OtherRobot:
-    """Joints and links of the world that a proof `told`, as `Joints` and `Tree` have those of a description."""
+    """Joints and links of the world that a proof claims, as `Joints` and `Tree` have those of a description."""
 
-    def __init__(self, told: Any, spec: dict[str, Any]) -> None:
+    def __init__(self, claimed: Any, spec: dict[str, Any]) -> None:
         """Take them."""
-        need(type(told) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
-        self.told, self.spec, self.semantics, self.group = told, spec, Untold(), None
-        self.moving = [x["name"] for x in told["joints"]]
-        rules = {x["name"]: x["follows"] for x in told["joints"] if x["follows"] is not None}
+        need(type(claimed) is dict, "robot: cannot be read by the checker, and there is no proof that has it")
+        self.claimed, self.spec, self.semantics, self.group = claimed, spec, NoSemantics(), None
+        self.moving = [x["name"] for x in claimed["joints"]]
+        rules = {x["name"]: x["follows"] for x in claimed["joints"] if x["follows"] is not None}
         self.rules = {name: (self.moving[other], factor, add) for name, (other, factor, add) in rules.items()}
         self.lead = [x for x in self.moving if x not in rules]
-        self.held = dict(told["held"])
+        self.held = dict(claimed["held"])
         self.movable = [*self.moving, *self.held]
-        links = placed([(f"links.{link}", said) for link, said in told["links"].items()], "joint")
-        self.at: dict[str, tuple[int, Pose]] = dict(zip(told["links"], links, strict=True))
-        self.bodies = [x for x in told["bodies"] if x["kind"] == "link"]
+        links = placed([(f"links.{link}", said) for link, said in claimed["links"].items()], "joint")
+        self.at: dict[str, tuple[int, Pose]] = dict(zip(claimed["links"], links, strict=True))
+        self.bodies = [x for x in claimed["bodies"] if x["kind"] == "link"]
         self.links, self.solid = [*self.at], {x["name"] for x in self.bodies}

@@ -32,7 +32,7 @@ def not_compared(joints: Joints, bodies: list[Any], touching: set[frozenset[str]
 def check_left_out(robot: OtherRobot, touching: set[frozenset[str]], off: bool) -> None:
     """Reject pairs that the world of a proof leaves out by a word of the scene's that is not there."""
     there = {"touch_links": touching, "robot.ignore_pairs": _named(robot, "ignore_pairs")}
-    for one, two, reason in robot.told["not_compared"]:
+    for one, two, reason in robot.claimed["not_compared"]:
         said = off if reason == "self_collision: false" else frozenset((one, two)) in there.get(reason, [{one, two}])
         need(said, f"{one} and {two}: are left out by {reason}, which does not name them")
 

@@ -23,7 +23,7 @@ from .messages import message_of
 from .motion import Rows
 from .moveit import sections, sections_around
 from .moving import joints_of
-from .other_robot import OtherRobot, UntoldError
+from .other_robot import NotClaimedError, OtherRobot
 from .pairs import check_left_out, not_compared
 from .robot import Tree
 from .robot_files import DESCRIPTIONS, find_robot, given_robot
@@ -53,13 +53,13 @@ class Reading:
 
 
 def read_world(
-    scene: Path, motion: Path, told: Any = None, request: Path | None = None, robot: str | None = None
+    scene: Path, motion: Path, claimed: Any = None, request: Path | None = None, robot: str | None = None
 ) -> Reading:
     """The world of a motion, in a scene of MoveIt's with its `request`, and with a `robot` in place of the scene's,
     which is its name or a file. What the checker does not read by itself (clouds, xacro, MJCF, other kinds of meshes)
-    is taken from the world that a proof `told`, and named. Raises RejectedError."""
+    is taken from the world that a proof claims, and named. Raises RejectedError."""
     with rejecting():
-        reader = Reader(scene, motion, told, request, robot)
+        reader = Reader(scene, motion, claimed, request, robot)
         need("job" not in reader.top, "the scene holds a job, and the proof is that of a single motion")
         world = reader.world_of_other_robot() if isinstance(reader.joints, OtherRobot) else reader.world()
         return reader.reading(world)
@@ -80,8 +80,8 @@ def semantics_of(data: bytes, tree: Tree) -> Semantics:
 class Reader:
     """One scene and one motion."""
 
-    def __init__(self, scene: Path, motion: Path, told: Any, request: Path | None, robot: str | None) -> None:
-        self.files, self.told = Files(), scenes.Told(told)
+    def __init__(self, scene: Path, motion: Path, claimed: Any, request: Path | None, robot: str | None) -> None:
+        self.files, self.claimed = Files(), scenes.Claimed(claimed)
         self.clouds, self.left_out = dict[str, dict[str, Any]](), dict[str, None]()  # what was seen, by its name
         self.rows_out = dict[str, list[int]]()  # of what was seen and read here
         self.folder = scene.absolute().parent
@@ -102,8 +102,8 @@ class Reader:
             around = exported(data) if scene.suffix.lower() == ENDING else message_of(data)
             asked = message_of(self.files.read("request", request))
         if urdf.suffix.lower() in DESCRIPTIONS[1:]:
-            self.told.taken[f"the robot ({named(urdf.name)}) with its limits and the pairs left out"] = None
-            self.joints = OtherRobot(told, spec)
+            self.claimed.taken[f"the robot ({named(urdf.name)}) with its limits and the pairs left out"] = None
+            self.joints = OtherRobot(claimed, spec)
             if request is not None:
                 self.top = sections_around(
                     around, asked, spec, self.joints.at, {*self.joints.movable}, self.joints.solid
@@ -141,7 +141,7 @@ class Reader:
             need(scale.all(), f"{where}: a mesh of scale 0")
             path = self.robot.mesh(said.get("filename", ""), where)
             body = (link, number, f"link {named(link)}")
-            return scenes.mesh_of(path, scale, self.files, self.told, body, upright=False)
+            return scenes.mesh_of(path, scale, self.files, self.claimed, body, upright=False)
         sizes: dict[str, Any] = {x: float(row(y, 1, where)[0]) for x, y in said.items() if x in ("radius", "length")}
         sizes |= {x: row(y, 3, where).tolist() for x, y in said.items() if x in ("size", "radii")}
         need(np.hstack([*sizes.values(), 1]).min() > 0, f"{where}: a size is not above 0")
@@ -194,7 +194,7 @@ class Reader:
 
     def around(self) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
         """Obstacles, the motions of some, and their own clearances."""
-        return scenes.obstacles(self.top, self.folder, self.files, self.told, self.seen)
+        return scenes.obstacles(self.top, self.folder, self.files, self.claimed, self.seen)
 
     def seen(self, name: str, kind: str, value: Any, pose: Pose) -> dict[str, Any]:
         """The shape of what was seen, once: what the checker does not read as the proof has it."""
@@ -206,11 +206,11 @@ class Reader:
         """Balls of a cloud or a depth image, or boxes of a map."""
         what, where = f"{named(name)} ({kind})", (self.folder, self.files)
         if kind in ("voxels", "octomap") and value != "":  # as MoveIt's is
-            return boxes_of(kind, value, what, *where, self.told.points(name))
+            return boxes_of(kind, value, what, *where, self.claimed.points(name))
         found = balls_of(kind, value, what, *where) if kind in ("cloud", "depth") else None
         ignores = found is not None and bool(value.get("ignore_robot") or value.get("ignore"))
         if found is None or (ignores and isinstance(self.joints, OtherRobot)):
-            return self.told.shape(name, None, what)
+            return self.claimed.shape(name, None, what)
         stay = staying(self, name, value, found[0], pose) if ignores else np.ones(len(found[1]), dtype=bool)
         self.rows_out[name] = np.flatnonzero(~stay).tolist()
         return shape_of(*found, stay)
@@ -227,7 +227,7 @@ class Reader:
             need(link in at and name not in at, f"{what}: its link is not known, or its name is taken")
             joint, pose = at[link]
             pose = compose(pose, scenes.pose_of(said.get("pose"), what))
-            shape = scenes.shape_of(said.get("shape"), name, self.folder, self.files, self.told)
+            shape = scenes.shape_of(said.get("shape"), name, self.folder, self.files, self.claimed)
             held.append({"name": name, "kind": "held", "joint": joint, **scenes.frame(pose), "shape": shape})
             near = listing(said.get("touch_links"), what)
             need(all(x in at or x in others for x in near), f"{what}: touch_links: names a link that there is not")
@@ -255,22 +255,22 @@ class Reader:
         """The world with a robot that the checker does not read, which is the proof's; all else is the scene's, but for
         what needs the robot's own words, such as a named state."""
         joints, top = self.joints, self.top
-        held, touching, around, tracks, own = self.others(len(joints.told["joints"]))
+        held, touching, around, tracks, own = self.others(len(joints.claimed["joints"]))
         check_left_out(joints, touching, top.get("self_collision", True) is False)
         targets = self.targets(held)
         ends = dict[str, Any]()
         for end, read in (("start", lambda x: [targets.target(x, "start")]), ("goal", targets.goals)):
             try:
                 ends[end] = read(top[end])
-            except UntoldError:
-                ends[end] = joints.told[end]
-                self.told.taken[f"the {end}"] = None
+            except NotClaimedError:
+                ends[end] = joints.claimed[end]
+                self.claimed.taken[f"the {end}"] = None
         return {
-            **{key: x for key, x in joints.told.items() if key != "sizes"},
+            **{key: x for key, x in joints.claimed.items() if key != "sizes"},
             **sizes(top, joints),
             "bodies": [*joints.bodies, *held, *around],
             "tracks": tracks,
-            "motion": self.rows.of(joints.told["joints"], joints.held),
+            "motion": self.rows.of(joints.claimed["joints"], joints.held),
             "limits": limits_of_other(top, joints),
             "path": scenes.path_of(top),
             **ends,
@@ -279,14 +279,14 @@ class Reader:
 
     def reading(self, world: dict[str, Any]) -> Reading:
         """A world that was read here, with what there is to say of it."""
-        return Reading(world, self.files.hashes, tuple(self.told.taken), self.passed(world), self.rows_out)
+        return Reading(world, self.files.hashes, tuple(self.claimed.taken), self.passed(world), self.rows_out)
 
     def passed(self, world: dict[str, Any]) -> tuple[str, ...]:
         """Remarks on an allowed collision matrix of MoveIt's that has more pairs of links compared, of rows
         that are farther apart than a scene says, and of held objects without a mass where torques are limited."""
         whose, *pairs = self.top.get("matrix", ("", [], []))
-        left_out, told = world["not_compared"], [*pairs[0], *pairs[1]]
-        found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in told]
+        left_out, claimed = world["not_compared"], [*pairs[0], *pairs[1]]
+        found = [[one, two] for one, two, why in left_out if why != "moving as one" and [one, two] in claimed]
         words = ", ".join("-".join(map(named, pair)) for pair in found)
         of = f" of the robot {named(whose)}" if whose else ""
         said = [*self.left_out]

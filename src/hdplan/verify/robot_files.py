@@ -29,8 +29,8 @@ class RobotFiles:
     def mesh(self, address: str, where: str) -> Path:
         """The file of a mesh; where it is looked for does not matter to what is proven, as the two worlds are
         compared."""
-        scheme, told, rest = address.partition("://")
-        packaged = bool(told) and scheme in ("package", "model")
+        scheme, separator, rest = address.partition("://")
+        packaged = bool(separator) and scheme in ("package", "model")
         name = rest.lstrip("/") if packaged else rest or scheme
         inner, beside = name.partition("/")[2], (x / name for x in (self.urdf.parent, self.folder))
         places = (x / y for x in self.folders for y in (name, inner)) if packaged else beside
@@ -60,16 +60,16 @@ def given_robot(robot: str, files: Files) -> tuple[Any, Path]:
 
 def find_robot(spec: dict[str, Any], folder: Path) -> RobotFiles:
     """The files of the robot that a section names, which stands in a file of a folder."""
-    told = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
+    listed = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
     named = [folder / word(x, "package_dirs") for x in listing(spec.get("package_dirs"), "package_dirs")]
     if "name" in spec:
         need("urdf" not in spec, "robot: either a name or a file is expected")
         library = robot_library()
         urdf, srdf = robot_of(library, word(spec["name"], "robot.name"))
-        folders = [*named, library.parent.parent, library, *told]
+        folders = [*named, library.parent.parent, library, *listed]
     else:
         urdf, srdf = (folder / word(spec.get("urdf"), "robot.urdf")).resolve(), None
-        folders = [*named, *urdf.parents, *told]
+        folders = [*named, *urdf.parents, *listed]
     if "srdf" in spec:
         srdf = folder / word(spec["srdf"], "robot.srdf")
     return RobotFiles(urdf, srdf, tuple(folders), folder)

@@ -95,7 +95,7 @@ def frame(pose: Pose) -> dict[str, Any]:
     return {"rotation": pose[0].mid.ravel().tolist(), "position": pose[1].mid.tolist(), "off": off}
 
 
-def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> dict[str, Any]:
+def shape_of(value: Any, what: str, folder: Path, files: Files, claimed: Claimed) -> dict[str, Any]:
     """A shape of a scene as a world has it; a mesh of a kind that the checker does not read as the proof has it."""
     said = mapping(value, f"{what}: shape", "type size radius radii length points file scale")
     kind = str(said.pop("type", ""))
@@ -108,7 +108,9 @@ def shape_of(value: Any, what: str, folder: Path, files: Files, told: Told) -> d
         scale = said.get("scale", 1.0)  # one for all axes will do
         scale = values(scale if isinstance(scale, list) else [scale] * 3, 3, what)
         need(scale.min() > 0, f"{what}: scale: must be above 0")
-        return mesh_of(folder / word(said["file"], what), scale, files, told, (what, None, named(what)), upright=True)
+        return mesh_of(
+            folder / word(said["file"], what), scale, files, claimed, (what, None, named(what)), upright=True
+        )
     if kind == "points":
         return hull([values(x, 3, what).tolist() for x in listing(said["points"], what)])
     sizes: dict[str, Any] = {x: one(y, what) for x, y in said.items() if x in ("radius", "length")}
@@ -137,8 +139,8 @@ def solid(kind: str, sizes: dict[str, Any]) -> dict[str, Any]:
     return hull([[0.0, 0.0, -end], [0.0, 0.0, end]], r, r, r * (kind == "capsule"))
 
 
-class Told:
-    """Bodies of the proof's own world, for what the checker does not read: they are named in what it says."""
+class Claimed:
+    """Bodies of the proof's own world, in place of files that the checker does not read; the verdict names them."""
 
     def __init__(self, world: Any) -> None:
         self._bodies = list((world or {}).get("bodies", []))
@@ -164,13 +166,13 @@ class Told:
 
 
 def mesh_of(
-    path: Path, scale: Any, files: Files, told: Told, body: tuple[str, int | None, str], upright: bool
+    path: Path, scale: Any, files: Files, claimed: Claimed, body: tuple[str, int | None, str], upright: bool
 ) -> dict[str, Any]:
     """A mesh as a world has it; of a kind that the checker does not read as the proof has it. `body`: the name of its
     body, which one of a link's it is, and what it is called."""
     data, (name, number, what) = files.read(f"mesh {path.parent.name}/{path.name}", path), body
     if path.suffix.lower() not in KINDS:
-        return told.shape(name, number, f"{named(path.name)} ({what})")
+        return claimed.shape(name, number, f"{named(path.name)} ({what})")
     return mesh(path, data, scale, upright)
 
 
@@ -203,7 +205,7 @@ def _merged(path: Path, data: bytes, scale: tuple[float, ...], upright: bool) ->
 
 
 def obstacles(
-    top: dict[str, Any], folder: Path, files: Files, told: Told, seen: Callable[..., dict[str, Any]]
+    top: dict[str, Any], folder: Path, files: Files, claimed: Claimed, seen: Callable[..., dict[str, Any]]
 ) -> tuple[list[Any], dict[str, Any], dict[str, Any]]:
     """Bodies of the obstacles, the motions of some, for `moving`, and their own clearances. `seen` gives the shape of
     what was seen, by name, kind, section and pose."""
@@ -220,7 +222,7 @@ def obstacles(
         kinds = [x for x in ("shape", *SEEN) if x in said]
         need(len(kinds) == 1, f"{what}: one of shape, {', '.join(SEEN)} is expected")
         if kinds == ["shape"]:
-            shape = shape_of(said["shape"], name, folder, files, told)
+            shape = shape_of(said["shape"], name, folder, files, claimed)
         else:
             shape = seen(name, kinds[0], said[kinds[0]], begins)
         bodies.append({"name": name, "kind": "obstacle", "joint": -1, **frame(pose), "shape": shape})

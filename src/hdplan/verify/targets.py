@@ -8,7 +8,7 @@ from typing import Any
 from . import scene as scenes
 from .balls import need
 from .joints import Joints
-from .other_robot import OtherRobot, UntoldError
+from .other_robot import NotClaimedError, OtherRobot
 from .text import listing, mapping, values
 
 
@@ -57,8 +57,8 @@ class Targets:
         given = {x: scenes.one(y, f"{end}: '{x}'") for x, y in named.items()}
         need({*given} <= {*joints.movable} or self.from_request, f"{end}: names a joint that is none")
         need({*joints.lead} <= {*given}, f"{end}: names not every joint that moves")
-        told = joints.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
-        others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in told}
+        placed = joints.spec.get("locked") or {} if "state" in said else {}  # which says where they stand
+        others = {x: y for x, y in given.items() if (x in joints.held or x in joints.rules) and x not in placed}
         return {"joints": [given[x] for x in joints.lead], "others": dict(sorted(others.items()))}
 
     def goals(self, value: Any) -> list[Any]:
@@ -105,7 +105,7 @@ class Targets:
         the SRDF's end effector, or else the last one of the group's chain, or of the joints that move."""
         joints, lead = self.joints, {*self.joints.lead}
         if isinstance(joints, OtherRobot):
-            raise UntoldError
+            raise NotClaimedError
         tree = joints.tree
         moved = {
             x: {joints.rules[y][0] if y in joints.rules else y for y in tree.way(x) if y in joints.moving}

@@ -103,7 +103,7 @@ def test_a_scene_with_everything_lacks_nothing(whole: tuple[Scene, Trajectory]) 
     found = Certifier(Setup.of(full)).certify(moved)
     assert found.certified, found.text
     assert certify(full, moved, required=0.0, check_ends=False).certified
-    asked = Certifier(Setup.of(full))._asked
+    required = Certifier(Setup.of(full))._required
     for name in (
         "limits.torque",
         "payload",
@@ -112,9 +112,9 @@ def test_a_scene_with_everything_lacks_nothing(whole: tuple[Scene, Trajectory]) 
         "obstacles.timed.motion",
         "self_collision",
     ):
-        assert name in asked
-    assert {f"limits.{each.name}" for each in dataclasses.fields(Limits)} <= asked
-    assert {f"path.{each}" for each in ("upright", "position", "relative.orientation_tolerance")} <= asked
+        assert name in required
+    assert {f"limits.{each.name}" for each in dataclasses.fields(Limits)} <= required
+    assert {f"path.{each}" for each in ("upright", "position", "relative.orientation_tolerance")} <= required
 
 
 @pytest.mark.parametrize("seed", range(12))
