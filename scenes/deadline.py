@@ -25,7 +25,20 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     if seconds is None or until >= _until.get():
         yield
         return
-    tokens = _until.set(until), _whole.set(seconds)
+    with _set(until, seconds):
+        yield
+
+
+@contextlib.contextmanager
+def no_limit() -> Iterator[None]:
+    """Let the block take its time, whatever the limits around it: for judging what was found within them."""
+    with _set(math.inf, math.inf):
+        yield
+
+
+@contextlib.contextmanager
+def _set(until: float, whole: float) -> Iterator[None]:
+    tokens = _until.set(until), _whole.set(whole)
     try:
         yield
     finally:

@@ -21,6 +21,7 @@ from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.deadline import no_limit
 from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.scene import Scene
 
@@ -93,7 +94,8 @@ def run_plan_job(
             )
         )
     try:
-        written = files.write(result)
+        with no_limit():
+            written = files.write(result)
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
         return 1

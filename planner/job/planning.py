@@ -16,6 +16,7 @@ from hdplan.planner.job.result import JobResult
 from hdplan.planner.job.world import World
 from hdplan.planner.search.search import Event
 from hdplan.scenes.curve_stages import Curve
+from hdplan.scenes.deadline import no_limit, seconds_left
 from hdplan.scenes.errors import TimeLimitError, UnsolvableError
 from hdplan.scenes.job import Job, Move
 from hdplan.scenes.scene import Scene, derived
@@ -38,7 +39,8 @@ def plan_job(
         scene: one with a job.
         seed: of random first guesses and configurations; the same seed gives the same result, as far as the time limit
             allows.
-        time_limit: [s] for everything. What was planned by then comes back, and says which stage is missing, and why.
+        time_limit: [s] for everything but the certificate, which an earlier `deadline.time_limit` does not cut short,
+            either. What was planned by then comes back, and says which stage is missing, and why.
         report: called with every step and every certificate of the motions that are planned.
         stop: called at every step; once it returns True, what was planned so far comes back.
 
@@ -55,7 +57,8 @@ def plan_job(
     assert scene.job is not None
     names = scene.job.names
     rested = at_rest(scene)
-    search = Search(rested, seed, began + time_limit, report, stop)
+    ends = min(began + time_limit, time.perf_counter() + seconds_left())
+    search = Search(rested, seed, ends, report, stop)
     interrupted = False
     try:
         search.run(replace(first, scene=rested))
@@ -63,6 +66,9 @@ def plan_job(
         if not search.best:
             raise
         interrupted = True
+    except TimeLimitError:
+        if not search.best:
+            raise
     pieces = search.best
     interrupted = len(pieces) < len(names) and (interrupted or stop())
     if len(pieces) < len(names) and search.wrong is not None and not (interrupted or search.over()):
@@ -81,9 +87,10 @@ def plan_job(
             return INTERRUPTED
         return f"the time limit of {time_limit:g} s passed before that was tried" if search.over() else ""
 
-    pieces, unblended = blended(first, pieces, late)
-    trajectory = joined(pieces, scene.job)
-    certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
+    with no_limit():
+        pieces, unblended = blended(first, pieces, late)
+        trajectory = joined(pieces, scene.job)
+        certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
     said = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,

@@ -4,6 +4,7 @@ refuses."""
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,10 @@ import numpy as np
 import pytest
 
 import hdplan
+from hdplan.planner.job.choices import Search
 from hdplan.planner.job.result import JobResult
+from hdplan.planner.job.world import World
+from hdplan.scenes import deadline
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -188,3 +192,27 @@ def test_what_ends_before_the_first_stage_says_so() -> None:
     fingers = hdplan.Job([hdplan.Grip({"panda_finger_joint1": 0.01})])
     with pytest.raises(InputError, match="give the fingers' in this stage"):
         hdplan.plan_job(replace(scene, goal=None, job=fingers, limits=hdplan.Limits(acceleration=[5.0] * 7)))
+
+
+def test_what_was_planned_before_a_commands_time_limit_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit around all of a command passes while the third stage is planned: nothing is lost, as nothing is where
+    the job's own limit passes. The stages that were planned are certified, as stops."""
+    table = hdplan.Box([0.3, 0.3, 0.02], name="table", pose=[0.0, 0.6, 0.3])
+    away = [[share, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785] for share in (0.3, 0.6, 0.9)]
+    job = hdplan.Job([hdplan.Move(q, blend=0.02 * (k < 2)) for k, q in enumerate(away)])
+    scene = hdplan.Scene(robot="panda", start="default", obstacles=[table], limits=LIMITS, job=job)
+    goals = Search._goals
+
+    def late(search: Search, world: World, number: int) -> Any:
+        if number == 2:
+            deadline._until.set(time.perf_counter())
+        return goals(search, world, number)
+
+    monkeypatch.setattr(Search, "_goals", late)
+    with deadline.time_limit(600.0):
+        result = hdplan.plan_job(scene)
+        assert deadline.seconds_left() == 0.0
+    assert len(result.trajectory.stages) == 2
+    assert "stage 'move 2'" in result.text
+    assert all(stage.certificate.certified for stage in result.certificate.stages)
+    assert hdplan.certify_job(scene, result.trajectory).text == result.certificate.text
