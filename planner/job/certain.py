@@ -121,10 +121,12 @@ class Certain:
             return  # nothing is left open along the curve
         quick = setup.limits.get("velocity", np.ones(setup.robot.n))
         found, nowhere = False, None
-        for beside, *dense in LOOKED_FOR:
+        for beside, finer, close in LOOKED_FOR:
             free = functools.partial(self._are_free, certifier, setup.scene.planner.clearance + beside)
             try:
-                for way in ways_along(setup.robot, start, follow, length_of(follow), quick, self.seed, free, *dense):
+                for way in ways_along(
+                    setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer, close
+                ):
                     yield way
                     found = True
             except NotFollowedError as error:

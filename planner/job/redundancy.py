@@ -3,9 +3,9 @@ be followed to its end, within the limits and free.
 
 At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
 values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from
-random ones. The cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can do in a second,
-and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme,
-"CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
+random ones. The cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can
+do in a second, and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard
+& Sukhatme, "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
 configuration is free is checked only once a way leads through it; those near one that is not are left out with it,
 until nothing else leads further. Then the way is evened: the joints' steps are made as small as the poses let them be,
 where all stays free.
