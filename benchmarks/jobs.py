@@ -2,14 +2,14 @@
 sequences of the tests of MoveIt's Pilz planner, against its definition of their curves; a job's time against that of
 its legs, planned one by one.
 
-    python benchmarks/jobs.py cppflow DIR --fetch FOLDER
+    python benchmarks/jobs.py cppflow DIR --fetch FOLDER --processor-time
     python benchmarks/jobs.py pilz DIR --prbt FOLDER
     python benchmarks/jobs.py picks DIR --count 200
     python benchmarks/jobs.py legs --count 12
 
-DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. Each line has the
-problem, the length of the motion [s], the processor time of planning and certifying [s], and whether it is certified;
-the last one how many are. Frames are those at which all joints are 0. What is certified is looked at again at every
+DIR holds problems/*.yaml and paths/*.csv; FOLDER holds fetch.urdf, fetch.srdf and the meshes. A table is printed, with
+the processor time of planning and certifying, and how many are certified; `--processor-time`: the limit is one of
+processor time, too. Frames are those at which all joints are 0. What is certified is looked at again at every
 pose of the path, by Pinocchio, against the path as published. Sequences of Pilz' planner: `pilz.py`; there DIR holds
 its tests' *_testdata_sequence.xml, and FOLDER `prbt_support`, from which the robot comes. Random pick-and-place jobs:
 `picks.py`; they, their motions and what was found are written to DIR, from where a run that was ended goes on; a table
@@ -32,6 +32,7 @@ import yaml
 from blended_jobs import legs
 from picks import picks
 from pilz import pilz
+from processor_time import add_processor_time, set_clock
 from scipy.spatial.transform import Rotation
 
 import hdplan
@@ -137,20 +138,24 @@ def seen_again(scene: hdplan.Scene, result: hdplan.JobResult) -> str:
 def cppflow(folder: Path, fetch: Path | None, only: str, time_limit: float) -> None:
     """Follow all paths, and print what was found."""
     done = tried = 0
+    print("| problem | poses | length of the motion [s] | processor time [s] | |\n|---|---:|---:|---:|---|")
     for file in sorted((folder / "problems").glob(f"{only}*.yaml")):
         scene = scene_of(folder, file, fetch)
-        began = time.process_time()
+        assert scene.job is not None
+        along = scene.job.stages[-1]
+        assert isinstance(along, hdplan.Along)
+        began, length, tried = time.process_time(), "", tried + 1
         try:
             result = hdplan.plan_job(scene, time_limit=time_limit)
+            seconds = time.process_time() - began
         except hdplan.HdplanError as error:
-            print(f"{file.stem:22} no: {str(error)[:220]}", flush=True)
-            tried += 1
-            continue
-        seconds, tried, done = time.process_time() - began, tried + 1, done + result.certified
-        again = seen_again(scene, result) if result.certified else ""
-        words = f"REFUTED: {again}" if again else "certified" if result.certified else f"no: {result.text[:220]}"
-        print(f"{file.stem:22} {result.trajectory.duration:7.2f} s, {seconds:6.2f} s of processor: {words}", flush=True)
-    print(f"{done} of {tried} certified")
+            seconds, words = time.process_time() - began, f"no: {error}"
+        else:
+            again = seen_again(scene, result) if result.certified else ""
+            words = f"REFUTED: {again}" if again else "certified" if result.certified else f"no: {result.text}"
+            length, done = f"{result.trajectory.duration:.2f}", done + (words == "certified")
+        print(f"| {file.stem} | {len(along.poses)} | {length} | {seconds:.2f} | {words[:220]} |", flush=True)
+    print(f"\n{done} of {tried} certified")
 
 
 if __name__ == "__main__":
@@ -163,7 +168,9 @@ if __name__ == "__main__":
     parser.add_argument("--time-limit", type=float, default=60.0)
     parser.add_argument("--count", type=int, default=200, help="of random jobs")
     parser.add_argument("--first", type=int, default=0, help="the number of the first")
+    add_processor_time(parser)
     asked = parser.parse_args()
+    set_clock(asked)
     if asked.what == "legs":
         legs(asked.count, asked.first, asked.time_limit)
     elif asked.folder is None:

@@ -45,8 +45,8 @@ ORDER = 4  # of what the motion between places is off, in their distance (`drawn
 CLOSE = 0.5  # share of the tolerances that the motion between places may take
 HAND_PLACES = 5
 POSED = 6  # coordinates of a pose
-LOOKED_FOR = ((0.02, 1), (0.004, 1), (0.004, 3))  # ways along a curve: [m] beyond planner.clearance that their
-# configurations keep, and how many times as many of these
+LOOKED_FOR = ((0.02, 1, False), (0.004, 1, True), (0.004, 3, True))  # ways along a curve: [m] beyond planner.clearance
+# that their configurations keep, how many times as many of these, and whether they are close to each other everywhere
 
 
 class StageFailedError(Exception):
@@ -121,10 +121,12 @@ class Certain:
             return  # nothing is left open along the curve
         quick = setup.limits.get("velocity", np.ones(setup.robot.n))
         found, nowhere = False, None
-        for beside, finer in LOOKED_FOR:
+        for beside, finer, close in LOOKED_FOR:
             free = functools.partial(self._are_free, certifier, setup.scene.planner.clearance + beside)
             try:
-                for way in ways_along(setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer):
+                for way in ways_along(
+                    setup.robot, start, follow, length_of(follow), quick, self.seed, free, finer, close
+                ):
                     yield way
                     found = True
             except NotFollowedError as error:

@@ -2,10 +2,10 @@
 be followed to its end, within the limits and free.
 
 At each of some places, layers of configurations are found: in closed form, with the joints that are held for it at
-values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from random ones. The
-cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can do in a second,
-and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard & Sukhatme,
-"CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
+values all over their limits (`self_motions`), or else by inverse kinematics from those of the place before and from
+random ones. The cheapest way through the layers, by the squares of the joints' steps, as shares of what the joints can
+do in a second, and by how close they come to their limits, is looked for by dynamic programming, as in Morgan, Millard
+& Sukhatme, "CppFlow: Generative inverse kinematics for efficient and robust Cartesian path planning" (2024). Whether a
 configuration is free is checked only once a way leads through it; those near one that is not are left out with it,
 until nothing else leads further. Then the way is evened: the joints' steps are made as small as the poses let them be,
 where all stays free.
@@ -24,8 +24,8 @@ from hdplan.planner.job import layers_loop
 from hdplan.planner.job.following import POSE_ERROR, NotFollowedError, Places, spread
 from hdplan.planner.job.layers_loop import TURN
 from hdplan.planner.job.places import poses_of
-from hdplan.planner.job.self_motions import evenly
-from hdplan.planner.kinematics.closed_form import closed_form
+from hdplan.planner.job.self_motions import close_branches
+from hdplan.planner.kinematics.closed_form import ClosedForm, closed_form
 from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
@@ -66,14 +66,16 @@ def ways_along(
     seed: int,
     free: Free,
     finer: int = 1,
+    close: bool = False,
 ) -> Iterator[Array]:
     """Yield ways (layers, n) along a curve, the best first: from `start` (n,), or from wherever it can be begun, in
     which case each begins elsewhere. `quick` (n,) are the joints' greatest speeds; `finer` is how many times as many
-    layers there are, and values of joints that are held for a closed form. Raises NotFollowedError, which says how far
-    one gets, where there is none."""
+    layers there are, and values of joints that are held for a closed form; `close`, whether there are more of these
+    where configurations would be far apart. Raises NotFollowedError, which says how far one gets, and how densely was
+    looked, where there is none."""
     count = int(np.clip(np.ceil(length / SPACING * finer), FEWEST, MOST))
     poses, (low, high) = spread(follow, 2 * count - 1), inner_limits(robot)
-    found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer)
+    found = _configurations(robot, start, follow, poses_of(poses[::2]), np.random.default_rng(seed), finer, close)
     pace = quick / quick.max()
     layers = Layers(robot, found, pace)
     places = Places.of(robot, follow, poses, pace, low, high)
@@ -94,7 +96,11 @@ def ways_along(
         yielded = True
         layers.begin_elsewhere(way)
     if not yielded:
-        raise NotFollowedError(f"no free way was found along it beyond {farthest:.0%}")
+        most = max(len(rows) for rows in found)
+        raise NotFollowedError(
+            f"no free way was found along it beyond {farthest:.0%}, through {count} places with up to {most} "
+            "configurations each"
+        )
 
 
 @dataclass(eq=False)
@@ -234,7 +240,13 @@ class Layers:
 
 
 def _configurations(
-    robot: Robot, start: Array | None, follow: Follow, poses: Sequence[Pose], rng: np.random.Generator, finer: int
+    robot: Robot,
+    start: Array | None,
+    follow: Follow,
+    poses: Sequence[Pose],
+    rng: np.random.Generator,
+    finer: int,
+    close: bool,
 ) -> list[Array]:
     """Return configurations of places along a curve. Raises NotFollowedError where one has none."""
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
@@ -247,7 +259,8 @@ def _configurations(
             found.append(start[None])
             continue
         if (form := closed_form(robot, target)) is not None:
-            reached = evenly(form, robot, target, seed, finer * VALUES[len(form.ways[0].held)])
+            branches = close_branches if close else ClosedForm.branches
+            reached = branches(form, robot, target, seed, finer * VALUES[len(form.ways[0].held)])
         else:
             fresh = rng.uniform(low, high, (FRESH if found else FIRST, robot.n))
             reached = _reached(robot, target, np.concatenate([found[-1], fresh]) if found else fresh)

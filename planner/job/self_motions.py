@@ -1,4 +1,4 @@
-"""Configurations of a redundant arm at a pose, evenly along its self-motions.
+"""Configurations of a redundant arm at a pose, close to each other along its self-motions.
 
 In closed form the arm moves by itself with the joint that is held for it. Near a singularity others move far while that
 one hardly does: at even values of it no configurations lie where the arm is narrowest. So between two values whose
@@ -18,7 +18,7 @@ APART = 0.3  # [rad] or [m] between a configuration and the nearest at the next 
 HALVINGS = 5  # of the distance of two values
 
 
-def evenly(form: ClosedForm, robot: Robot, target: PoseTarget, seed: Array, count: int) -> Array:
+def close_branches(form: ClosedForm, robot: Robot, target: PoseTarget, seed: Array, count: int) -> Array:
     """Return configurations (K, n) that bring a link to a target as `ClosedForm.branches` does, at `count` values of
     what is held; where that is one joint, at further ones between those whose configurations are far apart."""
     values = form.values(seed, count)
