@@ -11,6 +11,7 @@ from typing import Any
 from rich.text import Text
 
 from hdplan.planner.control.follow import follow, follow_settings
+from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.result import verdict
@@ -18,7 +19,8 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import FieldError, InputError, naming
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.number_text import read_number
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import derived
@@ -41,7 +43,7 @@ def run_follow(
     if output is not None:
         check_output(output)
     given = _limits(limits)
-    settings = follow_settings(rate, margin)
+    settings = _settings(rate, margin)
     problem = load_scene(scene, request=request, robot=robot)
     problem = derived(problem, limits=replace(problem.limits, **given))
     motion = Trajectory.load(trajectory)
@@ -63,6 +65,15 @@ def run_follow(
     return 0 if found.succeeded else 1
 
 
+def _settings(rate: float | None, margin: float | None) -> ControlSettings:
+    """Return the controller's settings. Raises InputError, naming the option, for values that are not allowed."""
+    try:
+        return follow_settings(rate, margin)
+    except InputError as error:
+        words = f"{error.where}: {error.problem}" if isinstance(error, FieldError) else str(error)
+        raise InputError(f"--{words.removeprefix('control.')}") from None
+
+
 def _limits(words: Sequence[str]) -> dict[str, Any]:
     """Return the limits that the command line gives, by name. Raises InputError for others than NAME=NUMBER."""
     found: dict[str, Any] = {}
@@ -72,6 +83,9 @@ def _limits(words: Sequence[str]) -> dict[str, Any]:
             raise InputError(f"--limits {word}: must be one of {', '.join(DERIVATIVES)}, once each, as NAME=NUMBER")
         try:
             found[name] = read_number(value)
+            Limits(**{name: found[name]})
+        except FieldError as error:
+            raise InputError(f"--limits {word}: {error.problem}") from None
         except ValueError:
             raise InputError(f"--limits {word}: must be NAME=NUMBER, found '{value}' for the number") from None
     return found

@@ -45,6 +45,7 @@ from functools import reduce
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hdplan.planner.control.barriers import BarrierRows, Barriers, setup_barriers
 from hdplan.planner.control.braking import Command, Rates
@@ -61,10 +62,13 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.arrays import joint_numbers, quadratic
 from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen as SeenShape, obstacles_of
 from hdplan.scenes.scene import Scene, derived
-from hdplan.scenes.values import Number, checked, instance, require_fields
+from hdplan.scenes.shapes import Solid
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.values import Number, checked, instance, is_row, require_fields, wrong
 
 FAR = 8.0 * np.pi  # [rad] or [m] up to which joints without limits are taken to count
 MISSED_BARRIER = 1e-4  # [m/s] by which a barrier is violated before it is reported
@@ -165,20 +169,37 @@ class Controller:
         return cls(robot, setup_barriers(setup, settings.barriers), settings, limits, setup)
 
     def update(
-        self, obstacles: Sequence[Obstacle] | None = None, attached: Sequence[Attached] | None = None
+        self,
+        obstacles: Sequence[Obstacle | Solid | SeenShape] | None = None,
+        attached: Sequence[Attached] | None = None,
+        q: ArrayLike | None = None,
     ) -> Controller:
         """Return the controller of the same robot in a world seen anew: other obstacles (clouds, moving ones with the
         velocities that were measured), or other things held; None: as before. The last command goes on from one to the
-        other.
+        other. q (n,): where the robot was then, around which clouds leave points out (`Cloud.ignore_robot`).
 
-        Raises InputError for a controller that was not made of a scene, and for all reasons of `Controller.of`.
+        Raises InputError for a controller that was not made of a scene, for a cloud that needs q if there is none, and
+        for all reasons of `Controller.of`.
         """
         if self.setup is None:
             raise InputError("update: this controller was not made of a scene; use Controller.of")
-        world = self.setup.asked.obstacles if obstacles is None else tuple(obstacles)
+        asked = self.setup.asked
+        if obstacles is None:
+            world = tuple(map(_as_left, asked.obstacles))
+        else:
+            world = checked(obstacles_of, obstacles, "obstacles")
+            around = [each.name for each in world if _as_left(each) is not each]
+            if around and q is None:
+                raise InputError(f"q: is needed: cloud '{around[0]}' leaves out points around the robot")
+        asked = derived(asked, obstacles=world)
+        if q is not None:
+            at = joint_numbers("q", q, self.robot.joint_names)
+            asked = derived(asked, start=JointTarget("q", tuple(at.tolist())))
         if attached is not None:  # the robot carries something else: its links' bodies are others
-            return Controller.of(derived(self.setup.asked, obstacles=world, attached=tuple(attached)), self.settings)
-        setup = self.setup.seeing(world)
+            if not is_row(attached):
+                raise wrong("a list of held objects", attached).within("attached")
+            return Controller.of(derived(asked, attached=tuple(attached)), self.settings)
+        setup = self.setup.seeing(asked)
         barriers = setup_barriers(setup, self.settings.barriers, self.barriers.hulls)
         return Controller(self.robot, barriers, self.settings, self._limits, setup)
 
@@ -262,3 +283,11 @@ class Controller:
             return None
         speed = float(np.abs(velocity) @ self.barriers.levers) + self.barriers.obstacle_speed
         return self._clearance - 0.5 * self.settings.period * speed
+
+
+def _as_left(obstacle: Obstacle) -> Obstacle:
+    """Return a cloud that leaves out points around links or others as it is once they are left out; itself if not."""
+    shape = obstacle.shape
+    if not isinstance(shape, Cloud) or not (shape.ignore_robot > 0.0 or shape.ignore):
+        return obstacle
+    return replace(obstacle, shape=replace(shape, ignore_robot=0.0, ignore=()))

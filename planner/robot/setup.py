@@ -19,7 +19,6 @@ from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.scene import Scene, derived, unknown_in
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -93,10 +92,10 @@ class Setup:
         units = tuple(unlikely_units(seen.scene, robot))
         return cls(seen.scene, robot, units=units, ignored=seen.notes, filtered_points=seen.points, asked=asked)
 
-    def seeing(self, obstacles: tuple[Obstacle, ...]) -> Setup:
-        """Return the same robot, which was checked, among other obstacles. Raises InputError for obstacles that no
-        scene can have, and for files that cannot be used."""
-        return Setup._read(derived(self.asked, obstacles=obstacles), self.robot)
+    def seeing(self, asked: Scene) -> Setup:
+        """Return the same robot, which was checked, in its scene seen anew: with other obstacles, or another start.
+        Raises InputError for files that cannot be used."""
+        return Setup._read(asked, self.robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""

@@ -101,9 +101,9 @@ def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch
     cage = Obstacle("cage", Mesh(tmp_path / "cage.obj"))
     problem = hdplan.build(dataclasses.replace(scene, obstacles=(cage,)))
     monkeypatch.setattr(convex_pieces, "MOST_SECONDS", 60.0)
-    began = time.perf_counter()
+    began = time.process_time()
     closer = more_closely(problem)
-    assert time.perf_counter() - began < 5.0
+    assert time.process_time() - began < 5.0
     assert any("boxes that contain its surface" in note for note in problem.notes)
     assert len(closer.halfspace_bodies) > len(problem.halfspace_bodies) > 50
     for each in (problem, closer):

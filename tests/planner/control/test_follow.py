@@ -269,3 +269,19 @@ def test_command(
     assert (code, out, err.count("\n")) == (2, "", 1)
     code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.txt")
     assert (code, out, err.count("\n")) == (2, "", 1)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        (["--rate", "0"], "--rate: must be"),
+        (["--margin", "-1"], "--margin: -1 m"),
+        (["--limits", "jerk=-1"], "--limits jerk=-1: must be"),
+    ],
+)
+def test_what_an_option_does_not_allow_is_said_of_the_option(
+    given: list[str], named: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = in_process(monkeypatch, capsys)("follow", "panda_gate", "plan.json", *given)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert named in err

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
@@ -176,6 +177,24 @@ def test_a_world_seen_anew_is_as_if_it_had_been_there(robot: Robot) -> None:
     assert first.update(()).barriers.obstacle_pairs == 0
     with pytest.raises(InputError, match="not made of a scene"):
         Controller(robot, first.barriers, first.settings).update(())
+
+
+def test_a_cloud_leaves_out_points_around_the_robot_where_it_is(robot: Robot) -> None:
+    """Not around the scene's start, where something else may be by now."""
+    goal = np.array(READY) + 0.6
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(np.array(READY)))
+    hand = data.oMf[robot.model.getFrameId("panda_hand")].translation
+    seen = [Obstacle("camera", Cloud([hand, hand + [2.0, 0.0, 0.0]], 0.01, ignore_robot=0.05))]
+    controller = Controller.of(scene_of(), robot=robot)
+    with pytest.raises(InputError, match=r"^q: is needed: cloud 'camera'"):
+        controller.update(seen)
+    away, around = controller.update(seen, q=goal), controller.update(seen, q=READY)
+    assert away.barriers.obstacle_pairs > 0
+    assert around.barriers.obstacle_pairs == 0
+    assert away.update(attached=[]).barriers.obstacle_pairs == away.barriers.obstacle_pairs  # nothing more is left out
+    with pytest.raises(InputError, match=r"^obstacles: must be a list of obstacles"):
+        controller.update(seen[0])
 
 
 def test_beside_a_moving_obstacle_a_clearance_is_proven(robot: Robot) -> None:
