@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ BRANCHES = ("deep", "near", "apart", "touching")
 COUNT = 6  # poses at once: one number, so that nothing is built anew for another
 
 EDGES = {"gamma": 2, "normals": "paper+edges"}
-BATCH = [  # JAX compiles for seconds each: aligned boxes, a flat body and a segment; a point, larger sets, large gammas
+# JAX compiles for seconds each: aligned boxes, a flat body and a segment; a point, larger sets, large gammas
+BATCHES: list[tuple[tuple[str, str], dict[str, Any]]] = [
     (("box", "box"), {"gamma": 2}),
     (("segment", "swept triangle"), {"gamma": 1, "shaping_length": 0.1, "normals": "paper+edges"}),
     (("box", "box"), EDGES),
@@ -37,7 +39,7 @@ BATCH = [  # JAX compiles for seconds each: aligned boxes, a flat body and a seg
 ]
 BATCH = [
     pytest.param(*row, id="-".join((*row[0], row[1].get("normals", "paper"))), marks=[pytest.mark.slow] * (k > 1))
-    for k, row in enumerate(BATCH)
+    for k, row in enumerate(BATCHES)
 ]
 
 FAMILY = {  # where each witness begins; what it may share with the others
