@@ -49,7 +49,7 @@ FEW = 5  # obstacles beside a cloud
 TABLE, WALL = (-0.35, 1.3), 1.15  # [m] height and reach of the cloud's table, and how far its wall is away
 POST, WAY = Thing("obstacle", "post"), 0.25  # [m] to and fro along y
 PERIOD = 4.0  # [s]
-EYE, TARGET = (2.4, -0.6, 1.3), (0.3, 0.0, 0.5)  # [m] of the page meanwhile: y is across the picture
+EYE, TARGET = (0.4, 0.9, 2.6), (0.4, 0.1, 0.4)  # [m] of the page meanwhile: nothing stands before the handle
 SMALL = {"width": 760, "height": 360}  # [px] while it is dragged
 UNFILLED = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
     WebGL2RenderingContext.prototype[name] = () => {}"""
