@@ -141,6 +141,7 @@ PLACES: dict[tuple[str, str, str], str | tuple[Fails, ...]] = {
         "setup_barriers",
         "seen",
     ): "asks for clouds; `from_obstacle` knows all others, or fails",
+    ("planner/control/controller.py", "_as_left", "seen"): "keeps all points of what is no cloud",
     ("planner/geometry/opened.py", "_read", "seen"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/opened.py", "_read", "shape"): "reads files; what stays unread is refused wherever it is used",
     ("planner/geometry/shape_table.py", "", "shape"): (
