@@ -138,7 +138,7 @@ def drag(scene: Scene, seconds: float, points: int = 0) -> dict[str, str]:
         held = grip(page, place_of(viewer.edited, POST, viewer.stage.tip).matrix, 1)
         begin = np.array(seen(page, held))
         way = seen(page, held + np.array([0.0, WAY, 0.0])) - begin
-        gripped(page, begin)
+        gripped(page, begin.tolist())
         viewer.panel.player.speed.value = "0.25"
         viewer.panel.player.play()
         shown, began, processor = Shown(viewer), time.perf_counter(), time.process_time()

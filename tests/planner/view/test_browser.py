@@ -23,12 +23,11 @@ from tests.planner.view.in_browser import (
     address,
     changed,
     coloured,
-    gripped,
     picture,
     plainly,
     press,
 )
-from tests.planner.view.in_page import grip, handled, seen
+from tests.planner.view.in_page import grip, gripped, handled, seen
 from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says

@@ -19,11 +19,10 @@ from tests.planner.view.in_browser import (
     address,
     arrow_dragged,
     calm,
-    gripped,
     plainly,
     selected,
 )
-from tests.planner.view.in_page import grip, handled, look, seen
+from tests.planner.view.in_page import grip, gripped, handled, look, seen
 from tests.waiting import until
 
 BALL = Thing("obstacle", "ball")

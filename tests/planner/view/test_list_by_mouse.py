@@ -71,7 +71,7 @@ def test_two_points_are_measured(tab: Tabs, viewer: Viewer) -> None:
         until(lambda count=count: len(measuring.points) == count, "a click sets no point")
     way = measuring.points[1] - measuring.points[0]
     assert 0.05 < way[0] < 0.07
-    radius = viewer.scene.obstacles[names(viewer).index("ball")].shape.radius  # type: ignore[union-attr]
+    radius = viewer.scene.obstacles[names(viewer).index("ball")].shape.radius
     np.testing.assert_allclose(np.linalg.norm(np.array(measuring.points) - middle, axis=1), radius, rtol=0.02)
     page.get_by_text(f"{1e3 * np.linalg.norm(way):.1f} mm apart").first.wait_for()
     assert viewer.panel.handles.selected is None
