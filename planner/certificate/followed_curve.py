@@ -37,15 +37,12 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.path_constraints import Follow
 
-NODES = (
-    1,
-    4,
-)  # of an interval between two rows, at which the nearest place is sought: more where few prove nothing
+# of an interval between two rows, at which the nearest place is sought: more where few prove nothing
+NODES = 1, 4
 LOOK_AHEAD = 2.0  # of the link's own way since the last node, in tolerances: how far the next place is sought
 CATCH_UP = 1.0  # tolerances that it may be farther, to catch up
-SOONER = (
-    0.25  # tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
-)
+# tolerances that a place may be farther away than the nearest: where a curve turns back, its end comes later
+SOONER = 0.25
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 

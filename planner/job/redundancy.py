@@ -40,10 +40,8 @@ VALUES = (1, 96, 144, 216)  # of joints that are held for a closed form, by thei
 FIRST, FRESH, KEPT = 300, 120, 240  # configurations: looked for at the first place, newly at others, kept at most
 STEPS = 40  # of damped least squares
 STEP = 0.45  # [rad] or [m] that a joint may move from layer to layer
-INNER, ROOM = (
-    0.03,
-    0.01,
-)  # [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
+# [rad] or [m] from the limits of joints, of ways that are followed; at most a share of their range
+INNER, ROOM = 0.03, 0.01
 NEAR_BLOCKED = 0.12  # [rad] or [m] around a configuration that is not free, where others of its layer are left out too
 STEEP, LIMITS = 5, 0.05  # power of the square, and weight, of how close joints are to their limits
 SAME_BEGINNING = 0.3  # [rad] or [m] between the beginnings of two ways that are tried one after the other

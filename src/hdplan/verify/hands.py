@@ -145,7 +145,7 @@ class Hands:
 
     def touching(self, stage: Stage) -> tuple[list[Any], list[Any]]:
         """Obstacles and held objects in a stage: an obstacle that something may touch is held by a link that stands
-        fast, so that what touches it is known: what touches it."""
+        fast, so that the bodies that touch it can be named."""
         joints = self.joints()
         may = dict[str, list[str]]()
         for pair in stage.touch:
