@@ -37,9 +37,8 @@ TILE = 0.1  # of the view's size: longest edge of a painted polygon, for sorting
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 EDGE_COSINE = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 SURROUNDINGS_SHARE = 0.3  # share of the robot's own extent that is shown around it
-START_OFFSET = (
-    0.03  # [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
-)
+# [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
+START_OFFSET = 0.03
 LINE = 0.4  # [pt] width of outlines
 BIAS = 0.01  # [m] by which a line is painted nearer than the faces that it bounds
 FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: for supports of round bodies, of meshes

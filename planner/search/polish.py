@@ -42,9 +42,8 @@ LEAST_ACTIVATION = 1e-3  # [m] of it
 AGAIN, MUCH = 2, 0.01  # times that the last stage is repeated while the one before it gained so much [–]
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 UNCHANGED = 1e-4  # [rad] or [m] by which a motion changes at most that does not
-HURRIED_WEIGHT = (
-    0.06  # weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
-)
+# weight of the acceleration [–] beside the duration: with half of it, laws are stretched for their jerk
+HURRIED_WEIGHT = 0.06
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
 FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 SAME_WAY = 0.05  # [rad] or [m] between two ways, at most, that are one
