@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, overload
@@ -73,7 +73,7 @@ class Pieces(Sequence[HalfspaceBody]):
             return parts[0]
         first, known = np.cumsum([0, *(len(part) for part in parts)]), None
         if any(part.known is not None for part in parts):
-            known = tuple(each for part in parts for each in part.directions)
+            known = _distinct(each for part in parts for each in part.directions)
         found: dict[int, list[Planes]] = {}
         for begin, part in zip(first.tolist(), parts, strict=False):
             for own in part.planes:
@@ -133,3 +133,12 @@ class Pieces(Sequence[HalfspaceBody]):
             self.shapes[b],
             self.placements[b],
         )
+
+
+def _distinct(sets: Iterable[Array]) -> tuple[Array, ...]:
+    """Return sets of directions, each once, to DIRECTION_TOLERANCE."""
+    found: list[Array] = []
+    for each in sets:
+        if not any(one.shape == each.shape and np.abs(one - each).max() <= DIRECTION_TOLERANCE for one in found):
+            found.append(each)
+    return tuple(found)

@@ -243,7 +243,7 @@ def test_a_folder_holds_one_run(run_here: Callable[..., bool]) -> None:
         run_here(Path("r"), jobs, Options())
     Path("mine").mkdir()
     Path("mine/thesis.tex").write_text("x")
-    with pytest.raises(InputError, match="mine: holds files that are no run"):
+    with pytest.raises(InputError, match="mine: holds files that do not belong to a run"):
         run_here(Path("mine"), jobs, Options())
     assert [file.name for file in Path("mine").iterdir()] == ["thesis.tex"]
     Path("file").write_text("x")
@@ -300,7 +300,7 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     assert (code, err) == (1, "")
     assert out.startswith("1 of 2 problems certified\n")
     said = "".join(out.split())  # wherever lines wrap
-    assert "1failedafileoravalueisnotasitshouldbe,suchasbad:" in said
+    assert "1failedafileoravalueisinvalid,suchasbad:" in said
     assert "bad.yaml:thekey'start'ismissing" in said
     assert command("batch", "--report", "r") == (1, out, "")
     code, drawn, err = command("batch", "--report", "r", "--plot", "r.png")

@@ -65,7 +65,7 @@ def test_all_of_it_is_of_the_scene_when_it_was_asked_for(
     assert viewer.scene is not before
     go_on.set()
     until(lambda: bool(browser.files), "nothing comes")
-    until(lambda: "done, of the scene" in said(viewer), "it is not said")
+    until(lambda: "done, from the scene" in said(viewer), "it is not said")
     assert "certified" not in said(viewer)
     with zipfile.ZipFile(io.BytesIO(browser.files["planar_arm.zip"])) as read:
         read.extractall(tmp_path)

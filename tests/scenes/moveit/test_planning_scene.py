@@ -697,6 +697,8 @@ def test_every_benchmark_problem_loads(arm: str, group: str) -> None:
         scene = load_scene(file, file.with_name(file.name.replace("scene", "request")), MBM / arm / "robot.yaml")
         assert scene.obstacles
         assert scene.robot.group == (group if arm != "ur5" else None)  # whose SRDF has no groups
-        assert any(f"group_name: is {group!r}, of which no SRDF says" in note for note in scene.notes) == (arm == "ur5")
+        assert any(f"group_name: is {group!r}, whose joints no SRDF lists" in note for note in scene.notes) == (
+            arm == "ur5"
+        )
         assert sum("names the robot 'ur5_robotiq85', not ur5" in note for note in scene.notes) == (arm == "ur5")
         assert set(scene.goal.by_name or {}) <= set(scene.start.by_name or {})
