@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 
 def numbers_in(value: object) -> NDArray[Any]:
@@ -30,15 +30,11 @@ def _truth_in(value: Any) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class FixedArray:
+class FixedArray(ReadOnly):
     """An array of floats, read-only: equal to another one of the same shape with the same numbers."""
 
     array: NDArray[np.float64]
     left_out: int = 0  # rows that whoever made it left out; not compared
-
-    def __post_init__(self) -> None:
-        """Share it read-only."""
-        freeze(self)
 
     @cached_property
     def content(self) -> bytes:

@@ -26,11 +26,19 @@ def read_only(array: NDArray[Number]) -> NDArray[Number]:
 
 
 def freeze(holder: Any) -> None:
-    """Make an object's arrays read-only: a `__post_init__` for objects that caches share."""
+    """Make an object's arrays read-only, so that caches may share it."""
     own = vars(holder)
     for name, value in own.items():
         if isinstance(value, np.ndarray) and value.flags.writeable:
             own[name] = read_only(value)
+
+
+class ReadOnly:
+    """Base of dataclasses whose arrays are made read-only."""
+
+    def __post_init__(self) -> None:
+        """Make them so."""
+        freeze(self)
 
 
 def after_fork(call: Callable[[], None]) -> None:

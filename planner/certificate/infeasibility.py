@@ -25,7 +25,7 @@ from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import naming
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import chord
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
@@ -90,7 +90,7 @@ def looks(
 
 
 @dataclass(frozen=True, eq=False)
-class Cage:
+class Cage(ReadOnly):
     """A barrier around a link's ball: the obstacles that stand, and the end of its reach."""
 
     ball: InscribedBall
@@ -100,10 +100,6 @@ class Cage:
     owner: Rows  # (n,) of the barrier's points: an index of `names`
     names: tuple[str, ...]
     keeps: Array  # (names,) how far the ball must keep off [m]
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, certifier: Certifier, ball: InscribedBall, required: float, ends: Array) -> Cage | None:

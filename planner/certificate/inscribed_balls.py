@@ -19,7 +19,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.once import freeze, made_once
+from hdplan.scenes.once import ReadOnly, made_once
 from hdplan.scenes.shapes import Sphere
 
 FINENESS = 16  # edges of the surface's triangles after division, over the size of the mesh
@@ -32,16 +32,12 @@ ROUNDING = 1e-9  # [m]
 
 
 @dataclass(frozen=True, eq=False)
-class InscribedBall:
+class InscribedBall(ReadOnly):
     """A ball inside the collision geometry of a link."""
 
     body: int  # row of the robot's bodies
     center: Array  # (3,) in the frame of the joint that carries it
     radius: float  # [m]
-
-    def __post_init__(self) -> None:
-        """Share its array read-only."""
-        freeze(self)
 
 
 @made_once(8)

@@ -23,7 +23,7 @@ from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain, Motion, cross
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.sizes import Sizes
@@ -33,7 +33,7 @@ Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(ReadOnly):
     """One piece of a link or an obstacle."""
 
     name: str  # of the link or the obstacle
@@ -41,10 +41,6 @@ class Body:
     joint: int = 0  # the model's joint that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
     obstacle_motion: ObstacleMotion | None = None  # of a moving obstacle, in place of the placement
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     def around(self, chain: Chain) -> tuple[float, float, float]:
         """Return a cylinder around it about its joint's axis, as `Chain.around` does."""

@@ -17,7 +17,7 @@ import numpy as np
 from hdplan.distance.compiled.loops import Record
 from hdplan.planner.geometry.coal_shapes import triangle
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 
 BRANCH = 8  # nodes in a group
 GROUP_SIZE = 64  # so few parts are one group: the balls of a cell
@@ -25,7 +25,7 @@ ROUNDING_SHARE = 1e-12  # share by which groups are larger, for rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class Parts(ReadOnly):
     """n nodes: the parts themselves first, then groups of them, groups of groups, and at last one of all."""
 
     corners: Array  # (n, 4, 3) [m] of the rectangle, triangle or point in the piece's frame, some of them repeated
@@ -35,10 +35,6 @@ class Parts:
     last: Rows  # (n,)
     depth: int  # the number of levels
     _shapes: dict[int, tuple[Any, Array | None]] = field(default_factory=dict)  # made on first use
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, corners: Array, radius: Array) -> Parts:

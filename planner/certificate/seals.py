@@ -28,7 +28,7 @@ import numpy as np
 from hdplan.planner.geometry.meshes import TriangleMesh, connected
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 RADIUS_SHRINK = 1.0 - 1e-6  # of the radii: rounding
 JOGGLE = 1e-6  # of the weights: no five points are on one sphere
@@ -37,15 +37,11 @@ FACETS = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, oppos
 
 
 @dataclass(frozen=True, eq=False)
-class Barrier:
+class Barrier(ReadOnly):
     """Points that balls must avoid."""
 
     points: Array  # (n, 3) [m]
     radii: Array  # (n,) [m] how far a ball's centre must be from each
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     def seal(self, start: Array, goal: Array, off: float) -> Rows | None:
         """Return the points (m,) of a seal between centres (3,) at start and goal, from which the ball's may be `off`

@@ -28,7 +28,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.robot.tracking import tracking_of_all
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.sizes import Calibration, Uncertainty, chord
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ FIELDS = (  # of a scene, in the order of what they cost
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class Sizes(ReadOnly):
     """The sizes of one scene, for its g bodies and the m joints of its robot's model."""
 
     position: Array  # (g,) how far each obstacle's body may be shifted [m]
@@ -55,10 +55,6 @@ class Sizes:
     joints: Array  # (m,) by how much each joint may be off [rad or m]
     base: tuple[float, float]  # shift [m] and chord of the robot's base
     stand: Array  # (3,) where the base is
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, setup: Setup, bodies: Sequence[Body], own: int) -> Sizes | None:

@@ -27,7 +27,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Points, Shape
 from hdplan.scenes.voxel_grids import Map
@@ -37,7 +37,7 @@ SPHERE_DIRECTIONS = 96  # additional ones for "sphere"
 
 
 @dataclass(frozen=True)
-class HalfspaceBody:
+class HalfspaceBody(ReadOnly):
     """The intersection of half-spaces n_k · y ≤ h_k around a convex body, in the frame of what carries it."""
 
     name: str  # of the obstacle or link
@@ -48,10 +48,6 @@ class HalfspaceBody:
     half_size: Array  # (3,) of that box [m]
     shape: Shape | ConvexBody | None  # the body itself, no mesh; None: its box
     placement: Array  # (4, 4) the frame in which `shape` is given
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @property
     def solid(self) -> Shape | ConvexBody:

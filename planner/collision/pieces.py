@@ -13,7 +13,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR_OFFSET
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.shapes import Shape
 
 DIRECTION_TOLERANCE = 1e-9  # between directions that count as the same
@@ -28,7 +28,7 @@ class Planes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces(Sequence[HalfspaceBody]):
+class Pieces(ReadOnly, Sequence[HalfspaceBody]):
     """B halfspace bodies, each made an object on first use."""
 
     names: tuple[str, ...]  # (B,) as the fields of `HalfspaceBody`
@@ -39,10 +39,6 @@ class Pieces(Sequence[HalfspaceBody]):
     shapes: tuple[Shape | ConvexBody | None, ...]  # (B,)
     placements: Array  # (B, 4, 4)
     known: tuple[Array, ...] | None = None  # `directions`, of parts of which they were known
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, bodies: Sequence[HalfspaceBody]) -> Pieces:

@@ -11,19 +11,15 @@ import numpy as np
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 
 
 @dataclass(frozen=True)
-class Reach:
+class Reach(ReadOnly):
     """A ball in the world that a body never leaves."""
 
     centre: Array  # (3,) [m]
     radius: float  # [m]
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     def meets(self, boxes: Array, half_sizes: Array) -> Mask:
         """For each box (B, 4, 4) with these half sizes (B, 3) [m], such as that of a standing body enlarged by its

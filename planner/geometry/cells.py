@@ -9,23 +9,19 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.once import freeze, made_once
+from hdplan.scenes.once import ReadOnly, made_once
 
 LINE = 0.05  # share of a group's largest spread; with the second one below it, the points lie on a line
 MOST_CELLS = 2**20  # along an axis, so that a cell's three numbers fit into one
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class Cells(ReadOnly):
     """c groups of m points: the points `order[first[k]:first[k + 1]]` make cell k."""
 
     order: Rows  # (m,) a permutation
     first: Rows  # (c,)
     rotation: Array  # (c, 3, 3) axes of each group as columns, that of the least spread first; right-handed
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @property
     def sizes(self) -> Rows:

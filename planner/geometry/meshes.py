@@ -17,7 +17,7 @@ from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.shapes import Mesh
 
 CONVEX = 1e-3  # a solid that lacks less than this part of its hull's volume is replaced by its hull, which contains it
@@ -26,7 +26,7 @@ FLAT_RATIO = 1e-6  # a mesh thinner than this part of its length encloses nothin
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleMesh:
+class TriangleMesh(ReadOnly):
     """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside.
 
     Equal to another one of the same arrays.
@@ -34,10 +34,6 @@ class TriangleMesh:
 
     vertices: Array  # (m, 3) [m]
     triangles: Rows  # (F, 3) rows of vertices
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     def __eq__(self, other: object) -> bool:
         """Compare contents."""

@@ -28,14 +28,14 @@ from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, connected
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.lazy_imports import scipy
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 
 WELD = 1e-6  # of a mesh's size: narrower cracks are closed
 MOST_CROSSINGS = 10_000  # pairs of shells tested; with more, no shell is taken for a cavity
 
 
 @dataclass(frozen=True, eq=False)
-class Shells:
+class Shells(ReadOnly):
     """The triangles of a mesh, each once, grouped into shells."""
 
     triangles: Rows  # (F, 3) rows of vertices, oriented consistently in each shell
@@ -43,10 +43,6 @@ class Shells:
     turned: Mask  # (S,) were not oriented consistently
     open: Mask  # (S,) have a rim
     one_sided: Mask  # (S,) cannot be oriented consistently
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, triangles: Rows) -> Shells:

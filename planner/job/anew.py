@@ -21,8 +21,8 @@ from hdplan.planner.timing.time_optimal import grid
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 
-COUNTS = (30, 60, 120)  # configurations that a path is drawn through
-FINE = 8  # places in an interval between rows, at which it is measured
+COUNTS = (30, 60, 120)  # configurations on a path when it is drawn
+FINE = 8  # places where each interval between rows is measured
 
 
 def timed_anew(

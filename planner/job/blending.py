@@ -120,8 +120,8 @@ def _as_one(world: World, group: range, pieces: Sequence[Piece], late: Late) -> 
     worlds = _worlds(world, group, pieces)
 
     def in_time() -> None:
-        if said := late():
-            raise NotBlendedError(said)
+        if reason := late():
+            raise NotBlendedError(reason)
 
     for finer in FINER if len(runs) < len(group) else FINER[:1]:
         in_time()
@@ -215,7 +215,7 @@ def _along_curves(worlds: Sequence[World], run: range, pieces: Sequence[Piece], 
     setup = _as_one_motion(world, run)
     cuts = path.cuts
     count = int(np.clip(np.ceil(ROWS * cuts[-1] / max(path.shortest, 1e-9)), FEWEST, MOST)) * finer
-    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # to the bit: from there others go on
+    ends = pieces[0].motion.positions[0], pieces[-1].motion.positions[-1]  # exact: other stages begin there
     motions, marks, begins, retimer = [], [0.0], 0.0, Retimer(setup)
     speeds = np.array([stage.speed for stage in stages])
     for first, last in itertools.pairwise(cuts):

@@ -42,7 +42,7 @@ from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 DEEP = 1e-3  # [m] by which two bodies that may touch overlap before a note says so
-TURNS = 4  # times that a turn about a free axis is looked for; one is enough where curves turn about that axis
+TURNS = 4  # tries to find the turn about a free axis; one is enough where curves turn about that axis
 SAME_TIME = 1e-6  # [s] by which a wait may be shorter: rounding of times that are counted from the beginning of a job
 
 
@@ -60,9 +60,9 @@ class StageCertificate:
     trajectory: Trajectory  # its part of the motion, at its own times
     certificate: Certificate
     arm: Scene | None = None  # of the arm that stands still, where fingers move
-    notes: tuple[str, ...] = ()  # on what may touch: what is nowhere near, or overlaps
-    blend: float = 0.0  # [m] within which it goes over into the next one; 0: it ends at rest
-    passing: tuple[str, ...] = ()  # its ends, "start" or "goal", at which the robot goes on
+    notes: tuple[str, ...] = ()  # on pairs that may touch: far from each other, or overlapping
+    blend: float = 0.0  # [m] radius of the blend into the next one; 0: it ends at rest
+    passing: tuple[str, ...] = ()  # ends, "start" or "goal", where the robot does not stop
 
 
 @dataclass(frozen=True)
@@ -171,8 +171,8 @@ class JobCertificate:
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on what was assumed, left out, and may touch, over all stages."""
-        said = (note for stage in self.stages for note in (*stage.certificate.notes, *stage.notes))
-        return tuple(dict.fromkeys((*self.seen, *said)))
+        noted = (note for stage in self.stages for note in (*stage.certificate.notes, *stage.notes))
+        return tuple(dict.fromkeys((*self.seen, *noted)))
 
     def __repr__(self) -> str:
         """Say the verdict."""
@@ -209,14 +209,14 @@ def certified_job(scene: Scene, trajectory: Trajectory, known: Sequence[Proven |
         raise InputError("trajectory: has no marks of stages; a job is checked with its planned JSON file")
     if marks != names[: len(marks)]:
         wrong = next((i for i, pair in enumerate(zip(marks, names, strict=False)) if pair[0] != pair[1]), len(names))
-        asked = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
-        raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {asked}")
+        expected = f"the job's is '{names[wrong]}'" if wrong < len(names) else "the job has no more"
+        raise InputError(f"trajectory: its stage {wrong} is '{marks[wrong]}', {expected}")
     for mark, each in zip(trajectory.stages, scene.job.stages, strict=False):
         outputs = each.outputs if isinstance(each, Set) else {}
         if repr(dict(mark.outputs)) != repr(dict(outputs)):  # True is no 1.0
-            said = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
+            sets = f"sets {dict(mark.outputs) or 'nothing'} in the motion, and {dict(outputs) or 'nothing'} in the job"
             kept = "" if mark.outputs else ": of files only JSON holds outputs"
-            raise InputError(f"trajectory: stage '{mark.name}' {said}{kept}")
+            raise InputError(f"trajectory: stage '{mark.name}' {sets}{kept}")
     stops = stopping(scene, trajectory)
     seen = (*world.notes, *notes_on(scene, stops))
     world = replace(world, scene=with_stops(scene, stops)) if stops else world
@@ -316,7 +316,7 @@ def _settled(world: World, number: int, part: Trajectory) -> Corner:
         leg, _ = leg_of(replace(world, corner=found), number)
         try:
             (there,) = leg.at(np.array([leg.leaves(float(away[row]))]))
-        except UnblendedError:  # the curve ends before
+        except UnblendedError:  # the curve ends earlier
             break
         found = settled(corner, found.pose.matrix[:3, :3] @ there[:3, :3].T @ poses[row, :3, :3])
     return found

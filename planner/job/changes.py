@@ -23,7 +23,7 @@ from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.scene import derived
 
-REACH = 5e-3  # [m] from what is to hold an object, beyond which it cannot be taken hold of
+REACH = 5e-3  # [m] greatest distance between a gripper and an object that it takes
 
 
 def after(world: World, number: int, robot: Robot, q: Array) -> World:

@@ -47,8 +47,8 @@ FOLLOWING = 0.5  # of the time left, for all that follows a motion to one of sev
 ROUNDS = (
     (True,),
     (True, False),
-)  # of looks ahead, and whether curves behind the next move are followed plainly in each
-EACH = 3  # configurations of every pose that a move may lead to
+)  # for each look ahead: are curves behind the next move followed plainly
+EACH = 3  # goal configurations of a move for every pose
 BEGINNINGS = 4  # of a curve that are tried for each configuration of a move's goal
 
 
@@ -242,7 +242,7 @@ class Search:
             try:
                 setup = stage_setup(after(world, number, robot, q), number + 1)
             except MisplacedError:
-                continue  # as was said when it was looked at plainly
+                continue  # reported already, when the stage was followed plainly
             follow = setup.scene.path.follow
             assert follow is not None
             if any(is_along(follow, each) for each in curves):

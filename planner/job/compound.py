@@ -28,7 +28,7 @@ from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.targets import PoseTarget
 
 LOOKS = 1500  # of a planned motion
-APART = 2e-3  # share of a path between the configurations that it is drawn through
+APART = 2e-3  # share of a path between two of its configurations
 FINE = 200  # configurations in a part of the path
 ROWS = 24  # in the shortest blend
 FEWEST, MOST = 48, 3000  # rows of a whole path

@@ -295,8 +295,8 @@ def _rotation(rpy: Vector3) -> Array:
 def _arc(stage: Circle, world: World, begins: Array, ends: Array, tolerance: float) -> tuple[Array, float]:
     """Return poses (N, 4, 4) on an arc, and how far it may be from their chords [m], a share of a tolerance."""
     one, other = begins[:3, 3], ends[:3, 3]
-    said = np.array(stage.interim if stage.center is None else stage.center)
-    point = said if stage.to is not None else one + _frame(stage, world, begins)[:3, :3] @ said
+    given = np.array(stage.interim if stage.center is None else stage.center)
+    point = given if stage.to is not None else one + _frame(stage, world, begins)[:3, :3] @ given
     if stage.center is None:
         center, angle, axis = _through(one, point, other)
     else:

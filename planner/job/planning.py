@@ -91,11 +91,11 @@ def plan_job(
         pieces, unblended = blended(first, pieces, late)
         trajectory = joined(pieces, scene.job)
         certificate = certified_job(scene, trajectory, [piece.proven for piece in pieces])
-    said = (
+    noted = (
         *(note for piece in pieces for note in piece.notes),
         *certificate.notes,
     )
-    notes = tuple(dict.fromkeys((*scene.notes, *said, *unblended, *refused)))
+    notes = tuple(dict.fromkeys((*scene.notes, *noted, *unblended, *refused)))
     return JobResult(scene, trajectory, certificate, failure, seed, notes, time.perf_counter() - began)
 
 
@@ -111,13 +111,13 @@ def _failure(search: Search, names: Sequence[str], done: int, interrupted: bool)
 def _last(search: Search, done: int) -> str:
     """Say why a stage could not be done: at last, of every goal that it has."""
     last = {goal: why for number, goal, why in search.refused if number == done}
-    stage, said = search.stages[done], dict[str, list[str]]()
+    stage, goals_by = search.stages[done], dict[str, list[str]]()
     if isinstance(stage, Move) and isinstance(stage.goal, Goals) and any(last) and not search.over():
         for target in stage.goal.targets:
             last.setdefault(named(target), "not reached without contact")
     for goal, why in last.items():
-        said.setdefault(why, []).append(goal)
-    return ": " + "; ".join(": ".join(filter(None, (", ".join(goals), why))) for why, goals in said.items())
+        goals_by.setdefault(why, []).append(goal)
+    return ": " + "; ".join(": ".join(filter(None, (", ".join(goals), why))) for why, goals in goals_by.items())
 
 
 def at_rest(scene: Scene) -> Scene:

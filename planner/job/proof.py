@@ -32,7 +32,7 @@ class JobProof:
 
     data: bytes  # the file's content
     text: str  # what is proven, in the checker's words
-    certificate: JobCertificate  # that it was made from
+    certificate: JobCertificate  # the origin of the proof
 
     def save(self, path: FilePath) -> None:
         """Write the file, whole or not at all. Raises InputError for a path that cannot be written."""
@@ -51,9 +51,9 @@ def prove_job(scene: FilePath, trajectory: FilePath, robot: FilePath | None = No
     """
     motion_file = checked(path_of, trajectory, "trajectory")
     robot_name = None if robot is None else str(checked(path_of, robot, "robot"))
-    asked, motion = load_scene(find_scene(scene), robot=robot_name), Trajectory.load(motion_file)
+    read, motion = load_scene(find_scene(scene), robot=robot_name), Trajectory.load(motion_file)
     with naming(motion_file):
-        certificate = certify_job(asked, motion)
+        certificate = certify_job(read, motion)
     return prove_certified(certificate, scene, motion_file, robot_name)
 
 
@@ -70,10 +70,10 @@ def prove_certified(
     proofs = []
     with writing():
         parts = read_job(scene_file, motion_file, planned, robot)
-        for part, told, each in zip(parts, planned, driven, strict=True):
-            check_part(part, told)
+        for part, world, each in zip(parts, planned, driven, strict=True):
+            check_part(part, world)
             try:
-                proofs.append(proof_of(each.setup, told, part.reading, certified(*each)).data)
+                proofs.append(proof_of(each.setup, world, part.reading, certified(*each)).data)
             except NotProvenError as error:
                 raise NotProvenError(f"{part.name}: {error}") from None
         head = json.dumps({"lengths": [len(each) for each in proofs]}, separators=(",", ":"))
@@ -87,8 +87,8 @@ class _Driven(NamedTuple):
 
     setup: Setup
     motion: Trajectory
-    certificate: Certificate | None  # as far as there is one of it alone
-    passing: tuple[str, ...] = ()  # its ends at which the robot goes on
+    certificate: Certificate | None  # None where it has none of its own
+    passing: tuple[str, ...] = ()  # ends where the robot does not stop
 
 
 def _driven(certificate: JobCertificate) -> Iterator[_Driven]:

@@ -49,7 +49,7 @@ ROUNDS, BACK = 10, 8  # of evening, and steps back to the poses after each
 EVEN = 1e-2  # [rad] or [m] below which a round of it ends
 DAMPED = 1e-3  # of evening
 REFINED, EVENED = 2, 2  # times that configurations are put in between at last, and evened each time
-LOOKS = 300  # ways that are looked at, at most
+LOOKS = 300  # greatest number of ways
 
 Free = Callable[[Array], Mask]
 """True (B,) where configurations (B, n) are free."""
@@ -110,7 +110,7 @@ class Layers:
     quick: Array  # (n,) joints' speeds, as shares of the greatest
     _own: list[Array] = field(init=False)  # (k,) costs of each; infinite where one is not free
     _steps: list[Array] = field(init=False)  # (k, l) costs of what leads from layer to layer
-    _unknown: list[Mask] = field(init=False)  # (k,) of which nobody has asked whether they are free
+    _unknown: list[Mask] = field(init=False)  # (k,) not checked for contact yet
     _guessed: list[Mask] = field(init=False)  # (k,) which are left out as they are near one that is not
     _parted: list[tuple[int, Mask, Array]] = field(default_factory=list)  # steps left out so, and what they cost
     _guesses: bool = True
@@ -147,7 +147,7 @@ class Layers:
         return cost
 
     def cheapest(self) -> list[int] | None:
-        """Return which configuration of each layer the cheapest way takes; None if no way leads through."""
+        """Return which configuration of each layer the cheapest way takes; None if there is no way."""
         del self._reached[self._changed :]
         while (k := len(self._reached)) < len(self._own):
             if k == 0:
@@ -198,17 +198,17 @@ class Layers:
         return not wrong
 
     def take_back(self, free: Free) -> bool:
-        """Ask whether what was left out as a guess is free, and guess no more; return whether there was any."""
-        asked = [(k, i) for k, guessed in enumerate(self._guessed) for i in np.flatnonzero(guessed).tolist()]
-        if not self._guesses or not (asked or self._parted):
+        """Return True if anything was left out as a guess; check it for contact, and guess no more."""
+        unchecked = [(k, i) for k, guessed in enumerate(self._guessed) for i in np.flatnonzero(guessed).tolist()]
+        if not self._guesses or not (unchecked or self._parted):
             return False
         self._guesses, self._changed = False, 0
         for k, parted, cost in reversed(self._parted):
             self._steps[k][parted] = cost
-        if not asked:
+        if not unchecked:
             return True
-        found = free(np.array([self.configurations[k][i] for k, i in asked]))
-        for (k, i), is_free in zip(asked, found.tolist(), strict=True):
+        found = free(np.array([self.configurations[k][i] for k, i in unchecked]))
+        for (k, i), is_free in zip(unchecked, found.tolist(), strict=True):
             self._unknown[k][i] = False
             if is_free:
                 self._own[k][i] = self._weights[k][i]

@@ -20,7 +20,7 @@ class JobResult:
     certificate: JobCertificate
     failure: str  # which stage could not be done, and why; empty if all were
     seed: int
-    notes: tuple[str, ...]  # on what was assumed, and on choices that were given up
+    notes: tuple[str, ...]  # on assumptions and abandoned choices
     seconds: float  # [s] that planning and certifying took
 
     def __repr__(self) -> str:

@@ -14,7 +14,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.targets import PoseTarget
 
-APART = 0.3  # [rad] or [m] between a configuration and the nearest at the next value, above which one is put in between
+APART = 0.3  # [rad] or [m] largest gap between neighbours at two values; a larger one gets another value in the middle
 HALVINGS = 5  # of the distance of two values
 
 

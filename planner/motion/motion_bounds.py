@@ -41,7 +41,7 @@ from hdplan.distance.compiled.loops import Record, library
 from hdplan.planner.motion import reach_loop
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -95,17 +95,13 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class Chain(ReadOnly):
     """The joints of a Pinocchio model, one coordinate each; joint j of the model moves coordinate j − 1."""
 
     model: Any
     axes: Array  # (n, 3) unit, in each joint's frame
     revolute: Mask  # (n,) the others are prismatic
     carried_by: Mask  # (joints, n) whether a body on joint i of the model (0: the world) is moved by coordinate j
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, model: Any) -> Chain:

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.values import instance
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ SAME_HELD = 1e-6  # [rad] or [m] between a joint's value here and the one at whi
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(ReadOnly):
     """A motion at one time or at several, which stand in front: the shape of `times` is (…)."""
 
     joint_names: tuple[str, ...]  # (n,) the columns
@@ -34,10 +34,6 @@ class Samples:
     velocities: Array  # (…, n) [rad/s] or [m/s]
     accelerations: Array  # (…, n) [rad/s²] or [m/s²]; at a row where they jump, those after it
     locked: Mapping[str, float]  # joints that are held -> value [rad] or [m]
-
-    def __post_init__(self) -> None:
-        """Share them read-only."""
-        freeze(self)
 
     def __len__(self) -> int:
         """The number of samples."""

@@ -36,23 +36,19 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import naming
-from hdplan.scenes.once import freeze, made_once, read_only
+from hdplan.scenes.once import ReadOnly, made_once, read_only
 
 ARM = 0.1  # [m] stands for a torque at its limit: with the hinge's band, the penalty sets in at 80 % of it
 
 
 @dataclass(frozen=True, eq=False)
-class GravityTorques:
+class GravityTorques(ReadOnly):
     """Gravity torques of one model with its loads, and their derivatives, from the kinematics alone."""
 
     gravity: Array  # (3,) γ, in the world [m/s²]
     masses: Array  # (nj,) of the bodies
     centres: Array  # (nj, 3) in their joints' frames [m]
     supports: Mask  # (nj, n) whether a body moves with a coordinate
-
-    def __post_init__(self) -> None:
-        """Share the arrays read-only."""
-        freeze(self)
 
     @cached_property
     def before(self) -> Mask:

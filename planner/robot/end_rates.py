@@ -11,22 +11,18 @@ import numpy as np
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 from hdplan.scenes.targets import Goals, JointRates, JointTarget
 
 
 @dataclass(frozen=True, eq=False)
-class EndRates:
+class EndRates(ReadOnly):
     """Velocity and acceleration at an end of a motion."""
 
     field: str  # of the scene
     velocity: Array  # (n,) [rad/s or m/s]
     acceleration: Array  # (n,) [rad/s² or m/s²]
     whole: bool  # whether the scene gives the acceleration, too, which is 0 otherwise
-
-    def __post_init__(self) -> None:
-        """Share them read-only."""
-        freeze(self)
 
     @property
     def given(self) -> dict[str, Array]:

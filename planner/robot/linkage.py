@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 from hdplan.scenes.robot_files.description import Tree
 
 Index = NDArray[np.int64]
@@ -52,7 +52,7 @@ def rules_of(tree: Tree, joints: Sequence[str]) -> dict[str, Rule]:
 
 
 @dataclass(frozen=True, eq=False)
-class Linkage:
+class Linkage(ReadOnly):
     """The m joints of a model, and how they move with the n planned ones among them."""
 
     names: tuple[str, ...]  # (m,) in the model's order
@@ -60,10 +60,6 @@ class Linkage:
     factor: Array  # (m,) 1 for the planned ones
     offset: Array  # (m,) 0 for the planned ones
     own: Index  # (n,) which of the m joints the planned ones are
-
-    def __post_init__(self) -> None:
-        """Share its arrays read-only."""
-        freeze(self)
 
     @classmethod
     def of(cls, names: tuple[str, ...], rules: Mapping[str, Rule]) -> Linkage:

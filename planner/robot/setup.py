@@ -19,22 +19,18 @@ from hdplan.planner.robot.self_filter import self_filtered
 from hdplan.planner.robot.units import unlikely_units
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.once import freeze, read_only
+from hdplan.scenes.once import ReadOnly, read_only
 from hdplan.scenes.scene import Scene, derived, unknown_in
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 
 @dataclass(frozen=True)
-class Query:
+class Query(ReadOnly):
     """The two ends of a plan, as joint values."""
 
     start: Array  # (n,)
     goal: Array  # (n,)
-
-    def __post_init__(self) -> None:
-        """Share them read-only."""
-        freeze(self)
 
 
 @dataclass(frozen=True, eq=False)

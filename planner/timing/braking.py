@@ -18,23 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import ReadOnly
 
 MOST_TRIED = 200  # numbers of rows of the first phase, and of the last
 ROOM, ROUNDING = 1e-6, 1e-9  # [–] of a limit that is left unused; by which a velocity may exceed one
 
 
 @dataclass(frozen=True, eq=False)
-class Braking:
+class Braking(ReadOnly):
     """Rows h apart, from a state of motion to standstill: where the joints are, seen from where they come to stand."""
 
     away: Array  # (rows, n) [rad] or [m]
     velocity: Array  # (rows, n)
     acceleration: Array  # (rows, n)
-
-    def __post_init__(self) -> None:
-        """Share them read-only."""
-        freeze(self)
 
     def __len__(self) -> int:
         """Number of intervals between rows."""
