@@ -23,6 +23,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
+from sieges.poses import of_scene
+from sieges.rows import Rows
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
 DATA = SHARE / "example-robot-data" / "robots"
@@ -74,7 +76,7 @@ class Scene:
             and self.model.parents[joint[pair.first]] != joint[pair.second]
         ]
         self.shapes = {each["name"]: _shape(each["shape"], folder) for each in scene["obstacles"]}
-        self.places = {each["name"]: _matrix(each["pose"]) for each in scene["obstacles"]}
+        self.places = {each["name"]: of_scene(each["pose"]) for each in scene["obstacles"]}
         self.held: dict[str, tuple[str, np.ndarray, set[str]]] = {}  # link, pose in it, links that hold it
         solids = [*(item.geometry for item in self.links.geometryObjects), *self.shapes.values()]
         self.solids, self.names = solids, [*self.of_link, *self.shapes]
@@ -204,16 +206,6 @@ def _shape(said: dict[str, Any], folder: Path) -> Any:
     raise ValueError(said["type"])
 
 
-def _matrix(pose: dict[str, Any]) -> np.ndarray:
-    found = np.eye(4)
-    if "quaternion_xyzw" in pose:
-        found[:3, :3] = Rotation.from_quat(pose["quaternion_xyzw"]).as_matrix()
-    elif "rpy" in pose:
-        found[:3, :3] = Rotation.from_euler("xyz", pose["rpy"]).as_matrix()
-    found[:3, 3] = pose["position"]
-    return found
-
-
 class Motion:
     """The motion of a file."""
 
@@ -221,9 +213,9 @@ class Motion:
         """Take it, values of joints that it does not have, and joints that stand where others do."""
         at = {str(name): model.joints[i].idx_q for i, name in enumerate(model.names) if i}
         self.followers = [(at[one], at[other]) for one, other in mimics.items() if one not in told["joint_names"]]
-        self.times = np.array(told["times"])
-        self.q, self.v, self.a = (np.array(told[key]) for key in ("positions", "velocities", "accelerations"))
-        self.names = told["joint_names"]
+        self.names, self.times = told["joint_names"], np.array(told["times"])
+        self.q, v, a = (np.array(told[key]) for key in ("positions", "velocities", "accelerations"))
+        self.rows = Rows(tuple(self.names), self.q, self.times, v, a)
         known = {**fixed, **told.get("locked", {})}
         self.base = pin.neutral(model)
         for name, value in known.items():
@@ -233,16 +225,9 @@ class Motion:
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return positions, velocities, accelerations and jerks at some times."""
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
-        h = (self.times[i + 1] - self.times[i])[:, None]
-        s = (times - self.times[i])[:, None] / h
-        p0, p1, v0, v1 = self.q[i], self.q[i + 1], self.v[i] * h, self.v[i + 1] * h
-        a0, a1 = self.a[i] * h * h, self.a[i + 1] * h * h
-        d, dv, da = p1 - p0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
-        c3, c4, c5 = 10 * d - 4 * dv + 0.5 * da, -15 * d + 7 * dv - da, 6 * d - 3 * dv + 0.5 * da
-        q = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-        v = (v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
-        a = (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h)
-        return q, v, a, (6 * c3 + s * (24 * c4 + s * 60 * c5)) / h**3
+        s = (times - self.times[i]) / (self.times[i + 1] - self.times[i])
+        q, v, a, j = (self.rows.at(i, s, order) for order in range(4))
+        return q, v, a, j
 
     def whole(self, q: np.ndarray) -> np.ndarray:
         """Return the values of all joints of the model; none of these robots has joints without limits."""
@@ -383,7 +368,7 @@ def _done(bodies: Scene, stage: dict[str, Any], ways: list[dict[str, np.ndarray]
 
 
 def _reached(pose: np.ndarray, said: dict[str, Any]) -> bool:
-    goal = _matrix(said)
+    goal = of_scene(said)
     if np.linalg.norm(pose[:3, 3] - goal[:3, 3]) > OFF:
         return False
     if said.get("free_rotation") == "z":

@@ -1,7 +1,7 @@
 """Re-check a trajectory on a MotionBenchMaker problem by code that shares nothing with hdplan.
 
-Own URDF reading and forward kinematics (NumPy), own reading of MoveIt's scene and request, meshes by trimesh,
-collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
+URDF and forward kinematics by the sieges' judge (`sieges.machine`, NumPy), own reading of MoveIt's scene and request,
+meshes by trimesh, collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
 
     python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml [--distances]
 
@@ -26,6 +26,8 @@ import fcl
 import numpy as np
 import trimesh
 import yaml
+from sieges.machine import Joint, Machine
+from sieges.poses import from_quaternion, from_rpy
 
 from hdplan.scenes.array_types import Array
 
@@ -42,19 +44,6 @@ ROBOTS = {  # that go by a name; the others say where their files are
 
 
 @dataclass(frozen=True)
-class Joint:
-    """A joint of the URDF."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Array  # (4, 4) in the parent link's frame
-    axis: Array  # (3,)
-    limits: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class Solid:
     """A collision body."""
 
@@ -64,6 +53,35 @@ class Solid:
     center: Array  # (3,) of a ball around it, in the same frame
     radius: float  # [m] of that ball
     mesh: Any = None  # trimesh's, in the same frame as the shape, of a link that is one
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A robot at dense samples of a motion that was planned for a request."""
+
+    machine: Machine
+    links: list[Solid]
+    frames: dict[str, Array]  # of each link (T, 4, 4) in the world
+    times: Array  # (T,) in [0, 1]
+    request: dict[str, Any]
+    start: dict[str, float]
+    srdf: Path
+    ignored: list[list[str]]  # pairs of links
+
+    @classmethod
+    def of(cls, motion: dict[str, Any], request: Path, robot: Path) -> Moved:
+        """Read a motion's content, a request and a robot's section."""
+        wanted, section = _yaml(request), _yaml(robot)["robot"]
+        folder, files = (DATA, ROBOTS[section["name"]]) if "name" in section else (robot.parent, section)
+        urdf, base, state = folder / files["urdf"], section.get("base", {}), wanted["start_state"]["joint_state"]
+        machine, start = Machine(urdf), dict(zip(state["name"], _floats(state["position"]), strict=True))
+        samples, times = _dense(np.array(motion["positions"], dtype=np.float64))
+        values = {joint.name: np.full(len(samples), start.get(joint.name, 0.0)) for joint in machine.joints}
+        values |= {name: samples[:, i] for i, name in enumerate(motion["joint_names"])}
+        frames = machine.frames(values, from_rpy(base.get("position", [0, 0, 0]), base.get("rpy", [0, 0, 0])))
+        links = [_link_solid(*each, urdf) for each in machine.collisions]
+        ignored = section.get("ignore_pairs", [])
+        return cls(machine, links, frames, times, wanted, start, folder / files["srdf"], ignored)
 
 
 def recheck(
@@ -85,18 +103,8 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
     """Check one trajectory; print what is known, then, if it is free and asked for, the same with smallest
     distances."""
     content = json.loads(Path(trajectory).read_text())
-    asked, placed = _yaml(request), _yaml(robot)["robot"]
-    folder, files = (DATA, ROBOTS[placed["name"]]) if "name" in placed else (Path(robot).parent, placed)
-    urdf, srdf = folder / files["urdf"], folder / files["srdf"]
-    tree = ElementTree.parse(urdf).getroot()
-    joints = [_joint(element) for element in tree.findall("joint")]
-    values = dict(
-        zip(
-            asked["start_state"]["joint_state"]["name"],
-            _floats(asked["start_state"]["joint_state"]["position"]),
-            strict=True,
-        )
-    )
+    motion = Moved.of(content, Path(request), Path(robot))
+    asked, values, times = motion.request, motion.start, motion.times
     goal = {c["joint_name"]: float(c["position"]) for c in asked["goal_constraints"][0]["joint_constraints"]}
     names, waypoints = content["joint_names"], np.array(content["positions"], dtype=np.float64)
 
@@ -105,28 +113,24 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
         faults += [
             f"{word}: {name}" for name, value in zip(names, row, strict=True) if abs(value - end[name]) > SAME_END
         ]
-    for joint in joints:
+    for joint in motion.machine.joints:
         if joint.name in names and joint.kind != "continuous":
             column = waypoints[:, names.index(joint.name)]
             ends = values[joint.name], goal.get(joint.name, column[-1])
-            low, high = (np.full(len(column), limit) for limit in joint.limits)
+            low, high = (np.full(len(column), limit) for limit in (joint.low, joint.high))
             low[[0, -1]], high[[0, -1]] = np.minimum(low[0], ends), np.maximum(high[0], ends)
             if np.any((column < low - WITHIN) | (column > high + WITHIN)):
                 faults.append(f"limits: {joint.name}")
 
-    samples, times = _dense(waypoints)
-    fixed = {joint.name: np.full(len(samples), values.get(joint.name, 0.0)) for joint in joints}
-    moved = {name: samples[:, i] for i, name in enumerate(names)}
-    frames = _forward(joints, {**fixed, **moved}, _base(placed.get("base", {})))
-    links = [solid for element in tree.findall("link") for solid in _link_solids(element, urdf)]
+    links, frames = motion.links, motion.frames
     obstacles = _obstacles(_yaml(scene))
     pairs = [(a, b) for a in links for b in obstacles]
-    apart = _kept_apart(joints, srdf, placed.get("ignore_pairs", []))
+    apart = _kept_apart(motion.machine.joints, motion.srdf, motion.ignored)
     pairs += [(a, b) for a, b in itertools.combinations(links, 2) if a.name != b.name and not apart(a.name, b.name)]
 
-    world = {id(o): np.broadcast_to(o.pose, (len(samples), 4, 4)) for o in obstacles}
+    world = {id(o): np.broadcast_to(o.pose, (len(times), 4, 4)) for o in obstacles}
     world.update({id(link): frames[link.name] @ link.pose for link in links})
-    middle = {id(o): np.broadcast_to(o.center, (len(samples), 3)) for o in obstacles}
+    middle = {id(o): np.broadcast_to(o.center, (len(times), 3)) for o in obstacles}
     middle.update(
         {id(s): np.einsum("tij,j->ti", frames[s.name][:, :3, :3], s.center) + frames[s.name][:, :3, 3] for s in links}
     )
@@ -139,7 +143,7 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
                 contact = contact or {"link": a.name, "other": b.name, "time": float(times[t])}
                 break
         close += [(float(between[t]), a, b, t) for t in np.flatnonzero(between <= NEAR).tolist()]
-    found: dict[str, Any] = {"free": contact is None and not faults, "samples": len(samples), "faults": faults}
+    found: dict[str, Any] = {"free": contact is None and not faults, "samples": len(times), "faults": faults}
     if contact:
         found["contact"] = contact
     print(json.dumps(found), flush=True)
@@ -172,60 +176,14 @@ def _dense(waypoints: Array) -> tuple[Array, Array]:
 # --- robot ------------------------------------------------------------------------------------------------------------
 
 
-def _joint(element: ElementTree.Element) -> Joint:
-    parent, child, axis, limit = (element.find(tag) for tag in ("parent", "child", "axis", "limit"))
-    assert parent is not None
-    assert child is not None
-    return Joint(
-        element.get("name", ""),
-        element.get("type", ""),
-        parent.get("link", ""),
-        child.get("link", ""),
-        _origin(element),
-        np.array(_floats((axis.get("xyz", "") if axis is not None else "1 0 0").split())),
-        (float(limit.get("lower", 0)), float(limit.get("upper", 0))) if limit is not None else (-np.inf, np.inf),
-    )
-
-
-def _forward(joints: list[Joint], values: dict[str, Array], base: Array) -> dict[str, Array]:
-    """Return the links' placements in the world, (samples, 4, 4) each."""
-    count = len(next(iter(values.values())))
-    children = {joint.child for joint in joints}
-    frames = {joint.parent: np.broadcast_to(base, (count, 4, 4)) for joint in joints if joint.parent not in children}
-    left = list(joints)
-    while left:
-        joint = next(joint for joint in left if joint.parent in frames)
-        left.remove(joint)
-        step = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
-        axis, value = joint.axis / np.linalg.norm(joint.axis), values[joint.name]
-        if joint.kind in ("revolute", "continuous"):
-            x, y, z = axis
-            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            turn = np.sin(value)[:, None, None] * cross + (1 - np.cos(value))[:, None, None] * (cross @ cross)
-            step[:, :3, :3] += turn
-        elif joint.kind == "prismatic":
-            step[:, :3, 3] = value[:, None] * axis
-        frames[joint.child] = frames[joint.parent] @ joint.origin @ step
-    return frames
-
-
-def _link_solids(link: ElementTree.Element, urdf: Path) -> list[Solid]:
-    solids = []
-    for collision in link.findall("collision"):
-        shape = next(iter(collision.find("geometry") or []))
-        size = _floats((shape.get("size") or "").split())
-        if shape.tag == "mesh":
-            name = shape.get("filename", "").removeprefix("package://")
-            file = next(file for file in (urdf.parent / name, SHARE / name) if file.exists())
-            scale = _floats(shape.get("scale", "1 1 1").split())
-            solids.append(_mesh_solid(link.get("name", ""), file, scale, _origin(collision)))
-        else:
-            kind, numbers = (
-                shape.tag,
-                size or [float(shape.get(key, 0)) for key in ("length", "radius") if shape.get(key)],
-            )
-            solids.append(_primitive(link.get("name", ""), kind, numbers, _origin(collision)))
-    return solids
+def _link_solid(link: str, pose: Array, shape: ElementTree.Element, urdf: Path) -> Solid:
+    if shape.tag == "mesh":
+        name = shape.get("filename", "").removeprefix("package://")
+        file = next(file for file in (urdf.parent / name, SHARE / name) if file.exists())
+        return _mesh_solid(link, file, _floats(shape.get("scale", "1 1 1").split()), pose)
+    size = _floats((shape.get("size") or "").split())
+    numbers = size or [float(shape.get(key, 0)) for key in ("length", "radius") if shape.get(key)]
+    return _primitive(link, shape.tag, numbers, pose)
 
 
 def _mesh_solid(name: str, file: Path, scale: list[float], pose: Array) -> Solid:
@@ -280,34 +238,7 @@ def _solid(name: str, shape: Any, pose: Array, points: Array) -> Solid:
 
 
 def _pose(pose: dict[str, Any] | None) -> Array:
-    matrix = np.eye(4)
-    if pose:
-        x, y, z, w = np.array(_floats(pose["orientation"])) / np.linalg.norm(_floats(pose["orientation"]))
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        matrix[:3, :3] += 2 * w * cross + 2 * cross @ cross
-        matrix[:3, 3] = _floats(pose["position"])
-    return matrix
-
-
-def _base(base: dict[str, Any]) -> Array:
-    return _rpy(_floats(base.get("rpy", [0, 0, 0])), _floats(base.get("position", [0, 0, 0])))
-
-
-def _origin(element: ElementTree.Element) -> Array:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    return _rpy(_floats(origin.get("rpy", "0 0 0").split()), _floats(origin.get("xyz", "0 0 0").split()))
-
-
-def _rpy(angles: list[float], position: list[float]) -> Array:
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
-    matrix = np.eye(4)
-    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    matrix[:3, :3], matrix[:3, 3] = yaw @ pitch @ roll, position
-    return matrix
+    return from_quaternion(pose["position"], pose["orientation"]) if pose else np.eye(4)
 
 
 def _yaml(path: str | Path) -> dict[str, Any]:

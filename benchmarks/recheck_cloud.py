@@ -1,19 +1,18 @@
 """Re-check a trajectory in a cloud of points by brute force: every ball against every link at dense samples.
 
-Shares nothing with hdplan: own URDF reading and kinematics, meshes by trimesh, hulls by SciPy, contacts by FCL (all of
-`recheck`). It can refute a certificate, not give one.
+Shares nothing with hdplan: URDF, kinematics, meshes and FCL as in `recheck`, hulls by SciPy. It can refute a
+certificate, not give one.
 """
 
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
 import fcl
 import numpy as np
-import recheck as own
+from recheck import Moved
 from scipy.spatial import ConvexHull, cKDTree
 
 from hdplan.scenes.array_types import Array
@@ -21,21 +20,10 @@ from hdplan.scenes.array_types import Array
 
 def touching(trajectory: Path, request: Path, robot: Path, points: Array, radius: float) -> dict[str, Any] | None:
     """Return the first contact found, of a link with the ball of a point (m, 3) in the world, or None."""
-    content = json.loads(trajectory.read_text())
-    asked, placed = own._yaml(request), own._yaml(robot)["robot"]
-    folder, files = (own.DATA, own.ROBOTS[placed["name"]]) if "name" in placed else (robot.parent, placed)
-    urdf = folder / files["urdf"]
-    tree = ElementTree.parse(urdf).getroot()
-    joints = [own._joint(element) for element in tree.findall("joint")]
-    state = asked["start_state"]["joint_state"]
-    values = dict(zip(state["name"], own._floats(state["position"]), strict=True))
-    samples, times = own._dense(np.array(content["positions"], dtype=np.float64))
-    held = {joint.name: np.full(len(samples), values.get(joint.name, 0.0)) for joint in joints}
-    moved = {name: samples[:, i] for i, name in enumerate(content["joint_names"])}
-    frames = own._forward(joints, {**held, **moved}, own._base(placed.get("base", {})))
+    motion = Moved.of(json.loads(trajectory.read_text()), request, robot)
     nearby, ball = cKDTree(points), fcl.Sphere(radius)
-    for link in (solid for element in tree.findall("link") for solid in own._link_solids(element, urdf)):
-        placements = frames[link.name] @ link.pose
+    for link in motion.links:
+        placements = motion.frames[link.name] @ link.pose
         if np.ptp(placements, axis=0).max() < 1e-12:
             continue  # fixed to the world: it may stand on what is seen
         reach = link.radius + radius
@@ -50,5 +38,5 @@ def touching(trajectory: Path, request: Path, robot: Path, points: Array, radius
                 bodies = fcl.CollisionObject(link.shape), fcl.CollisionObject(ball, fcl.Transform(point))
                 hit = fcl.collide(*bodies, fcl.CollisionRequest(), fcl.CollisionResult())
                 if hit or (link.mesh is not None and link.mesh.is_watertight and link.mesh.contains(point[None])[0]):
-                    return {"link": link.name, "time": float(times[t]), "point": point.tolist()}
+                    return {"link": link.name, "time": float(motion.times[t]), "point": point.tolist()}
     return None
