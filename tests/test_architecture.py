@@ -227,6 +227,22 @@ def test_the_picture_of_the_house_is_fresh() -> None:
     assert drawn == house.PICTURE.read_text(encoding="utf-8"), "draw it again: python benchmarks/house.py"
 
 
+PASSING_TIME = {  # tests about time itself, random pauses, and the one wait of all others
+    *("waiting.py", "test_peers.py", "planner/test_plan.py", "planner/terminal/test_interrupts.py"),
+    *("planner/solvers/test_interior_point.py", "planner/search/test_idle_core.py", "planner/batch/test_run.py"),
+    *("planner/proof/test_verify_reading.py", "planner/view/in_browser.py", "planner/view/test_live.py"),
+}
+
+
+def test_tests_wait_for_conditions() -> None:
+    sleeping = re.compile(r"\btime\.sleep\(|\bwait_for_timeout\(")
+    found = set()
+    for path in (ROOT / "tests").rglob("*.py"):
+        if path != Path(__file__) and sleeping.search(path.read_text(encoding="utf-8")):
+            found.add(path.relative_to(ROOT / "tests").as_posix())
+    assert found <= PASSING_TIME
+
+
 TESTS = sorted({path.parent for path in (ROOT / "tests").rglob("test_*.py")})
 
 

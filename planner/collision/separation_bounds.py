@@ -41,6 +41,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.robot.content import Parts, tree_content
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 
@@ -169,13 +170,9 @@ def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Array, Array]:
     return np.where(whole, -np.pi, robot.lower), np.where(whole, np.pi, robot.upper)
 
 
-def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> list[bytes | str]:
+def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> Parts:
     """All that determines the bounds: the kinematic tree with its limits, the bodies, and the pairs."""
-    model = robot.model
-    parts: list[bytes | str] = [robot.lower.tobytes(), robot.upper.tobytes()]
-    for joint, placement in zip(model.joints, model.jointPlacements, strict=True):
-        parts += [str(joint), np.round(placement.homogeneous, 12).tobytes()]
-    parts.append(np.array(list(model.parents)).tobytes())
+    parts = [robot.lower.tobytes(), robot.upper.tobytes(), *tree_content(robot.model)]
     if robot.linkage is not None:
         parts += [robot.linkage.matrix.tobytes(), robot.linkage.offset.tobytes()]
     for index in sorted({index for pair in pairs for index in pair}):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.robot.always_touching import always_touching
+from hdplan.planner.robot.lasting_contacts import lasting_contacts
 from hdplan.planner.robot.linkage import Linkage, room_of, rules_of
 from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
 from hdplan.planner.robot.planned_joints import planned_joints, range_of
@@ -19,7 +19,6 @@ from hdplan.planner.robot.self_pairs import (
     CONTACT_SAMPLES,
     EXCESS,
     NEVER_TOUCHING,
-    always_in_contact,
     excluded,
     never_in_contact,
 )
@@ -162,8 +161,8 @@ def _with_pairs(robot: Robot, apart: Iterable[LinkPair], tree: Tree, semantics: 
     unchecked = dict.fromkeys(apart, NEVER_TOUCHING) | excluded(robot, tree, semantics, spec)
     every = [link_pair(a, b) for a, b in itertools.combinations(robot.links, 2)]
     asked = {link_pair(a, b) for a, b in spec.check_pairs}
-    touching = always_in_contact(robot, (pair for pair in every if pair not in unchecked and pair not in asked))
-    unchecked |= dict.fromkeys(always_touching(robot, touching, EXCESS), ALWAYS_TOUCHING)
+    touching, proven = lasting_contacts(robot, [pair for pair in every if pair not in unchecked and pair not in asked])
+    unchecked |= dict.fromkeys(proven, ALWAYS_TOUCHING)
     if never := list(unchecked.values()).count(NEVER_TOUCHING):
         notes.append(f"without an SRDF: link pairs that are proven never to touch, not checked: {never}")
     if always := [pair for pair in touching if pair in unchecked]:

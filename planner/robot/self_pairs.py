@@ -1,7 +1,7 @@
 """Pairs of a robot's links that are checked against each other, and why the others are not.
 
 Excluded is what a file says, what cannot be helped (neighbours, links that move as one), and what is proven: pairs that
-always touch (`always_touching`), and, where no SRDF says it, pairs that never touch. Pairs that touch at every one of
+always touch (`lasting_contacts`), and, where no SRDF says it, pairs that never touch. Pairs that touch at every one of
 CONTACT_SAMPLES configurations, which is no proof, are checked, and named in a note.
 """
 
@@ -63,9 +63,8 @@ def excluded(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) ->
     return found | {(a, b): MOVE_AS_ONE for a, b in pairs if joint[a] == joint[b]}
 
 
-def always_in_contact(robot: Robot, pairs: Iterable[LinkPair]) -> tuple[LinkPair, ...]:
-    """Return the pairs that touch at every one of CONTACT_SAMPLES random configurations (fixed seed)."""
-    samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
+def in_contact(robot: Robot, pairs: Iterable[LinkPair], samples: Array) -> tuple[LinkPair, ...]:
+    """Return the pairs that touch at every one of some configurations (m, n)."""
     data, geometry_data = robot.model.createData(), pin.GeometryData(robot.collision)
     items = robot.collision.geometryObjects
     left = list(pairs)

@@ -109,7 +109,7 @@ def _law(name, count, seed, witnesses):
 @pytest.mark.parametrize("name", PAIRS)
 def test_every_witness_has_the_true_derivatives(name):
     """Those that build in a moment at every pair, C's at the cubes; JAX's, which compile long, in the slow lane."""
-    _law(name, 8, 0, WITNESSES[:4] if name == "cubes" else ("numpy", "graph"))
+    _law(name, 4, 0, WITNESSES[:4] if name == "cubes" else ("numpy", "graph"))
 
 
 @pytest.mark.slow
@@ -167,8 +167,8 @@ def _check_slope(right, value, slopes, curvatures=None):
 
 @pytest.mark.parametrize("planes", PLANES)
 def test_planes_have_the_true_derivatives(planes):
-    _kernels(8, 2, planes)
-    _kernels(8, 3, planes)
+    _kernels(4, 2, planes)
+    _kernels(4, 3, planes)
 
 
 @pytest.mark.slow
@@ -183,7 +183,7 @@ def test_boxes_have_the_true_wrenches():
     boxes = [np.concatenate([np.eye(3).ravel(), np.zeros(3), half]) for half in (HALF, [0.5, 0.3, 0.2])]
     bodies = [ConvexBody.box(2 * np.asarray(box[12:])) for box in boxes]
     rng = np.random.default_rng(6)
-    for a, b in zip(*aligned_poses(bodies[0], bodies[1], rng, 24), strict=True):
+    for a, b in zip(*aligned_poses(bodies[0], bodies[1], rng, 12), strict=True):
         twist = rng.normal(size=12) * np.repeat([1.0, 0.0], 6)
         value, wrench, _ = (np.array(part).ravel() for part in function(_flat(a), _flat(b), *boxes, 0.0))
         right = extended.truth(bodies[0], a, bodies[1], b, twist, gamma=2, shaping_length=0.01)

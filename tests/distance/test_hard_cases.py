@@ -116,7 +116,7 @@ def _check_sign(case, found, normals, rounding=ROUNDING, underflow=UNDERFLOW):
         assert found.separation < 0
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
 def test_finite_and_right(hard, name):
     settings = EVERY[HARD.index(hard)]
@@ -125,7 +125,7 @@ def test_finite_and_right(hard, name):
     _check_sign(hard, found, settings["normals"])
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("case", "dtype"), BATCH)
 def test_batch_is_finite_and_right(case, dtype):
     """In float32 as far as its digits go."""
@@ -138,7 +138,7 @@ def test_batch_is_finite_and_right(case, dtype):
     _check_sign(case, found, settings["normals"], **limits)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(9)
 def test_exact_normal_makes_separation_exact(hard):
     """With the oracle's normal as a witness; so any set can be made to see."""
     exact = signed_distance(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b)

@@ -276,7 +276,7 @@ CHOICES = st.fixed_dictionaries(
 
 
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
-@trials(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@trials(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(body_a=BODY, pose_a=POSE, body_b=BODY, pose_b=POSE, choices=CHOICES)
 def test_any_bodies_at_any_pose(name, body_a, pose_a, body_b, pose_b, choices):
     """Finite, safe, below the exact distance, symmetric."""

@@ -46,7 +46,7 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 POSES = 80
 FEW = 8  # poses of what takes long for each
-FEW_THREADS = 3  # of what starts a process each time
+FEW_THREADS = 2  # of what starts a process each time
 A, B = ConvexBody.platonic("dodecahedron"), ConvexBody.box([0.7, 0.4, 1.1])
 POSE_A, POSE_B = paper_poses(np.random.default_rng(3), POSES)
 
@@ -147,7 +147,7 @@ def _call(function: ca.Function, a: Array, b: Array) -> Array:
     return np.array(function(a, b))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", WITNESSES)
 def test_threads_get_what_one_gets_alone(name: str) -> None:
     """Each asks for the poses in an order of its own, from an object that all share, and again from one of its own."""

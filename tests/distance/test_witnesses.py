@@ -72,7 +72,7 @@ def _settings(number):
     }
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(13)
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
 def test_casadi_agrees_with_numpy(number, branch, random_poses):
@@ -115,7 +115,8 @@ def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_po
     if name == "jax":
         pytest.importorskip("jax")
     build = getattr(hdplan.distance, {"compiled": "hdsdf_compiled", "jax": "hdsdf_batch"}[name])
-    distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
+    names, settings = BATCHES[1]  # of which `test_batch_agrees_with_numpy` has built the Hessian
+    distance = build(*(BODIES[each] for each in names), **settings)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)
     for part in (distance.value(*poses), distance.gradient(*poses)):

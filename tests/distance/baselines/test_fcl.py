@@ -55,6 +55,7 @@ def _line_of_poses(ends):
 
 
 @needs_fcl
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "names", [("dodecahedron", "icosahedron"), ("box", "triangle"), ("sphere", "capsule"), ("swept octahedron", "box")]
 )
@@ -81,7 +82,7 @@ def test_right_at_random_poses(names, bodies):
 def test_contacts_are_survived_and_told(bodies):
     """Thin bodies in contact end FCL's process most often: about one pose in fifty."""
     plate, segment = bodies["plate"], bodies["segment"]
-    poses_a, poses_b = touching_poses(plate, segment, np.random.default_rng(2), 500)
+    poses_a, poses_b = touching_poses(plate, segment, np.random.default_rng(2), 250)
     found = fcl_distances(plate, poses_a, segment, poses_b)
     assert found.aborted.mean() < 0.1
     np.testing.assert_array_equal(np.isnan(found.distances), found.aborted)
@@ -92,10 +93,10 @@ def test_contacts_are_survived_and_told(bodies):
 
 
 def test_an_abort_is_marked_and_the_rest_answered(impostor):
-    ends = [1, 0, 0, 1, 1, 0, 1]
-    found = fcl_distances(CUBE, _line_of_poses(ends), CUBE, np.tile(np.eye(4), (7, 1, 1)))
+    ends = [1, 0, 0, 1, 1]
+    found = fcl_distances(CUBE, _line_of_poses(ends), CUBE, np.tile(np.eye(4), (5, 1, 1)))
     np.testing.assert_array_equal(found.aborted, np.array(ends, dtype=bool))
-    np.testing.assert_array_equal(found.distances, [np.nan, 2, 3, np.nan, np.nan, 6, np.nan])
+    np.testing.assert_array_equal(found.distances, [np.nan, 2, 3, np.nan, np.nan])
     np.testing.assert_array_equal(found.normals[1], [1, 0, 0])
 
 

@@ -122,7 +122,7 @@ def _of_hard(body_a, body_b, gamma):
     return _along_twists(hdsdf_function(body_a, body_b, gamma=gamma))
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(9)
 def test_finite_and_right_at_hard_poses(hard, tolerance):
     """Touching, parallel, identical, deep, tiny gaps, extreme scales: value as the reference, derivatives finite."""
     for gamma in (1, 2, 4):

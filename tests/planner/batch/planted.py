@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import time
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,8 +28,8 @@ class Broken(Job):
 
 class Hanging(Job):
     def load(self) -> Scene:
-        while True:
-            time.sleep(1.0)
+        threading.Event().wait()
+        raise AssertionError
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         outcome.PATIENCE = PATIENCE

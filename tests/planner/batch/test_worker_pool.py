@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.planner.batch.worker_pool import outcomes, worker_pool
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.progress import listening
+from tests.waiting import until
 
 ARM = hdplan.load_scene("planar_arm")
 
@@ -129,12 +129,9 @@ def children(process: int) -> set[int]:
     return {child.pid for child in psutil.Process(process).children() if child.status() != psutil.STATUS_ZOMBIE}
 
 
-def gone(processes: set[int]) -> bool:
-    """Whether processes end, soon."""
-    deadline = time.monotonic() + 60
-    while any(map(alive, processes)) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not any(map(alive, processes))
+def end(processes: set[int]) -> None:
+    """Wait until processes have ended."""
+    until(lambda: not any(map(alive, processes)), "they go on")
 
 
 def alive(process: int) -> bool:
@@ -158,7 +155,7 @@ def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
     assert workers
     found.close()
     assert children(os.getpid()) == before
-    assert gone({cluster, *workers})
+    end({cluster, *workers})
 
 
 def test_bad_arguments_are_refused_before_anything_starts() -> None:
@@ -194,7 +191,7 @@ def test_no_process_outlives_a_program_that_ends(killed: bool, tmp_path: Path) -
         (cluster,) = children(program.pid)
         workers = children(cluster)
         program.kill() if killed else program.terminate()
-    assert gone({cluster, *workers})
+    end({cluster, *workers})
 
 
 @pytest.mark.slow

@@ -262,6 +262,18 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
         separation_bounds.distances_kept(other, *given, 0.005)
 
 
+def test_arms_that_turn_about_other_axes_have_other_entries(tmp_path: Path) -> None:
+    """Also where the axis is none of x, y, z, which Pinocchio does not write into a joint's name."""
+    arms = []
+    for number, axis in enumerate(("0 0.6 0.8", "0 0.8 0.6")):
+        urdf = tmp_path / f"{number}.urdf"
+        sides = [ARM.format(side=s, y=y, kind="revolute", axis=axis, low=-1, high=1) for s, y in (("l", 1), ("r", -1))]
+        urdf.write_text(TWO_ARMS.format(arms="".join(sides)))
+        arms.append(load_robot(RobotSpec(urdf=urdf)))
+    one, other = (separation_bounds.content_of(arm, (), ()) for arm in arms)
+    assert one != other
+
+
 @pytest.mark.parametrize("way", ["compiled", "interpreted"])
 def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""

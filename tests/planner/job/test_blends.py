@@ -103,17 +103,29 @@ def check_motion(result: JobResult) -> None:
     assert np.abs(np.diff(samples.accelerations, axis=0)).max() <= 500.0 * 1e-3 * (1 + 1e-6)
 
 
-@pytest.fixture(scope="module")
-def planned() -> JobResult:
-    """A line and an arc with speeds of their own: the blend takes as long as the slower one is in the ball."""
+def line_and_arc(**tolerances: float) -> JobResult:
+    """With speeds of their own: the blend takes as long as the slower one is in the ball."""
     found = hdplan.plan_job(
         job_of(
-            hdplan.Line(to=P2, name="line", tool_speed=0.5, tool_acceleration=0.8, blend=0.1, **FINE),
-            hdplan.Circle(to=P3, center=[0.4, 0.4, 0.65], name="arc", tool_speed=0.3, tool_acceleration=1.5, **FINE),
+            hdplan.Line(to=P2, name="line", tool_speed=0.5, tool_acceleration=0.8, blend=0.1, **tolerances),
+            hdplan.Circle(
+                to=P3, center=[0.4, 0.4, 0.65], name="arc", tool_speed=0.3, tool_acceleration=1.5, **tolerances
+            ),
         )
     )
     assert found.certified, found.text
     return found
+
+
+@pytest.fixture(scope="module")
+def planned() -> JobResult:
+    return line_and_arc(**FINE)
+
+
+@pytest.fixture(scope="module")
+def coarse() -> JobResult:
+    """The same with fewer rows."""
+    return line_and_arc()
 
 
 def test_curves_blend_as_pilz_does_it(planned: JobResult) -> None:
@@ -192,9 +204,9 @@ def test_the_tool_has_a_speed_before_a_corner_at_which_the_motion_rests_and_none
     assert speeds[times[1:] > begins].max() > 0.1
 
 
-def test_a_file_that_is_driven_otherwise_is_not_certified(planned: JobResult) -> None:
+def test_a_file_that_is_driven_otherwise_is_not_certified(coarse: JobResult) -> None:
     """The motion to the corner and through it; a mark elsewhere; another radius; the same motion with stops."""
-    scene, motion = planned.scene, planned.trajectory
+    scene, motion = coarse.scene, coarse.trajectory
     stages = scene.job.stages
     for changed in ({"blend": 0.09}, {"blend": 0.11}, {"tool_speed": 0.2}):
         other = job_of(replace(stages[0], **changed), stages[1])
@@ -460,19 +472,19 @@ def test_what_cannot_be_blended_is_one_line(tmp_path: Path, stages: list[str], w
     assert "\n" not in str(refused.value)
 
 
-def test_blends_are_written_and_read_again(tmp_path: Path, planned: JobResult) -> None:
-    planned.scene.save(tmp_path / "scene.yaml")
+def test_blends_are_written_and_read_again(tmp_path: Path, coarse: JobResult) -> None:
+    coarse.scene.save(tmp_path / "scene.yaml")
     again = hdplan.load_scene(tmp_path / "scene.yaml")
-    assert again.job == planned.scene.job
-    planned.save(tmp_path / "job.json")
+    assert again.job == coarse.scene.job
+    coarse.save(tmp_path / "job.json")
     assert hdplan.certify_job(again, hdplan.Trajectory.load(tmp_path / "job.json")).certified
 
 
-def test_a_blend_by_laws_of_the_tool_has_a_proof(tmp_path: Path, planned: JobResult) -> None:
+def test_a_blend_by_laws_of_the_tool_has_a_proof(tmp_path: Path, coarse: JobResult) -> None:
     """The checker's own definition is that of Pilz, too: what it accepts is within a hundredth of a millimetre."""
-    planned.scene.save(tmp_path / "scene.yaml")
-    planned.save(tmp_path / "job.json")
-    proof = prove_certified(planned.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
+    coarse.scene.save(tmp_path / "scene.yaml")
+    coarse.save(tmp_path / "job.json")
+    proof = prove_certified(coarse.certificate, tmp_path / "scene.yaml", tmp_path / "job.json")
     assert proof.text.startswith("accepted: a job of 2 stages")
     assert "rad, at most 0.3 m/s, at most 1.5 m/s^2" in proof.text
     other = tmp_path / "other.yaml"

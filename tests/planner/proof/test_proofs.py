@@ -151,7 +151,7 @@ def test_meshes_of_other_kinds_are_taken_from_the_proof_and_named(tmp_path: Path
         check(*files, proof.data)
 
 
-QUICK = ("panda_camera", "panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
+QUICK = ("panda_camera", "panda_cup", "panda_heavy", "panda_grasp")
 
 
 @pytest.mark.parametrize(

@@ -387,7 +387,9 @@ def test_the_proof_of_another_image_is_rejected(
         check(*signed(proven, tmp_path, depth, view, change))
 
 
-def test_the_balls_of_an_image_by_their_digest(proven: Files3) -> None:
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("part", range(2))
+def test_the_balls_of_an_image_by_their_digest(proven: Files3, part: int) -> None:
     """A proof names the rows that are left out; it may have the numbers in their place, and no other rows."""
     scene, motion, data = proven
     head, told, rest = unpacked(data)
@@ -409,7 +411,7 @@ def test_the_balls_of_an_image_by_their_digest(proven: Files3) -> None:
     wrong += [[*rows[:-1], float(rows[-1])], {}, None, "", [rows], [*rows[:-1], str(rows[-1])]]
     forged = [{**said, "left_out": x} for x in wrong]
     forged += [{"sha256": said["sha256"]}, {**said, "off": 0.0}, {**numbers, "left_out": rows[1:]}]
-    for shape in forged:
+    for shape in forged[part::2]:
         with pytest.raises(RejectedError):
             check(scene, motion, proof(shape))
 

@@ -16,7 +16,8 @@ import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
-from hdplan.planner.robot.always_touching import _balls, _distance
+from hdplan.planner.robot import lasting_contacts
+from hdplan.planner.robot.always_touching import _balls, _distance, always_touching
 from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, EXCESS
@@ -139,3 +140,71 @@ def test_a_pair_that_is_only_sampled_fails_with_its_name_and_the_remedy(tmp_path
         hdplan.plan(Scene(robot=spec, start=[0.0, 0.0], goal=[0.5, 0.5]))
     allowed = RobotSpec(urdf=tmp_path / "bowls.urdf", ignore_pairs=[("base", "tip")])
     assert hdplan.plan(Scene(robot=allowed, start=[0.0, 0.0], goal=[0.5, 0.5])).certificate.certified
+
+
+def kept_robot(folder: Path, axis: str = "0 .6 .8") -> Robot:
+    """Two links that touch always, a third that does in most places."""
+    links = "".join(
+        f"<link name='l{i}'><collision><geometry><sphere radius='{r}'/></geometry></collision></link>"
+        for i, r in enumerate((0.2, 0.01, 0.2, 0.1))
+    )
+    joints = "".join(
+        f"<joint name='j{i}' type='revolute'><parent link='l{i - 1}'/><child link='l{i}'/><origin xyz='0.0{i} 0 0'/>"
+        f"<axis xyz='{axis}'/><limit lower='-1' upper='1' velocity='1' effort='1'/></joint>"
+        for i in (1, 2, 3)
+    )
+    (folder / "kept.urdf").write_text(f"<robot name='kept'>{links}{joints}</robot>")
+    return load_robot(RobotSpec(urdf=folder / "kept.urdf"))
+
+
+def test_what_was_proven_is_kept_and_a_damaged_entry_is_not_believed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whole, the entry is read instead of proven again; cut anywhere, or changed, it is as if it were not there."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    proofs = []
+
+    def counted(*args: object) -> tuple[tuple[str, str], ...]:
+        proofs.append(args)
+        return always_touching(*args)
+
+    monkeypatch.setattr(lasting_contacts, "always_touching", counted)
+    first = kept_robot(tmp_path)
+    assert ("l0", "l2") in first.unchecked
+    (entry,) = (tmp_path / "cache" / "lasting_contacts").iterdir()
+    whole = entry.read_bytes()
+    assert len(proofs) == 1
+    assert kept_robot(tmp_path).unchecked == first.unchecked
+    assert len(proofs) == 1
+    for count, damaged in enumerate(
+        [whole[: len(whole) // 2], whole[:-1], b"", whole.replace(b"l0", b"l1"), whole + b" "], start=2
+    ):
+        entry.write_bytes(damaged)
+        assert kept_robot(tmp_path).unchecked == first.unchecked
+        assert len(proofs) == count
+        assert entry.read_bytes() == whole
+
+
+def test_an_entry_is_of_one_robot_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the result follows from enters its key: each change of it makes an entry of its own."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    ring, ball = trimesh.creation.torus(1.0, 0.4, 8, 6), trimesh.creation.icosphere(1, 1.0)
+    ring.export(tmp_path / "a.stl")
+    kept_robot(tmp_path)
+    text = (tmp_path / "kept.urdf").read_text()
+    mesh = text.replace("<sphere radius='0.01'/>", "<mesh filename='a.stl' scale='.01 .01 .01'/>")
+    changes = [
+        text.replace("radius='0.01'", "radius='0.02'"),
+        text.replace("0.02 0 0", "0.02 0 1e-9"),
+        text.replace("0 .6 .8", "0 .8 .6", 1),
+        text.replace("upper='1'", "upper='1.5'", 1),
+        text.replace("<collision>", "<collision><origin xyz='0 0 1e-9'/>", 1),
+        mesh,
+        mesh,
+    ]
+    for count, changed in enumerate(changes, start=2):
+        if count == len(changes) + 1:
+            ball.export(tmp_path / "a.stl")
+        (tmp_path / "kept.urdf").write_text(changed)
+        load_robot(RobotSpec(urdf=tmp_path / "kept.urdf"))
+        assert len([*(tmp_path / "cache" / "lasting_contacts").iterdir()]) == count, changed

@@ -24,7 +24,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_page import grip, gripped, handled, seen
+from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
 from tests.waiting import until
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
@@ -211,4 +211,4 @@ def arrow_dragged(
     gripped(page, seen(page, held))
     for share in np.linspace(1 / steps, 1.0, steps):
         page.mouse.move(*seen(page, held + share * way))
-        page.wait_for_timeout(100)
+        drawn(page)

@@ -88,6 +88,19 @@ def grip(page: Any, place: NDArray[np.float64], axis: int) -> NDArray[np.float64
     return np.asarray(place[:3, 3] + 0.7 * SIZE_OF_HANDLE / scale * place[:3, axis])
 
 
+def heard(page: Any, viewer: Viewer) -> None:
+    """Wait until the server has all that the page has told: where its camera stands comes last."""
+    clients = viewer.server.get_clients
+    before = {number: client.camera.update_timestamp for number, client in clients().items()}
+    drawn(page)
+    page.evaluate("__viserMutable.sendCamera()")
+    until(
+        lambda: any(client.camera.update_timestamp != before[number] for number, client in clients().items()),
+        "the page does not say from where it looks",
+    )
+    viewer.worker.settle(PATIENCE)
+
+
 def look(page: Any, viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
     """Let every page look from one point at another, and wait until this one does and its server knows: one that hears
     late how wide a page's picture is frames the scene anew."""
@@ -99,14 +112,7 @@ def look(page: Any, viewer: Viewer, eye: tuple[float, float, float], target: tup
         for client in clients().values():
             client.camera.position = eye
             client.camera.look_at = target
-        before = {number: client.camera.update_timestamp for number, client in clients().items()}
-        drawn(page)
-        page.evaluate("__viserMutable.sendCamera()")  # what it said before has come once this has
-        until(
-            lambda: any(client.camera.update_timestamp != before[number] for number, client in clients().items()),
-            "the page does not say from where it looks",
-        )
-        viewer.worker.settle(PATIENCE)
+        heard(page, viewer)
         known = (client.camera.position for client in clients().values())
         return page.evaluate(LOOKS, (eye, target, SAME_PLACE)) and any(
             np.abs(position - eye).max() < SAME_PLACE for position in known

@@ -27,7 +27,7 @@ from tests.planner.view.in_browser import (
     plainly,
     press,
 )
-from tests.planner.view.in_page import grip, gripped, handled, seen
+from tests.planner.view.in_page import drawn, grip, gripped, handled, seen
 from tests.waiting import until
 
 SPENT = re.compile(r"– \d+ attempt")  # ends what Plan says
@@ -125,7 +125,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         gripped(page, seen(page, held))
         for share in np.linspace(0.1, 1.0, 10):
             page.mouse.move(*seen(page, held + share * (np.linalg.norm(way) + 0.05) * axis))
-            page.wait_for_timeout(200)
+            drawn(page)
         until(
             lambda: np.linalg.norm(viewer.scene.obstacles[index].pose.position - begin) > np.linalg.norm(way),
             "the ball does not come all the way",

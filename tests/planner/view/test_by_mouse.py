@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import time
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -91,9 +91,9 @@ def test_the_joints_are_jogged_and_go_to_states_and_back(served: Served, scene: 
     page.mouse.up()
     until(lambda: certified_at(viewer, viewer.edited.goal), "no motion follows")
     assert viewer.edited.goal[1] == first.goal[1]
-    while viewer.edited is not first:  # more than one step, where the mouse rested
+    while (edited := viewer.edited) is not first:  # more than one step, where the mouse rested
         press(page, "undo")
-        page.wait_for_timeout(300)
+        until(lambda edited=edited: viewer.edited is not edited, "it is not undone")  # type: ignore[misc]
         calm(viewer)
     press(page, "random")
     until(lambda: viewer.edited.goal.tolist() != first.goal.tolist(), "the goal stays where it was")
@@ -223,11 +223,10 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
 ) -> None:
     """Plans take as long as the mouse is pressed: until then pair and depth are said, and nothing is certified."""
     page, viewer = served(scene, (NAME, trajectory))
-    planned, late = plan_scene, [True]
+    planned, released = plan_scene, threading.Event()
 
     def slowly(*given: Any, **named: Any) -> Any:
-        while late[0]:
-            time.sleep(0.05)
+        released.wait()
         return planned(*given, **named)
 
     monkeypatch.setattr(live, "plan", slowly)
@@ -245,7 +244,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     assert active.motion.scene is not before
     drawn = np.unique(viewer.motion_nodes.of(active).path._node.colors.reshape(-1, 3), axis=0)
     np.testing.assert_array_equal(drawn, [intensities(np.uint8(CONTACT))])
-    late[0] = False
+    released.set()
     page.get_by_text("certified: at least").first.wait_for()
     calm(viewer)
     page.mouse.up()

@@ -14,8 +14,10 @@ from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 from tests.planner.view.in_browser import Tabs, address, by_worker, plainly, tab_of
+from tests.planner.view.in_page import wait_for
 
 pytestmark = pytest.mark.slow
+STILL = "document.getAnimations().every((each) => each.playState !== 'running')"  # colours fade
 FAINT = """() => {
   const parts = (color) => (color.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number);
   const light = (color) => color.slice(0, 3).map((x) => x / 255).map((x) => (x <= 0.03928 ? x / 12.92
@@ -56,10 +58,9 @@ def test_every_word_can_be_read(tab: Tabs, viewer: Viewer) -> None:
     for theme in ("light", "dark"):
         page.emulate_media(color_scheme=theme)
         page.locator(f'[data-mantine-color-scheme="{theme}"]').wait_for(state="attached")
-        page.wait_for_timeout(1500)
         for name in ("Plots", "Joints", "Scene", "Plan", "Layers"):
             tab_of(page, name)
-            page.wait_for_timeout(500)
+            wait_for(page, STILL)
             assert page.evaluate(FAINT) == [], (theme, name)
     alone = "[...document.querySelectorAll('[data-do]')].filter(e => e.tagName !== 'SUMMARY' && e.tabIndex).length"
     assert page.evaluate(alone) == 0

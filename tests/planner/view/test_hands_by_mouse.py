@@ -10,7 +10,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.view.gate import WATCH
+from hdplan.planner.view.gate import ALIVE, WATCH
 from hdplan.planner.view.page_script import ENDED, WATCHING
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import Thing
@@ -28,7 +28,7 @@ from tests.planner.view.in_browser import (
     selected,
     tab_of,
 )
-from tests.planner.view.in_page import look
+from tests.planner.view.in_page import heard, look
 from tests.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -80,9 +80,9 @@ def test_what_is_dragged_is_taken_away(tab: Tabs, viewer: Viewer, by: str) -> No
     without = viewer.edited
     for x in (280, 240, 200):
         page.mouse.move(x, 200)
-        page.wait_for_timeout(200)
+        heard(page, viewer)
     page.mouse.up()
-    page.wait_for_timeout(1000)
+    heard(page, viewer)
     calm(viewer)
     assert viewer.edited is without
     assert not viewer.panel.handles.dragging
@@ -99,7 +99,7 @@ def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
     press(page, "undo")
     page.keyboard.press("End")
     page.keyboard.press("p")
-    page.wait_for_timeout(3000)
+    heard(page, viewer)
     assert viewer.edited is before
     assert viewer.panel.player.time == 0.0
     assert not viewer.panel.planning.running
@@ -111,7 +111,9 @@ def test_who_watches_can_press_nothing(tab: Tabs, viewer: Viewer) -> None:
 def test_a_server_that_has_ended_is_said(tab: Tabs, viewer: Viewer) -> None:
     page = tab(address(viewer))
     said: Callable[[], Any] = lambda: page.evaluate("getComputedStyle(document.documentElement, '::after').content")  # noqa: E731
-    page.wait_for_timeout(4000)
+    for _ in range(2):  # the page has found that it is there
+        with page.expect_response(lambda answer: answer.url.endswith(ALIVE)):
+            pass
     assert ENDED not in said()
     viewer.close()
     until(lambda: ENDED in said(), "it looks alive")

@@ -18,7 +18,8 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
 from tests.planner.view.events import heard
-from tests.planner.view.in_browser import Tabs, address, by_worker
+from tests.planner.view.in_browser import Tabs, address, by_worker, calm
+from tests.planner.view.in_page import drawn
 from tests.waiting import until
 
 Opener = Callable[..., Viewer]
@@ -141,14 +142,19 @@ def test_all_plots_are_zoomed_together_and_a_click_stays_a_moment(
 def test_a_drag_in_a_plot_zooms_and_the_mouse_reads_values(tab: Tabs, served: Viewer) -> None:
     page = tab(address(served))
     page.get_by_text("certified: at least").first.wait_for()
-    page.wait_for_timeout(2000)  # until the plots have their curves, for which they are made anew
-    over = page.locator(".u-over").first
-    over.scroll_into_view_if_needed()
-    box, plots = over.bounding_box(), served.panel._plots
+    calm(served)  # the plots have their curves, for which they are made anew
+    drawn(page)
+    over, legend, plots = page.locator(".u-over").first, page.locator(".u-legend").first, served.panel._plots
+
+    def read() -> bool:
+        over.scroll_into_view_if_needed()
+        box = over.bounding_box()
+        page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"])
+        return "0.2" in legend.inner_text()
+
+    until(read, "no value under the mouse is said")
+    box = over.bounding_box()
     y = box["y"] + 0.5 * box["height"]
-    page.mouse.move(box["x"] + 0.25 * box["width"], y)
-    legend = page.locator(".u-legend").first
-    until(lambda: "0.2" in legend.inner_text(), "no value under the mouse is said")
     assert "closest–" in "".join(legend.inner_text().split())  # where it has no value: not NaN
     page.mouse.down()
     page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=4)
