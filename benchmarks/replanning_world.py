@@ -198,14 +198,15 @@ class Gaps:
     """Lower bounds on the distance of the robot from each body: what was measured last, less what both have gone since.
     Measured again only where that does not suffice."""
 
-    def __init__(self, judge: Judge) -> None:
-        self.judge, self.levers = judge, judge.levers()
+    def __init__(self, judge: Judge, speed: float = SPEED) -> None:
+        """Take the greatest speed of the bodies [m/s]."""
+        self.judge, self.levers, self.speed = judge, judge.levers(), speed
         self.least: dict[str, float] = {}
         self.at: np.ndarray | None = None
 
     def move(self, q: np.ndarray, dt: float) -> None:
         """Note that the robot is at q now, and that the bodies have moved on."""
-        gone = SPEED * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
+        gone = self.speed * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
         self.at, self.least = q, {name: bound - gone for name, bound in self.least.items()}
 
     def below(self, walkers: list[Walker], most: float, floor: bool = False) -> float:
