@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -118,6 +119,7 @@ def main() -> None:
         if (count, seed) in found:
             continue
         found[count, seed] = trial(seed, count, spec, said.seconds)
+        print(found[count, seed], file=sys.stderr, flush=True)
         if said.journal is not None:
             with said.journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(found[count, seed]) + "\n")
