@@ -256,6 +256,8 @@ def simulate(
     With --plant a body in MuJoCo executes the motion, each joint turned by a drive with its own servo. The tracking
     error is shown as `robot.tracking`, and a scene with this section can then be proven.
 
+    Of a job each stage is replayed, or executed, in its own scene; fingers are only replayed.
+
     The exit code is 1 if tracking is lost or worse than the scene's `robot.tracking`, if a limit is exceeded, or if
     there is contact.
     """

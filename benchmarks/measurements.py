@@ -4,7 +4,8 @@ README.md again, each by its command.
     python benchmarks/measurements.py [NAME ...] [--problems DIR] [--list]
 
 A measured block lies between `<!-- measured by: COMMAND -->` and `<!-- end -->`. COMMAND is a benchmark with its
-arguments, as it is called from the checkout's folder; DIR in it stands for the folder of MotionBenchMaker's problems.
+arguments, as it is called from the checkout's folder; DIR in it stands for the folder of MotionBenchMaker's problems,
+beside which `kinova_arm` of zonopy-robots has to lie.
 What the benchmark prints takes the block's place, with a line about machine, versions and time under it: the whole
 block or, where the benchmark fails, nothing of it. NAME chooses the blocks whose command contains it; without a name
 all are measured, one after the other, and Ctrl-C keeps those that are done. `--list` shows the commands, and where and

@@ -12,28 +12,28 @@ all boxes are known from the beginning.
 Theirs is a Kinova Gen3, whose description (gen3.urdf of zonopy-robots) comes with no package that hdplan needs: name it
 by --robot (URDF or MJCF).
 By default it is a Panda by the same rule, with its own limits; the shares are then not comparable with theirs. Contacts
-are looked for without hdplan, by Pinocchio and coal, every 20 ms.
+are looked for without hdplan, by Pinocchio and coal, every 5 ms.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from replanning import CHECK, LATENCY, PERIOD, Beside
-from replanning_world import LIMITS, Judge
+from replanning import CHECK, LATENCY, NEAREST, PERIOD, Beside
+from replanning_world import LIMITS, Gaps, Judge
 
 import hdplan
 from hdplan.planner.robot.link_frame import end_effector, frames_of, link_poses
 from hdplan.planner.studies.report import markdown_text
 
 SIDE, APART = 0.2, 0.01  # [m] of a cube; between it and the robot at start and goal
-LOOKS = 4 * CHECK  # [s]
 TRIES = 200  # of a draw
 
 
@@ -75,8 +75,8 @@ def trial(seed: int, count: int, spec: hdplan.RobotSpec, seconds: float) -> dict
         return clock[0] + time.process_time() - clock[1] - beside.spent
 
     replanner = hdplan.Replanner(scene, period=PERIOD, latency=LATENCY, clock=now, executor=beside)
-    judge, cubes = Judge(replanner.robot, floor=False), [box(i, at) for i, at in enumerate(places)]
-    least, t, steps, mode = np.inf, 0.0, list[float](), ""
+    gaps, cubes = Gaps(Judge(replanner.robot, floor=False), speed=0.0), [box(i, at) for i, at in enumerate(places)]
+    least, t, steps, mode = NEAREST, 0.0, list[float](), ""
     while t < seconds and mode != "arrived":
         beside.advance(t)
         clock[0], clock[1], beside.spent = t, time.process_time(), 0.0
@@ -84,10 +84,11 @@ def trial(seed: int, count: int, spec: hdplan.RobotSpec, seconds: float) -> dict
         steps.append(now() - t)
         mode = command.mode.value
         after = t + max(PERIOD, steps[-1])
-        for at in np.arange(t, after, LOOKS):
-            found = command.at(at)
-            if found.velocities.any():
-                least = min(least, judge.distance(found.positions, cubes))
+        found = command.at(np.arange(t, after, CHECK))
+        for q, dq in zip(found.positions, found.velocities, strict=True):
+            gaps.move(q, CHECK)
+            if dq.any():
+                least = min(least, gaps.below(cubes, max(least, 0.0) + 1e-9))
         t = after
     return {
         "seed": seed,
@@ -118,6 +119,7 @@ def main() -> None:
         if (count, seed) in found:
             continue
         found[count, seed] = trial(seed, count, spec, said.seconds)
+        print(found[count, seed], file=sys.stderr, flush=True)
         if said.journal is not None:
             with said.journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(found[count, seed]) + "\n")
@@ -127,7 +129,7 @@ def main() -> None:
         reached = [each["seconds"] for each in own if each["arrived"]]
         rows.append(
             {
-                f"cubes around a {said.robot}": count,
+                f"cubes around a {Path(said.robot).stem}": count,
                 "trials": len(own),
                 "goals reached": len(reached),
                 "with a contact": sum(each["least"] <= 0.0 for each in own),

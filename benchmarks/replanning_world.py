@@ -129,6 +129,49 @@ class World:
         return [each for each in self.walkers if each.there(t)]
 
 
+def hull(geometry: Any) -> Any:
+    """Return the convex hull of a mesh; other shapes are convex."""
+    if not isinstance(geometry, coal.BVHModelBase):
+        return geometry
+    geometry.buildConvexHull(True, "Qt")
+    return geometry.convex
+
+
+def measured(one: Any, there: Any, other: Any, place: Any) -> Any:
+    """Return the distance of two shapes and their closest points."""
+    found = coal.DistanceResult()
+    coal.distance(one, there, other, place, coal.DistanceRequest(), found)
+    return found
+
+
+def apart(one: Any, there: Any, other: Any, place: Any) -> float:
+    """Return a lower bound of the distance of two convex shapes [m], whatever their closest points are worth: the gap
+    between both along the way from one to the other; 0 where there is none."""
+    found = measured(one, there, other, place)
+    way = found.getNearestPoint2() - found.getNearestPoint1()
+    if not np.linalg.norm(way) > 0.0:
+        return 0.0
+    way = way / np.linalg.norm(way)
+    ours, theirs = extent(one, there, way), -extent(other, place, -way)
+    return max(float(theirs - ours), 0.0) if np.isfinite(theirs - ours) else 0.0
+
+
+def extent(shape: Any, place: Any, way: np.ndarray) -> float:
+    """Return how far a convex shape goes along a unit vector."""
+    local = place.getRotation().T @ way
+    at = float(way @ place.getTranslation())
+    match shape:
+        case coal.Box():
+            return at + float(np.abs(local) @ shape.halfSide)
+        case coal.Sphere():
+            return at + float(shape.radius)
+        case coal.Capsule():
+            return at + float(shape.radius + abs(local[2]) * shape.halfLength)
+        case coal.Cylinder():
+            return at + float(shape.radius * np.hypot(*local[:2]) + abs(local[2]) * shape.halfLength)
+    return at + float((np.asarray(shape.points()) @ local).max())
+
+
 class Judge:
     """Distances of the robot's meshes from the world as it is, by Pinocchio and coal."""
 
@@ -138,6 +181,7 @@ class Judge:
         for each in self.items.geometryObjects:
             each.geometry.computeLocalAABB()
         self.moving = [i for i, each in enumerate(self.items.geometryObjects) if each.parentJoint]
+        self.hulls = {i: hull(self.items.geometryObjects[i].geometry) for i in self.moving}
         at = coal.Transform3s(np.eye(3), np.array([0.0, 0.0, -0.1]))
         self.floor = [(coal.Box(2.4, 2.4, 0.1), at, 3.0, np.zeros(3))] if floor else []
         self.shapes: dict[str, Any] = {}
@@ -166,21 +210,28 @@ class Judge:
         pin.updateGeometryPlacements(self.model, self.data, self.items, self.places, full)
 
     def distance(self, q: np.ndarray, walkers: list[Walker], within: float = 0.1, floor: bool = True) -> float:
-        """Return the least distance [m], if it is below `within`; 0 or less in contact."""
+        """Return the least distance [m], if it is below `within`; 0 or less in contact. Links are measured only where
+        their convex hulls are closer than the closest link so far."""
         self._place(q)
         others = (self.floor if floor else []) + [
             (self._shape(each), coal.Transform3s(each.turn, each.at), each.lever + 0.2, each.at) for each in walkers
         ]
-        least = within
+        least, near = within, list[tuple[float, int, int]]()
         for i in self.moving:
-            geometry, place = self.items.geometryObjects[i].geometry, self.places.oMg[i]
-            center = place.rotation @ geometry.aabb_center + place.translation
-            one = coal.Transform3s(place.rotation, place.translation)
-            for shape, other, radius, at in others:
-                if math.dist(center, at) - geometry.aabb_radius - radius < least:
-                    found = coal.distance(geometry, one, shape, other, coal.DistanceRequest(), coal.DistanceResult())
-                    least = min(least, float(found))
+            geometry, place = self.items.geometryObjects[i].geometry, self._there(i)
+            center = place.transform(geometry.aabb_center)
+            for k, (shape, other, radius, at) in enumerate(others):
+                if math.dist(center, at) - geometry.aabb_radius - radius < within:
+                    near.append((apart(self.hulls[i], place, shape, other), i, k))
+        for bound, i, k in sorted(near):
+            if bound >= least:
+                break
+            geometry, (shape, other, *_) = self.items.geometryObjects[i].geometry, others[k]
+            least = min(least, measured(geometry, self._there(i), shape, other).min_distance)
         return least
+
+    def _there(self, i: int) -> Any:
+        return coal.Transform3s(self.places.oMg[i].rotation, self.places.oMg[i].translation)
 
     def _shape(self, walker: Walker) -> Any:
         if walker.name not in self.shapes:
@@ -198,14 +249,15 @@ class Gaps:
     """Lower bounds on the distance of the robot from each body: what was measured last, less what both have gone since.
     Measured again only where that does not suffice."""
 
-    def __init__(self, judge: Judge) -> None:
-        self.judge, self.levers = judge, judge.levers()
+    def __init__(self, judge: Judge, speed: float = SPEED) -> None:
+        """Take the greatest speed of the bodies [m/s]."""
+        self.judge, self.levers, self.speed = judge, judge.levers(), speed
         self.least: dict[str, float] = {}
         self.at: np.ndarray | None = None
 
     def move(self, q: np.ndarray, dt: float) -> None:
         """Note that the robot is at q now, and that the bodies have moved on."""
-        gone = SPEED * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
+        gone = self.speed * dt + (0.0 if self.at is None else float(np.abs(q - self.at) @ self.levers))
         self.at, self.least = q, {name: bound - gone for name, bound in self.least.items()}
 
     def below(self, walkers: list[Walker], most: float, floor: bool = False) -> float:

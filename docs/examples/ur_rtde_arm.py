@@ -13,16 +13,18 @@ JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_j
 
 
 class UR:
-    """A UR e-Series, whose controller takes a position of its joints every 2 ms."""
+    """A UR5 of the CB series, whose controller takes a position of its joints every 8 ms. An e-Series takes one every
+    2 ms, and its links are others: its scene needs its own robot."""
 
-    joint_names, period = JOINTS, 0.002
+    joint_names, period = JOINTS, 0.008
 
     def __init__(self, address):
         """Connect to the robot's controller."""
         from rtde_control import RTDEControlInterface
         from rtde_receive import RTDEReceiveInterface
 
-        self.control, self.receive = RTDEControlInterface(address), RTDEReceiveInterface(address)
+        rate = 1.0 / self.period
+        self.control, self.receive = RTDEControlInterface(address, rate), RTDEReceiveInterface(address, rate)
 
     def time(self):
         """Return the time [s]."""

@@ -1,4 +1,4 @@
-"""`hdplan plan`, `check`, `plot` and `prove` with a scene that holds a job."""
+"""`hdplan plan`, `check`, `simulate`, `plot` and `prove` with a scene that holds a job."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_stages
 from hdplan.planner.terminal.console import printing, progress, say, waiting
 from hdplan.planner.terminal.session import complain
-from hdplan.planner.terminal.tables import columns, table
+from hdplan.planner.terminal.tables import columns, table, tracking_text
 from hdplan.scenes.deadline import no_limit
 from hdplan.scenes.errors import InputError, NotProvenError, naming
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.commands.watched import Report, Stop
+    from hdplan.planner.control.simulation import Plant
+    from hdplan.planner.job.simulation import JobSimulation
 
     Run = Callable[[Report, Stop], JobResult]
 
@@ -158,6 +160,24 @@ def run_plot_job(scene: Scene, trajectory: Path, output: Path) -> int:
     return 0
 
 
+def run_simulate_job(scene: Scene, trajectory: Path, plant: Plant | None, *, printed_as_json: bool) -> int:
+    """Replay the motion of a job. Returns the exit code: 0 if all its stages succeed, else 1."""
+    from hdplan.planner.job.simulation import replay_job
+
+    motion = Trajectory.load(trajectory)
+    with waiting("simulating", shown=not printed_as_json), naming(trajectory):
+        simulation = replay_job(scene, motion, plant)
+    with printing() as show:
+        if printed_as_json:
+            show(json.dumps({**simulation.summary(), "scene": scene.name, "trajectory": str(trajectory)}))
+        else:
+            show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
+            show(columns(simulated_rows(simulation)))
+            if simulation.tracking is not None:
+                show(table([("tracking error", tracking_text(simulation.tracking))]))
+    return 0 if simulation.succeeded else 1
+
+
 def run_prove_job(scene: str, trajectory: Path, robot: str | None, output: Path) -> int:
     """Write the proof of a job's motion. Returns the exit code: 0 if there is one, else 1."""
     from hdplan.planner.job.proof import prove_job  # imported here, as the checker with it takes long
@@ -197,3 +217,25 @@ def _verdict(stage: StageCertificate) -> str:
     if not certificate.certified or certificate.clearance is None:
         return certificate.text.partition(": ")[0] if certificate.certified else certificate.text
     return f"certified, {proven_length(certificate.clearance)}"
+
+
+def simulated_rows(done: JobSimulation) -> Sequence[Mapping[str, object]]:
+    """Return a row for each stage: when it is, what is held, the least distance that was met, how far the arm was off,
+    and the verdict, in full where the stage failed."""
+    rows = []
+    for stage, simulation in done.stages:
+        met = [each.distance for each in (simulation.closest, simulation.self_closest) if each is not None]
+        off = [each.error for each in simulation.joints if each.error is not None]
+        rows.append(
+            {
+                "stage": stage.name,
+                "kind": stage.kind,
+                "begins": f"{stage.begins:.3f}",
+                "ends": f"{stage.ends:.3f}",
+                "held": ", ".join(stage.held) or "-",
+                "closest_[mm]": f"{1e3 * min(met):.2f}" if met else "-",
+                "off": f"{max(off):.1e}" if off else "-",
+                "verdict": "; ".join(simulation.failures) or ("executed" if off else "replayed"),
+            }
+        )
+    return rows

@@ -1,4 +1,4 @@
-"""`hdplan simulate`: replay a motion, with dynamics where the scene limits torques."""
+"""`hdplan simulate`: replay a motion, or the stages of a job, with dynamics where the scene limits torques."""
 
 from __future__ import annotations
 
@@ -36,6 +36,11 @@ def run_simulate(
         check_picture(plot)
     body = None if plant is None else _plant(plant)
     problem = load_scene(scene, request=request, robot=robot)
+    if problem.job is not None:
+        from hdplan.planner.commands.job import refuse_options, run_simulate_job
+
+        refuse_options({"--plot": plot})
+        return run_simulate_job(problem, trajectory, body, printed_as_json=as_json)
     motion = Trajectory.load(trajectory)
     setup = Setup.of(problem)
     arm = setup.robot

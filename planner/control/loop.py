@@ -131,7 +131,7 @@ class Loop:
         `see`, if given, is called with the time of the arm's clock before each step, for a simulation that has to say
         what is seen; on a robot the camera's thread calls `replanner.update`. The replanner's clock is the arm's.
 
-        Raises InputError for a replanner of other joints.
+        Raises InputError for a replanner of other joints; and, once the arm stands, what `see` or the replanner raised.
         """
         instance(replanner, Replanner, "replanner")
         seconds = checked(Number(high=1e6, above=0.0, unit="s"), seconds, "seconds")
@@ -140,24 +140,33 @@ class Loop:
             raise InputError(f"replanner: plans {theirs}; the arm has {ours}")
         began, period, due = self.arm.time(), self.arm.period, 0.0
         commands: list[Command] = []
+        failed: list[Exception] = []
 
         def reference(t: float) -> tuple[Array, Array] | None:
             nonlocal due
             now = began + t
-            over = bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED)
+            over = bool(failed) or (bool(commands) and (t >= seconds or commands[-1].mode is Mode.ARRIVED))
             if over and now >= commands[-1].time + (commands[-1].motion.duration or 0.0):
                 return None
             if not over and t >= due - 0.5 * period:
-                if see is not None:
-                    see(now)
-                if commands:
-                    replanner.state(*self.arm.state(), at=now)
-                commands.append(replanner.step(now))
+                try:
+                    if see is not None:
+                        see(now)
+                    if commands:
+                        replanner.state(*self.arm.state(), at=now)
+                    commands.append(replanner.step(now))
+                except Exception as error:
+                    if not commands:
+                        raise
+                    failed.append(error)  # what is held is proven until the arm stands
                 due += replanner.period
             found = commands[-1].at(now + np.array([0.0, period]))
             return found.positions, found.velocities
 
-        return self._run(reference, commands)
+        done = self._run(reference, commands)
+        if failed:
+            raise failed[0]
+        return done
 
     def _run(self, reference: Reference, commands: Sequence[Command] = ()) -> Executed:
         """Send references until they end, or until the arm is too far off; whatever goes wrong, the arm is stopped."""

@@ -93,13 +93,13 @@ def simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tu
             for name, close in places.items()
             if close is not None
         ),
-        *(() if simulation.tracking is None else [("robot.tracking", _sizes(simulation.tracking))]),
+        *(() if simulation.tracking is None else [("robot.tracking", tracking_text(simulation.tracking))]),
         ("sampled", f"{simulation.samples} configurations, with exact distances"),
         ("units", "rad, Nm and s; m and N where a joint slides"),
     ]
 
 
-def _sizes(tracking: Tracking) -> str:
+def tracking_text(tracking: Tracking) -> str:
     """Write measured errors as a scene takes them."""
     position, velocity = (
         f"[{', '.join(f'{value:g}' for value in values)}]" if isinstance(values, tuple) else f"{values:g}"

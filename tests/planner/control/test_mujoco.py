@@ -222,6 +222,32 @@ def test_a_replanner_drives_the_body(planned: tuple[hdplan.Scene, Trajectory]) -
     assert np.abs(done.errors).max() <= 0.01
 
 
+@pytest.mark.parametrize("fault", ["camera", "speed"])
+def test_an_arm_whose_replanner_fails_comes_to_rest_as_proven(
+    fault: str, planned: tuple[hdplan.Scene, Trajectory]
+) -> None:
+    """Without a jump: along the last command, to its end. Then the error is raised."""
+    scene = replace(planned[0], obstacles=[], robot=hdplan.RobotSpec("panda", tracking=hdplan.Tracking(0.01, 0.4)))
+    arm = Faulty(planned[1].joint_names, np.array(scene.start.positions), 0.0, 10**6)
+
+    def see(t: float) -> None:
+        if t > 0.4:
+            if fault == "camera":
+                raise RuntimeError("no camera")
+            arm.v = arm.v + 100.0
+
+    with hdplan.Replanner(scene, clock=arm.time, executor=AtOnce()) as replanner:
+        steps, step = list[hdplan.Command](), replanner.step
+        replanner.step = lambda t: steps.append(step(t)) or steps[-1]  # type: ignore[method-assign, func-returns-value]
+        with pytest.raises((RuntimeError, InputError), match="no camera|dq: joint"):
+            control.Loop(arm).replan(replanner, 10.0, see)
+    last = steps[-1]
+    assert last.mode.value == "moving"
+    assert arm.now >= last.time + last.motion.duration
+    assert not arm.stopped
+    np.testing.assert_allclose(arm.q, last.motion.positions[-1], atol=1e-9)
+
+
 def test_a_job_is_executed_with_its_stages() -> None:
     """The fingers are for whoever drives the hand: he is told when each stage begins."""
     scene = hdplan.load_scene("panda_pick_place")

@@ -1,4 +1,4 @@
-"""The commands, with a scene that holds a job: plan and check take it, all others refuse it in one line."""
+"""The commands, with a scene that holds a job: plan, check and simulate take it, others refuse it in one line."""
 
 from __future__ import annotations
 
@@ -38,13 +38,18 @@ def test_commands_take_a_job_or_refuse_it(command: Command) -> None:
     assert (code, out.splitlines()[0]) == (0, f"{said['text']}")
     for line in (
         "follow job.yaml motion.json",
-        "simulate job.yaml motion.json",
         "explain job.yaml",
         "codegen job.yaml -o folder",
     ):
         code, out, err = command(line)
         assert (code, out) == (2, ""), line
         assert "job: holds several motions" in err, line
+    code, out, _ = command("simulate job.yaml motion.json")
+    assert (code, out.splitlines()[0]) == (0, "replayed: all 2 stages, within all limits of the scene")
+    code, out, _ = command("simulate job.yaml motion.json --json")
+    assert (code, [each["kind"] for each in json.loads(out)["stages"]]) == (0, ["line", "wait"])
+    code, _, err = command("simulate job.yaml motion.json --plot rates.png")
+    assert (code, "--plot: is about a single motion" in err) == (2, True)
     code, _, err = command("view job.yaml motion.json motion.json")
     assert (code, "one motion at a time is shown of a job, 2 are given" in err) == (2, True)
     code, _, err = command("view job.yaml motion.json --proof job.proof")

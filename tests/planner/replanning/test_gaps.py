@@ -5,16 +5,42 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import coal
 import numpy as np
+import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 import replanning_world as worlds
 
+import hdplan
 from hdplan.planner.robot.setup import Setup
 
 DT = 0.005  # [s]
+
+
+def test_links_that_are_not_measured_are_farther_than_the_closest() -> None:
+    """Hulls decide which meshes are measured; the least distance is that of all meshes, wherever there is contact."""
+    judge, rng = worlds.Judge(hdplan.load_robot("ur5"), floor=False), np.random.default_rng(5)
+    touching = 0
+    for _ in range(40):
+        q, turn = judge.robot.draw(rng, 1)[0], pin.exp3(rng.normal(size=3))
+        at = judge.hand(q) + rng.uniform(0.05, 0.6) * rng.normal(size=3)
+        box = SimpleNamespace(name="box", shape=hdplan.Box([0.2] * 3), at=at, turn=turn, lever=0.2)
+        found, cube, place = judge.distance(q, [box], 0.5), coal.Box(0.2, 0.2, 0.2), coal.Transform3s(turn, at)
+        meshes = [judge.items.geometryObjects[i].geometry for i in judge.moving]
+        places = [coal.Transform3s(judge.places.oMg[i]) for i in judge.moving]
+        each = np.array(
+            [worlds.measured(*link, cube, place).min_distance for link in zip(meshes, places, strict=True)]
+        )
+        bounds = [worlds.apart(judge.hulls[i], at, cube, place) for i, at in zip(judge.moving, places, strict=True)]
+        assert (bounds <= np.maximum(each, 0.0) + 1e-9).all()
+        touching += each.min() <= 0.0
+        assert (found <= 0.0) == (each.min() <= 0.0)
+        assert found <= 0.0 or abs(found - min(each.min(), 0.5)) < 1e-9
+    assert 3 < touching < 30
 
 
 def test_a_gap_that_is_not_measured_is_no_smaller_than_it_is_said_to_be() -> None:
