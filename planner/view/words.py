@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,9 +12,11 @@ import pinocchio as pin
 from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
 from hdplan.planner.view.edited_scene import Edited
+
+if TYPE_CHECKING:
+    from hdplan.planner.result import PlanResult
 
 OUTDATED = "the scene has changed: this motion is not checked in it yet"
 
