@@ -27,8 +27,8 @@ ROUNDING_SHARE = 1e-12  # share by which boxes are larger, for rounding
 
 @made_once(KEPT)
 def standing_pieces(balls: FixedArray) -> tuple[tuple[Piece, ...], Array]:
-    """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs (c, 4, 4); once
-    per cloud, wherever it stands."""
+    """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs (c, 4, 4);
+    once per cloud, wherever it stands."""
     frames, half, radius, grains = _boxes(balls, cells_of(balls, CELL))
     vertices = read_only(2.0 * half[:, None] * CORNERS)
     away = np.linalg.norm(half, axis=1) + radius
@@ -60,8 +60,8 @@ def moving_pieces(balls: FixedArray) -> list[Piece]:
 
 @made_once(KEPT)
 def box_pieces(boxes: FixedArray) -> tuple[tuple[Piece, ...], Array]:
-    """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4); once per
-    map."""
+    """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4);
+    once per map."""
     low, high = boxes.array[:, :3], boxes.array[:, 3:]
     frames = np.tile(np.eye(4), (len(low), 1, 1))
     frames[:, :3, 3] = 0.5 * (low + high)

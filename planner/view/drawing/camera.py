@@ -58,6 +58,11 @@ class Boxes:
         middle = np.einsum("bij,bj->bi", placed[:, :3, :3], corners.mean(axis=1)) + placed[:, :3, 3]
         return cls(frames[:, :3, :3], middle, 0.5 * (corners[:, 1] - corners[:, 0]), count)
 
+    @property
+    def _first(self) -> Rows:
+        """Where the boxes of each obstacle begin (o,)."""
+        return np.cumsum(self.count) - self.count
+
     def lowest(self) -> Array:
         """Return the heights (B,) of their lowest points."""
         upward = np.repeat(np.abs(self.rotation[:, 2]), self.count, axis=0)
@@ -65,7 +70,21 @@ class Boxes:
 
     def hide(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (k, B) whether a box is crossed on the way from `eye` (3,) to points (k, 3) behind it."""
-        found = [np.empty((len(points), 0), dtype=bool)]
+        enters, leaves = self._crossed(eye, points)
+        return np.asarray((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
+
+    def before(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+        """Return (o,) whether an obstacle is met on the way from `eye` (3,) to one of points (k, 3)."""
+        if not len(self.count):
+            return np.zeros(0, dtype=bool)
+        enters, leaves = self._crossed(eye, points)
+        met = ((enters < leaves) & (leaves > 0.0) & (enters < 1.0)).any(axis=0)
+        return np.asarray(np.logical_or.reduceat(met, self._first))
+
+    def _crossed(self, eye: Array, points: Array) -> tuple[Array, Array]:
+        """Return where each box is entered and left (k, B) on the way from `eye` (3,), at 0, to points (k, 3), at 1,
+        and beyond."""
+        entered, left = [np.empty((len(points), 0))], [np.empty((len(points), 0))]
         ends = np.cumsum(self.count)
         for rotation, begin, end in zip(self.rotation, (ends - self.count).tolist(), ends.tolist(), strict=True):
             middle, half = (self.center[begin:end] - eye) @ rotation, self.half[begin:end]
@@ -73,17 +92,21 @@ class Boxes:
             inverse = 1.0 / np.where(np.abs(along) < 1e-12, 1e-12, along)
             enters, leaves = np.full((2, len(points), end - begin), [[[-np.inf]], [[np.inf]]])
             for axis in range(3):
-                passes, depth = np.outer(inverse[:, axis], middle[:, axis]), np.outer(abs(inverse[:, axis]), half[:, axis])
+                passes, depth = (
+                    np.outer(inverse[:, axis], middle[:, axis]),
+                    np.outer(abs(inverse[:, axis]), half[:, axis]),
+                )
                 np.maximum(enters, passes - depth, out=enters)
                 np.minimum(leaves, passes + depth, out=leaves)
-            found.append((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
-        return np.concatenate(found, axis=1)
+            entered.append(enters)
+            left.append(leaves)
+        return np.concatenate(entered, axis=1), np.concatenate(left, axis=1)
 
     def in_the_way(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (o,) whether an obstacle hides so much of points (k, 3) that it should be seen through."""
         if not len(self.count):
             return np.zeros(0, dtype=bool)
-        hidden = np.logical_or.reduceat(self.hide(eye, points), np.cumsum(self.count) - self.count, axis=1)
+        hidden = np.logical_or.reduceat(self.hide(eye, points), self._first, axis=1)
         return np.asarray(hidden.mean(axis=0) > IN_THE_WAY)
 
 
