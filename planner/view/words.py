@@ -36,16 +36,16 @@ def contact_words(contacts: Sequence[Contact]) -> str:
 
 def clearance_words(moment: str, pairs: Sequence[Any]) -> str:
     """Say in two lines how close the robot is to obstacles and to itself; `moment` is when."""
-    lines = [_pair(what, pair) for what, pair in zip(("obstacle", "own link"), pairs, strict=True)]
+    lines = [_pair(what, pair) for what, pair in zip(("closest", "own links"), pairs, strict=True)]
     return f'<div class="hd" data-moment="{html.escape(moment)}">{"".join(lines)}</div>'
 
 
 def _pair(what: str, pair: Any) -> str:
     if pair is None:
-        return f'<div class="hd-line">closest {what}: none</div>'
+        return f'<div class="hd-line">{what}: none</div>'
     text = f"<b>{millimetres(pair.distance)}</b> {html.escape(pair.link)} – {html.escape(pair.other)}"
-    full = html.escape(f"closest {what} at the moment that is shown, exact: {pair.link} and {pair.other}")
-    return f'<div class="hd-line" title="{full}">closest {what}: {text}</div>'
+    full = html.escape(f"{what} at the moment that is shown, exact: {pair.link} and {pair.other}")
+    return f'<div class="hd-line" title="{full}">{what}: {text}</div>'
 
 
 def tip_words(place: pin.SE3) -> str:
