@@ -17,16 +17,18 @@ from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.once import read_only
+from hdplan.scenes.once import made_once, read_only
 
 CELL = 0.08  # [m] edge of the cubes whose points make a piece
 LEAST_BOX_SIZE = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
+KEPT = 4  # clouds and maps of which the pieces are kept, in a process
 ROUNDING_SHARE = 1e-12  # share by which boxes are larger, for rounding
 
 
-def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
-    """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs
-    (c, 4, 4)."""
+@made_once(KEPT)
+def standing_pieces(balls: FixedArray) -> tuple[tuple[Piece, ...], Array]:
+    """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs (c, 4, 4);
+    once per cloud, wherever it stands."""
     frames, half, radius, grains = _boxes(balls, cells_of(balls, CELL))
     vertices = read_only(2.0 * half[:, None] * CORNERS)
     away = np.linalg.norm(half, axis=1) + radius
@@ -39,7 +41,7 @@ def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
         shape.setSweptSphereRadius(ball)
         bounds = low[c], high[c], center, float(away[c])  # as the class computes them one by one, for thousands slowly
         pieces.append(Piece.bounded(vertices[c], shape, ball, grains[c], bounds))
-    return pieces, frames
+    return tuple(pieces), read_only(frames)
 
 
 def moving_pieces(balls: FixedArray) -> list[Piece]:
@@ -56,12 +58,14 @@ def moving_pieces(balls: FixedArray) -> list[Piece]:
     return found
 
 
-def box_pieces(boxes: FixedArray) -> tuple[list[Piece], Array]:
-    """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4)."""
+@made_once(KEPT)
+def box_pieces(boxes: FixedArray) -> tuple[tuple[Piece, ...], Array]:
+    """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4);
+    once per map."""
     low, high = boxes.array[:, :3], boxes.array[:, 3:]
     frames = np.tile(np.eye(4), (len(low), 1, 1))
     frames[:, :3, 3] = 0.5 * (low + high)
-    return [box_piece(size) for size in high - low], frames
+    return tuple(box_piece(size) for size in high - low), read_only(frames)
 
 
 def moving_box_pieces(boxes: FixedArray) -> list[Piece]:

@@ -23,9 +23,9 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 
 if TYPE_CHECKING:
-    from hdplan.planner.view.job_viewer import JobViewer
-    from hdplan.planner.view.viewer import Viewer
+    from hdplan.planner.view.gate import Served
 
+LOADING = "loading the robot's meshes"
 HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
 
 
@@ -66,32 +66,40 @@ def run_view(
 
     from hdplan.planner.view.server import open_viewer  # needs viser
 
-    with waiting("loading the robot's meshes"):
+    with until_ctrl_c(), contextlib.ExitStack() as loading:
+        loading.enter_context(waiting(LOADING))
+
+        def found(viewer: Served) -> None:
+            loading.close()
+            _tell(problem, viewer, host, port, share)
+
         arm = load_scene_robot(problem)
-        viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, share=share, complain=complain)
-    if read is not None:
-        viewer.show_proof(read)
-    files = [find_scene(scene), *([] if request is None else [request])]
-    watch = viewer.panel.opening.follow(
-        lambda: load_scene(scene, request=request, robot=robot),
-        files,
-        [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
-    )
-    with contextlib.closing(viewer), contextlib.closing(watch):
-        _until_ctrl_c(problem, viewer, host, port, share)
+        viewer = open_viewer(
+            problem, motions, robot=arm, host=host, port=port, share=share, complain=complain, found=found
+        )
+        with contextlib.closing(viewer):
+            if read is not None:
+                viewer.show_proof(read)
+            files = [find_scene(scene), *([] if request is None else [request])]
+            watch = viewer.panel.opening.follow(
+                lambda: load_scene(scene, request=request, robot=robot),
+                files,
+                [(name, file) for (name, _), file in zip(motions, trajectories, strict=True)],
+            )
+            with contextlib.closing(watch):
+                threading.Event().wait()
     return 0
 
 
-def _until_ctrl_c(problem: Scene, viewer: Viewer | JobViewer, host: str, port: int, share: bool) -> None:
-    """Say where a viewer is found, and serve until Ctrl-C."""
-    with until_ctrl_c(), printing() as show:
+def _tell(problem: Scene, viewer: Served, host: str, port: int, share: bool) -> None:
+    """Write where a viewer is found."""
+    with printing() as show:
         taken = f" (port {port} is taken)" if viewer.port != port else ""
         show(f"{problem.name} at {viewer.address()}{taken}, until Ctrl-C")
         if share:
             where = "" if not is_loopback(host) else f" (from this machine alone, as it listens at {host})"
             show(f"to watch, and change nothing: {viewer.address(watch=True)}{where}")
-        sys.stdout.flush()
-        threading.Event().wait()
+    sys.stdout.flush()
 
 
 def _serve_job(
@@ -108,7 +116,7 @@ def _serve_job(
     from hdplan.planner.view.watch import Source, Watch
 
     motion = _one_motion(problem, _loaded(trajectories))[1] if trajectories else None
-    with waiting("loading the robot's meshes"):
+    with waiting(LOADING):
         viewer = open_job_viewer(problem, motion, host=host, port=port, share=share, complain=complain)
 
     def follow(read: Callable[[], object]) -> None:
@@ -121,8 +129,9 @@ def _serve_job(
     if trajectories:
         read = partial(Trajectory.load, trajectories[0])
         sources.append(Source(lambda: [trajectories[0]], lambda: follow(lambda: viewer.take_motion(read()))))
-    with contextlib.closing(viewer), contextlib.closing(Watch(sources)):
-        _until_ctrl_c(problem, viewer, host, port, share)
+    with contextlib.closing(viewer), contextlib.closing(Watch(sources)), until_ctrl_c():
+        _tell(problem, viewer, host, port, share)
+        threading.Event().wait()
     return 0
 
 
@@ -151,7 +160,7 @@ def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, vide
     from hdplan.planner.view.drawing.motion import ShownMotion
 
     with printing() as show:
-        with waiting("loading the robot's meshes"):
+        with waiting(LOADING):
             setup = Setup.of(scene)
         certifier = Certifier(setup)
         motions = []
@@ -179,7 +188,7 @@ def _write_job(scene: Scene, loaded: list[tuple[str, Trajectory]], record: Path 
     name, trajectory = _one_motion(scene, loaded)
     rows = []
     with printing() as show:
-        with waiting("loading the robot's meshes"), naming(name):
+        with waiting(LOADING), naming(name):
             shown = ShownJob(scene, trajectory, certify_job(scene, trajectory))
             page = shown.page
         if record is not None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdplan.planner.build import problem_of
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
@@ -59,6 +58,8 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     move are ignored. Pairs farther apart than `within` [m], or GREATEST_ACTIVATION, are left out, for speed: inf where
     no pair is left.
     """
+    from hdplan.planner.build import problem_of  # with the planner
+
     scene = setup.scene
     settings = replace(scene.planner, clearance=0.0, activation=min(within, GREATEST_ACTIVATION), swept=False)
     problem = problem_of(Setup.of(derived(scene, planner=settings), setup.robot))

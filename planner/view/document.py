@@ -7,17 +7,19 @@ by the viewer's one thread.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.history import History
 from hdplan.planner.view.motions import Kept, Motions, Shown
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.result import PlanResult
 
 State = tuple[Edited, tuple[Kept, ...], int | None]
 """The state that an undo brings back: the scene, the motions, and the number of the active one."""

@@ -1,7 +1,8 @@
 """Edits from the panel: each is a step that can be undone, or refused in one line, with nothing changed.
 
-The same field edited again at once (a slider dragged, a number typed) belongs to the same step. A value that is typed
-is taken digit by digit; where more of it is refused, what was taken of it goes, too. Motions are checked and planned
+The same field edited again at once (a slider dragged) belongs to the same step, as does more of a value that is typed,
+however long the hand rests, until another field is entered. A value that is typed is taken digit by digit; where more
+of it is refused, what was taken of it goes, too. Motions are checked and planned
 live after each edit, and measured when edits pause.
 """
 
@@ -41,9 +42,11 @@ class Step:
     typed: tuple[str, ...] = ()  # what the field held then; nothing for what is not typed
     selected: Thing | None = None  # before it: a new name is another thing
 
-    def goes_on(self, field: str, now: Edited, when: float | None) -> bool:
+    def goes_on(self, field: str, now: Edited, when: float | None, typed: tuple[str, ...]) -> bool:
         """True if an edit that was requested at a moment [s], if it was, belongs to it."""
-        return field == self.field and now is self.edited and when is not None and when < self.when + PAUSE
+        if field != self.field or now is not self.edited or when is None:
+            return False
+        return when < self.when + PAUSE or self.begins(typed)
 
     def begins(self, typed: tuple[str, ...]) -> bool:
         """True if it took the beginning of what is typed."""
@@ -96,14 +99,17 @@ class Editing:
 
     def refuse(self, words: str) -> None:
         """Refuse what is being typed, whose beginning may have been taken. By any thread."""
-        asked = time.monotonic()
 
         def job() -> None:
-            if self._last.typed and self._last.goes_on(self._last.field, self._viewer.edited, asked):
+            if self._last.typed and self._viewer.edited is self._last.edited:
                 self._forget()
             raise InputError(words)
 
         self.do(job)
+
+    def enter(self) -> None:
+        """Let what is edited next be another step, as another field is entered. By any thread."""
+        self._viewer.worker.ask("enter", self._end)
 
     def is_edited(self, field: str) -> bool:
         """True if a field holds what somebody has just typed, which nothing else may replace."""
@@ -121,7 +127,7 @@ class Editing:
         own. Raises InputError, and changes nothing, for what it does not allow; what was taken of the same that is
         `typed` goes, too."""
         viewer, last, handles = self._viewer, self._last, self._viewer.panel.handles
-        together, selected = last.goes_on(field, viewer.edited, asked), handles.selected
+        together, selected = last.goes_on(field, viewer.edited, asked, typed), handles.selected
         self._doing = field
         try:
             edited = edit(viewer.edited)
@@ -136,6 +142,9 @@ class Editing:
         self._last = Step(field, time.monotonic(), edited, typed, last.selected if together else selected)
         viewer.panel.live.follow()
         self._later("measure", REST, viewer.document.measure)
+
+    def _end(self) -> None:
+        self._last = Step()
 
     def _forget(self) -> None:
         """Leave the last step as if there had been none."""

@@ -21,6 +21,7 @@ from typing import Any
 import msgspec
 import websockets.asyncio.server as serving
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from hdplan.scenes.files import MOST_BYTES
@@ -89,7 +90,8 @@ class Gate:
                     return connection.respond(http.HTTPStatus.OK, "")
                 if secrets.compare_digest(path.encode(), own.encode()):
                     connection.gate, connection.watches = self, watches
-                    response = answer(connection, replace(request, path="/"))  # its client is one file
+                    asked = replace(request, path="/", headers=_unpacked(request.headers))  # its client is one file
+                    response = answer(connection, asked)
                     if response is not None:
                         response.headers["Referrer-Policy"] = "no-referrer"  # as the address is a secret
                     return response
@@ -206,6 +208,12 @@ class Guarded(ServerConnection):
     def _forget(self, transfer: str) -> None:
         assert self.gate is not None
         self.gate.uploading -= self._files.pop(transfer).size
+
+
+def _unpacked(headers: Headers) -> Headers:
+    """Return headers of a request for a file as it is: viser's client is packed, and to pack it again takes longer than
+    it saves."""
+    return Headers((name, value) for name, value in headers.raw_items() if name.lower() != "accept-encoding")
 
 
 def _tells_the_scheme(sent: _Field, gate: Gate) -> bool:

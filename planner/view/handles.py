@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.view.drawing.nodes import pose_of
+from hdplan.planner.view.drawing.handle import add_handle, pose_of
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
 from hdplan.planner.view.words import small
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 NOTHING = "nothing"
-SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
@@ -152,6 +151,7 @@ class Handles:
         if thing is None:
             self._at = None
             self._say("")
+            viewer.panel.looking.fade()
             return
         if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
             viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
@@ -160,6 +160,7 @@ class Handles:
         self._handles += 1
         self._handle = add_handle(viewer.server, self._handles, pose, turns(viewer.edited, thing))
         self._handle.on_update(self._dragged)
+        viewer.panel.looking.fade()
 
     def _clicked(self, thing: Thing, more: bool) -> None:
         """Select what was clicked on in the scene, unless a click means a point to be measured."""
@@ -189,18 +190,3 @@ class Handles:
 
     def _say(self, text: str) -> None:
         self._said.content = small(text)
-
-
-def add_handle(server: Any, number: int, pose: Pose, turning: bool) -> Any:
-    """Draw the handle of this number at a pose, and return it; one that does not turn moves alone."""
-    x, y, z, w = pose.quaternion_xyzw
-    return server.scene.add_transform_controls(
-        f"/handle/{number}",
-        scale=SIZE,
-        fixed=True,
-        line_width=4.0,
-        position=pose.position,
-        wxyz=(w, x, y, z),
-        depth_test=False,
-        disable_rotations=not turning,
-    )

@@ -9,7 +9,9 @@ import numpy as np
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.looking import SPARSE
+from hdplan.planner.view.things import place_of
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -57,6 +59,11 @@ class InView:
         if thing.kind == "obstacle":
             return next(node for node in self.obstacles if node.obstacle.name == thing.name)
         return viewer.edited.start if thing.kind == "start" else viewer.edited.goal
+
+    def handle(self) -> Pose | None:
+        """Return where the handle is; None: there is none."""
+        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        return None if thing is None else place_of(viewer.edited, thing, viewer.stage.tip)
 
 
 def few_of(joints: Array) -> Array:

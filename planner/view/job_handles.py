@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.view.drawing.nodes import ObstacleNode, pose_of
+from hdplan.planner.view.drawing.handle import add_handle, pose_of
+from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.edited_job import Movable
-from hdplan.planner.view.handles import NOTHING, add_handle
+from hdplan.planner.view.handles import NOTHING
 from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
@@ -105,13 +106,12 @@ class JobHandles:
         if self._handle is not None:
             self._handle.remove()
             self._handle = None
-        if thing is None:
-            return
-        edited = self._viewer.edited
-        pose = edited.place_of(thing)
-        self._handles += 1
-        self._handle = add_handle(self._viewer.server, self._handles, pose, edited.turns(thing))
-        self._handle.on_update(self._dragged)
+        if thing is not None:
+            edited = self._viewer.edited
+            self._handles += 1
+            self._handle = add_handle(self._viewer.server, self._handles, edited.place_of(thing), edited.turns(thing))
+            self._handle.on_update(self._dragged)
+        self._viewer.looking.fade()
 
     def _chosen(self) -> None:
         """Select what the list says."""

@@ -39,6 +39,7 @@ from hdplan.planner.view.words import clearance_words, small
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 
 OTHER_ROBOT = "is a scene of another robot, or without a job: open it with hdplan view"
@@ -194,6 +195,11 @@ class JobViewer(Served):
     def selected(self) -> ObstacleNode | None:
         """Return the object that is selected."""
         return self.handles.node
+
+    def handle(self) -> Pose | None:
+        """Return where the handle is; None: there is none."""
+        thing = self.handles.thing
+        return None if thing is None else self.edited.place_of(thing)
 
     # --- what browsers ask for: by any thread ---------------------------------------------------------------------
 

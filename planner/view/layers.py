@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.body_boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
@@ -91,6 +92,11 @@ class Layers:
         by_clearance = self._color.value == CLEARANCE and active is not None
         for cloud in () if viewer.panel.handles.dragging else clouds:
             cloud.color(viewer.robot, active.motion if by_clearance and active is not None else None)
+
+    def show_plane(self, parameter: float, pairs: tuple[Closest | None, Closest | None], reported: bool) -> None:
+        """Show the plane between the closest pair at a parameter of the active motion, unless it is where a robot
+        reports itself."""
+        self.plane.show(self.on(PLANE) and not reported, parameter, pairs)
 
     def _switch(self) -> None:
         viewer = self._viewer

@@ -16,9 +16,11 @@ import viser
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import FOV, SIDES, Boxes, View, best_view, view_from
+from hdplan.planner.view.drawing.handle import handle_points
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.poses import Pose
 
 BEST = "best"
 ASPECT = 1.2  # of the picture, of a browser of which it is not known yet
@@ -48,6 +50,9 @@ class Subject(Protocol):
 
     def selected(self) -> ObstacleNode | Array | None:
         """Return what is selected: an obstacle, or the robot in a configuration (n,)."""
+
+    def handle(self) -> Pose | None:
+        """Return where the handle is; None: there is none."""
 
 
 class Looking:
@@ -88,12 +93,18 @@ class Looking:
             self._turned(client, lambda: self._look_at_selected(client, aspect))
 
     def fade(self) -> None:
-        """Let obstacles fade that hide what is of interest, and no others. By the worker's thread."""
+        """Let obstacles fade that hide what is of interest, and no others, and the mouse through those that are before
+        the handle. By the worker's thread."""
         if self.eye is None:
             return
-        hidden = self._boxes().in_the_way(self.eye, self._interest())
+        boxes = self._boxes()
+        hidden = boxes.in_the_way(self.eye, self._interest())
         for node, faded in zip(self._subject.obstacles, hidden.tolist(), strict=True):
             node.fade(faded)
+        pose = self._subject.handle()
+        covers = boxes.before(self.eye, np.empty((0, 3)) if pose is None else handle_points(pose, self.eye))
+        for node, covered in zip(self._subject.obstacles, covers.tolist(), strict=True):
+            node.let_through(covered)
 
     @property
     def _outline(self) -> Outline:

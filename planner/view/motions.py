@@ -6,13 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.colors import MOTIONS
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.result import PlanResult
 
 LONGEST_NAME = 40  # characters of a motion's name
 

@@ -132,6 +132,7 @@ if (!window.hdplan) {
     event.target.blur();
     tell({do: 'exponent'});
   }, true);
+  document.addEventListener('focusin', () => tell({do: 'enter'}));
   document.addEventListener('paste', (event) => {
     if (!numeric(event) || !/e/i.test(event.clipboardData.getData('text'))) return;
     event.preventDefault();

@@ -91,6 +91,7 @@ class Panel:
         self.page.on("zoom", lambda _, told: self._zoom(told.get("from"), told.get("to")))
         self.page.on("paste", lambda _, told: self.editing.do(lambda: self.obstacles.paste(str(told.get("text")))))
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
+        self.page.on("enter", lambda *_: self.editing.enter())
         self.page.on("exponent", lambda *_: self.editing.refuse(EXPONENT))
         self.page.on("too large", lambda _, told: self._refuse(told.get("name"), told.get("size")))
 

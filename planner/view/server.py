@@ -15,7 +15,7 @@ import viser
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.gate import UNGUARDED, Gate
+from hdplan.planner.view.gate import UNGUARDED, Gate, Served
 from hdplan.planner.view.page_script import WIDTH
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 100  # ports after the wanted one
-Served = TypeVar("Served")
+Shown = TypeVar("Shown")
 
 
 def open_viewer(
@@ -39,15 +39,23 @@ def open_viewer(
     port: int = PORT,
     share: bool = False,
     complain: Callable[[str], object] = lambda text: None,
+    found: Callable[[Served], object] = lambda viewer: None,
 ) -> Viewer:
     """Begin to serve a scene with trajectories by name; `viewer.close()` ends it.
+
+    `found` is called with what knows the address as soon as all is checked, while the rest is being drawn: a browser
+    loads its part meanwhile.
 
     `viewer.address()` is where browsers find it; with `share`, `viewer.address(watch=True)` is where others see
     everything and change nothing. Raises InputError for a host that is not this machine, if no
     port is free, or for trajectories that do not fit the scene's robot.
     """
     setup = Setup.of(scene, robot)
-    return _served(scene, host, port, share, lambda server, gate: Viewer(server, gate, setup, trajectories, complain))
+
+    def viewer_of(server: viser.ViserServer, gate: Gate) -> Viewer:
+        return Viewer(server, gate, setup, trajectories, complain, found)
+
+    return _served(scene, host, port, share, viewer_of)
 
 
 def open_job_viewer(
@@ -66,8 +74,8 @@ def open_job_viewer(
 
 
 def _served(
-    scene: Scene, host: str, port: int, share: bool, viewer_of: Callable[[viser.ViserServer, Gate], Served]
-) -> Served:
+    scene: Scene, host: str, port: int, share: bool, viewer_of: Callable[[viser.ViserServer, Gate], Shown]
+) -> Shown:
     """Return a viewer on a server of its own, guarded by a gate."""
     chosen = free_port(host, port)
     gate = Gate(host, share)

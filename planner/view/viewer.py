@@ -25,15 +25,14 @@ from hdplan.planner.view.drawing.skins import collision_skins, shown_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.gate import Gate, Served
-from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motion_nodes import MotionNodes
 from hdplan.planner.view.motions import Motions
-from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.pulse import Pulse
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.reported import Reported
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
+from hdplan.planner.view.words import small
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, naming
@@ -41,7 +40,9 @@ from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.proof.reading import ReadProof
+    from hdplan.planner.view.panel import Panel
 
+LOADING = "loading the robot's meshes …"
 FAILED = "hdplan failed here ({error}): the motions are not checked until the scene changes again"
 
 
@@ -55,8 +56,10 @@ class Viewer(Served):
         setup: Setup,
         trajectories: Sequence[tuple[str, Trajectory]] = (),
         complain: Callable[[str], object] = lambda text: None,
+        found: Callable[[Served], object] = lambda viewer: None,
     ) -> None:
-        """Show a scene with some trajectories by name; `complain` is called with what goes wrong later.
+        """Show a scene with some trajectories by name; `complain` is called with what goes wrong later, and `found`
+        once all is checked: browsers may come from then on, and see everything at once, as soon as it is drawn.
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
@@ -68,6 +71,20 @@ class Viewer(Served):
         for name, trajectory in trajectories:
             with naming(name):  # several may have come, and one not fit
                 motions.append(ShownMotion.of(name, trajectory, self.certifier))
+        _ = edited.contacts  # refused before anything is shown
+        loading = server.gui.add_html(small(LOADING))
+        found(self)
+        with server.atomic():
+            loading.remove()
+            self._build(motions)
+        self.worker.ask("icons", self._add_icons)
+        self.pulse = Pulse(self)
+
+    def _build(self, motions: Sequence[ShownMotion]) -> None:
+        """Draw everything, and build the panel."""
+        from hdplan.planner.view.panel import Panel  # with the planner, while a browser loads its own part
+
+        server = self.server
         skins, note = shown_skins(self.robot, self.scene.robot)
         skins = told_apart(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
@@ -75,12 +92,10 @@ class Viewer(Served):
         self.stage = Stage(server, self.edited, skins)
         through = collision_skins(self.robot) or skins
         self.motion_nodes = MotionNodes(server, self.robot, through, self.document)
-        self.panel = Panel(self, note)
+        self.panel: Panel = Panel(self, note)
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
-        self.worker.ask("icons", self._add_icons)
-        self.pulse = Pulse(self)
 
     # --- what is shown --------------------------------------------------------------------------------------------
 
@@ -213,7 +228,7 @@ class Viewer(Served):
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
             self.stage.name(report)
-            layers.plane.show(layers.on(PLANE) and report is None, parameter, pairs)
+            layers.show_plane(parameter, pairs, reported=report is not None)
             self.panel.follow(now, q, pairs, report)
 
     def _say(self) -> None:

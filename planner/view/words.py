@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,9 +12,11 @@ import pinocchio as pin
 from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status, proven_length
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres, shortened
 from hdplan.planner.view.edited_scene import Edited
+
+if TYPE_CHECKING:
+    from hdplan.planner.result import PlanResult
 
 OUTDATED = "the scene has changed: this motion is not checked in it yet"
 
@@ -34,16 +36,16 @@ def contact_words(contacts: Sequence[Contact]) -> str:
 
 def clearance_words(moment: str, pairs: Sequence[Any]) -> str:
     """Say in two lines how close the robot is to obstacles and to itself; `moment` is when."""
-    lines = [_pair(what, pair) for what, pair in zip(("obstacle", "own link"), pairs, strict=True)]
+    lines = [_pair(what, pair) for what, pair in zip(("closest", "own links"), pairs, strict=True)]
     return f'<div class="hd" data-moment="{html.escape(moment)}">{"".join(lines)}</div>'
 
 
 def _pair(what: str, pair: Any) -> str:
     if pair is None:
-        return f'<div class="hd-line">closest {what}: none</div>'
+        return f'<div class="hd-line">{what}: none</div>'
     text = f"<b>{millimetres(pair.distance)}</b> {html.escape(pair.link)} – {html.escape(pair.other)}"
-    full = html.escape(f"closest {what} at the moment that is shown, exact: {pair.link} and {pair.other}")
-    return f'<div class="hd-line" title="{full}">closest {what}: {text}</div>'
+    full = html.escape(f"{what} at the moment that is shown, exact: {pair.link} and {pair.other}")
+    return f'<div class="hd-line" title="{full}">{what}: {text}</div>'
 
 
 def tip_words(place: pin.SE3) -> str:

@@ -42,10 +42,10 @@ class View(NamedTuple):
 class Boxes:
     """B boxes."""
 
-    rotation: Array  # (B, 3, 3) their axes, as columns
+    rotation: Array  # (o, 3, 3) the axes of each obstacle's boxes, as columns
     center: Array  # (B, 3)
     half: Array  # (B, 3) half edges
-    first: Rows  # (o,) where the boxes of each obstacle begin
+    count: Rows  # (o,) of each obstacle's boxes, which come one obstacle after the other
 
     @classmethod
     def around(cls, bounds: Sequence[Array], poses: Sequence[Array]) -> Boxes:
@@ -53,29 +53,60 @@ class Boxes:
         (4, 4)."""
         count = np.array([len(each) for each in bounds], dtype=np.int64)
         corners = np.concatenate([np.empty((0, 2, 3)), *bounds])
-        frames = np.repeat(np.array(poses, dtype=np.float64).reshape(-1, 4, 4), count, axis=0)
-        middle = np.einsum("bij,bj->bi", frames[:, :3, :3], corners.mean(axis=1))
-        first, half = np.cumsum(count) - count, 0.5 * (corners[:, 1] - corners[:, 0])
-        return cls(frames[:, :3, :3], middle + frames[:, :3, 3], half, first)
+        frames = np.array(poses, dtype=np.float64).reshape(-1, 4, 4)
+        placed = np.repeat(frames, count, axis=0)
+        middle = np.einsum("bij,bj->bi", placed[:, :3, :3], corners.mean(axis=1)) + placed[:, :3, 3]
+        return cls(frames[:, :3, :3], middle, 0.5 * (corners[:, 1] - corners[:, 0]), count)
+
+    @property
+    def _first(self) -> Rows:
+        """Where the boxes of each obstacle begin (o,)."""
+        return np.cumsum(self.count) - self.count
 
     def lowest(self) -> Array:
         """Return the heights (B,) of their lowest points."""
-        return np.asarray(self.center[:, 2] - np.einsum("bj,bj->b", np.abs(self.rotation[:, 2]), self.half))
+        upward = np.repeat(np.abs(self.rotation[:, 2]), self.count, axis=0)
+        return np.asarray(self.center[:, 2] - np.einsum("bj,bj->b", upward, self.half))
 
     def hide(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (k, B) whether a box is crossed on the way from `eye` (3,) to points (k, 3) behind it."""
-        begin = np.einsum("bi,bij->bj", eye - self.center, self.rotation)
-        along = np.einsum("ki,bij->kbj", points - eye, self.rotation)
-        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        first, second = (-self.half - begin) / along, (self.half - begin) / along
-        enters, leaves = np.minimum(first, second).max(axis=2), np.maximum(first, second).min(axis=2)
+        enters, leaves = self._crossed(eye, points)
         return np.asarray((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
+
+    def before(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+        """Return (o,) whether an obstacle is met on the way from `eye` (3,) to one of points (k, 3)."""
+        if not len(self.count):
+            return np.zeros(0, dtype=bool)
+        enters, leaves = self._crossed(eye, points)
+        met = ((enters < leaves) & (leaves > 0.0) & (enters < 1.0)).any(axis=0)
+        return np.asarray(np.logical_or.reduceat(met, self._first))
+
+    def _crossed(self, eye: Array, points: Array) -> tuple[Array, Array]:
+        """Return where each box is entered and left (k, B) on the way from `eye` (3,), at 0, to points (k, 3), at 1,
+        and beyond."""
+        entered, left = [np.empty((len(points), 0))], [np.empty((len(points), 0))]
+        ends = np.cumsum(self.count)
+        for rotation, begin, end in zip(self.rotation, (ends - self.count).tolist(), ends.tolist(), strict=True):
+            middle, half = (self.center[begin:end] - eye) @ rotation, self.half[begin:end]
+            along = (points - eye) @ rotation  # one for all boxes of an obstacle, of which a cloud has thousands
+            inverse = 1.0 / np.where(np.abs(along) < 1e-12, 1e-12, along)
+            enters, leaves = np.full((2, len(points), end - begin), [[[-np.inf]], [[np.inf]]])
+            for axis in range(3):
+                passes, depth = (
+                    np.outer(inverse[:, axis], middle[:, axis]),
+                    np.outer(abs(inverse[:, axis]), half[:, axis]),
+                )
+                np.maximum(enters, passes - depth, out=enters)
+                np.minimum(leaves, passes + depth, out=leaves)
+            entered.append(enters)
+            left.append(leaves)
+        return np.concatenate(entered, axis=1), np.concatenate(left, axis=1)
 
     def in_the_way(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (o,) whether an obstacle hides so much of points (k, 3) that it should be seen through."""
-        if not len(self.first):
+        if not len(self.count):
             return np.zeros(0, dtype=bool)
-        hidden = np.logical_or.reduceat(self.hide(eye, points), self.first, axis=1)
+        hidden = np.logical_or.reduceat(self.hide(eye, points), self._first, axis=1)
         return np.asarray(hidden.mean(axis=0) > IN_THE_WAY)
 
 

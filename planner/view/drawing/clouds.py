@@ -13,7 +13,8 @@ import pinocchio as pin
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.geometry.clouds import balls_in
+from hdplan.planner.geometry.clouds import balls_in, boxes_mesh
+from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import clearance_colors, height_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
@@ -50,6 +51,10 @@ class CloudNode(ObstacleNode):
         )
         self._coloured: object = None  # by which motion, and where
         self._paint()
+
+    def _mesh(self, obstacle: Obstacle) -> TriangleMesh:
+        """Return boxes around its parts, few, as browsers look at all of them whenever the mouse moves."""
+        return TriangleMesh(*boxes_mesh(self.parts[:, 0], self.parts[:, 1]))
 
     def color(self, robot: Robot, motion: ShownMotion | None) -> None:
         """Colour the points by how close a motion comes to them, or without one by height."""

@@ -1,7 +1,7 @@
 """Colours of the viewer, which the colour-blind can distinguish, and how clearance becomes colour.
 
-Okabe & Ito (2008) for what has a name; ColorBrewer's RdYlBu for clearance, red for near and blue for far, its pale
-middle darkened so that a line shows on a light ground.
+After Okabe & Ito (2008) for what has a name; for clearance from red, near, by ochre to blue, far. Lines have a contrast
+of 3 : 1 at least to a white page and to a dark one (WCAG 2.2, 1.4.11), which has the same nodes: none is pale or dark.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.once import read_only
 
-START: Color = (0, 114, 178)  # blue
+START: Color = (0, 117, 183)  # blue
 GOAL: Color = (213, 94, 0)  # vermillion
 OUTER: Color = (0, 158, 115)  # bluish green
 COLLISION: Color = (204, 121, 167)  # reddish purple
@@ -24,36 +24,36 @@ LEFT_OUT: Color = (120, 120, 120)  # points of clouds
 SELECTED: Color = (230, 159, 0)  # orange
 PLANE: Color = (0, 158, 115)  # bluish green
 REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay
-CONTACT: Color = (165, 0, 38)  # the near end of the scale below
-INK: Color = (34, 34, 34)
-LINKS: Color = (140, 140, 140)  # between links
+CONTACT: Color = (214, 48, 39)  # the near end of the scale below
+INK: Color = (110, 110, 120)
+LINKS: Color = (150, 120, 80)  # between links
 ITERATE: Color = (130, 130, 130)  # a path that the optimizer still works on
 MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
     (0, 158, 115),
     (204, 121, 167),
-    (86, 180, 233),
-    (230, 159, 0),
+    (40, 148, 205),
+    (200, 125, 0),
     (120, 94, 240),
-    (150, 90, 50),
+    (162, 98, 56),
 )
 
 LINES: tuple[Color, ...] = (  # of joints
-    (0, 114, 178),
-    (213, 94, 0),
+    START,
+    GOAL,
     (0, 158, 115),
     (204, 121, 167),
-    (230, 159, 0),
-    (86, 180, 233),
+    (200, 125, 0),
+    (40, 148, 205),
     (128, 128, 128),
 )
-SHADES: tuple[Color, ...] = ((0, 114, 178), (0, 158, 115), (230, 159, 0), (204, 121, 167), (86, 180, 233))
+SHADES: tuple[Color, ...] = (START, (0, 158, 115), (200, 125, 0), (204, 121, 167), (40, 148, 205))
 SHARES: dict[str, Color] = dict(zip(QUANTITIES, itertools.cycle(SHADES), strict=False))
 """By quantity: the greatest of all joints."""
 FAR_CLEARANCE = 0.1  # [m] clearance above which the colour stays the same
 SCALE = read_only(  # from contact to FAR_CLEARANCE, at equal steps
     np.array(
-        [[165, 0, 38], [215, 48, 39], [244, 109, 67], [245, 164, 70], [235, 205, 110], [130, 180, 212], [69, 117, 180]]
-        + [[49, 54, 149]]
+        [[214, 48, 39], [226, 85, 40], [212, 108, 25], [185, 127, 25], [150, 138, 95], [100, 145, 180], [65, 135, 205]]
+        + [[60, 112, 215]]
     )
 )
 HEIGHTS = read_only(  # matplotlib's cividis without its ends, which a dark or a light page would swallow

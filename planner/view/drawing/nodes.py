@@ -5,7 +5,7 @@ Meshes are sent once; after that only placements travel. Everything here is call
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import (
     CONTACT,
@@ -31,11 +32,10 @@ from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
 from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import Within
-from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.poses import Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
@@ -143,15 +143,20 @@ class ObstacleNode:
     def __init__(self, server: viser.ViserServer, index: int, obstacle: Obstacle) -> None:
         """Send its mesh; nodes are numbered, as a name may hold any character."""
         self.frame = server.scene.add_frame(f"/obstacles/{index}", show_axes=False)
-        mesh = obstacle_mesh(obstacle)
+        self.parts = obstacle_parts(obstacle)  # (b, 2, 3)
+        mesh = self._mesh(obstacle)
         vertices, triangles = creased(mesh.vertices, mesh.triangles)
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
-        self.parts = obstacle_parts(obstacle)  # (b, 2, 3)
-        self._in_contact = self._selected = self._faded = False
+        self._in_contact = self._selected = self._faded = self._through = False
+        self._chosen: Callable[[str, bool], object] | None = None
         self.take(obstacle)
+
+    def _mesh(self, obstacle: Obstacle) -> TriangleMesh:
+        """Return what can be clicked."""
+        return obstacle_mesh(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
         """Show an obstacle of the same shape in another place."""
@@ -181,6 +186,23 @@ class ObstacleNode:
         """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
         self._faded = faded
         self._paint()
+
+    def listen(self, chosen: Callable[[str, bool], object]) -> None:
+        """Name the listener to clicks: it gets the obstacle's name, and whether shift or ctrl was held."""
+        self._chosen = chosen
+        self.mesh.on_click(lambda _: chosen(self.obstacle.name, False))
+        for held in ("shift", "cmd/ctrl"):
+            self.mesh.on_click(modifier=held)(lambda _: chosen(self.obstacle.name, True))
+
+    def let_through(self, through: bool) -> None:
+        """Let the mouse through to what is behind it, or be clicked on: browsers give a press to the first body that
+        takes clicks, also where a handle is drawn over it."""
+        if self._chosen is not None and through != self._through:
+            self._through = through
+            if through:
+                self.mesh.remove_click_callback("all")
+            else:
+                self.listen(self._chosen)
 
     @property
     def opacity(self) -> float | None:
@@ -306,13 +328,3 @@ def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:
     """Return the quaternion of a rotation (3, 3), as viser writes it."""
     x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
     return w, x, y, z
-
-
-def pose_of(handle: Any) -> Pose:
-    """Return where a handle of viser stands. Raises InputError for what is no pose."""
-    px, py, pz = (float(value) for value in handle.position)
-    w, x, y, z = (float(value) for value in handle.wxyz)
-    norm = float(np.sqrt(w * w + x * x + y * y + z * z))
-    if not (np.isfinite([px, py, pz, norm]).all() and norm > 0.0):
-        raise InputError(f"handle: found position ({px:g}, {py:g}, {pz:g}), quaternion {(x, y, z, w)}: no pose")
-    return Pose((px, py, pz), (x / norm, y / norm, z / norm, w / norm))

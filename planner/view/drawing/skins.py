@@ -23,7 +23,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.coal_shapes import corners_of, sides_of
 from hdplan.planner.geometry.mesh_files import mesh_stamps
 from hdplan.planner.geometry.meshes import LARGEST_COORDINATE, TriangleMesh
@@ -154,6 +153,8 @@ def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
 @functools.lru_cache(maxsize=8)
 def outer_skins(robot: Robot, geometry: str) -> tuple[Skin, ...]:
     """Return the links' outer bodies, as the planner sees them with the setting `link_bodies` at `geometry`."""
+    from hdplan.planner.collision.link_bodies import link_bodies  # with the planner's bodies
+
     return tuple(_skin(body.link, body.joint, _swept(body.body), PLAIN) for body in link_bodies(robot, geometry))
 
 

@@ -35,14 +35,7 @@ class Standing:
         """Name the listener to clicks: it gets the name of what was clicked, and whether shift or ctrl was held."""
         self._chosen = chosen
         for node in self.nodes:
-            self._listen(node)
-
-    def _listen(self, node: ObstacleNode) -> None:
-        if self._chosen is not None:
-            chosen = self._chosen
-            node.mesh.on_click(lambda _: chosen(node.obstacle.name, False))
-            for held in ("shift", "cmd/ctrl"):
-                node.mesh.on_click(modifier=held)(lambda _: chosen(node.obstacle.name, True))
+            node.listen(chosen)
 
     def _node(self, before: dict[str, ObstacleNode], obstacle: Obstacle) -> ObstacleNode:
         """Take an obstacle's node out of those before, or send another one."""
@@ -54,5 +47,6 @@ class Standing:
         self._sent += 1
         kind = CloudNode if isinstance(obstacle.shape, Cloud) else ObstacleNode
         node = kind(self._server, self._sent, obstacle)
-        self._listen(node)
+        if self._chosen is not None:
+            node.listen(self._chosen)
         return node

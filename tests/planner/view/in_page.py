@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
+from hdplan.planner.view.drawing.handle import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.looking import RESIZED, Looking
 from hdplan.planner.view.viewer import Viewer
 from tests.waiting import PATIENCE, until

@@ -91,6 +91,10 @@ def test_its_boxes_are_seen_only_where_they_mean_something(opened: Opener) -> No
     assert cloud.mesh.opacity == 0.0
     size = cloud.points.point_size
     assert size == 0.01
+    low, high = cloud.parts.transpose(1, 0, 2)[:, None]
+    points = cloud.points.points[:, None]
+    assert ((low <= points) & (points <= high)).all(axis=2).any(axis=1).all()
+    assert len(cloud.mesh.faces) == 12 * len(cloud.parts) < 6000  # browsers look at all whenever the mouse moves
     for change, opacity, share in (
         (lambda: cloud.select(True), 0.25, 1.0),
         (lambda: cloud.select(False), 0.0, 1.0),

@@ -277,6 +277,22 @@ def test_what_was_taken_of_another_value_stays_where_one_is_refused(viewer: View
     assert handle.value == 0.01
 
 
+@pytest.mark.parametrize("entered", [False, True])
+def test_a_value_is_one_however_long_the_hand_rests_in_it(viewer: Viewer, entered: bool) -> None:
+    """Its beginning goes where more of it is refused, unless somebody has left the field meanwhile."""
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    before, handle = viewer.edited, field(viewer, "clearance [m]")
+    for text in ("0", "0.", "0.1"):
+        sent(viewer, handle, text)
+        viewer.panel.editing._last = dataclasses.replace(viewer.panel.editing._last, when=LONG_AGO)  # the hand rested
+    if entered:
+        viewer.panel.editing.enter()
+    sent(viewer, handle, "0.1x")
+    assert "must be a number" in said(viewer)
+    assert selected(viewer).clearance == (0.1 if entered else None)
+    assert (viewer.edited is before) is not entered
+
+
 def test_presses_count_each(viewer: Viewer) -> None:
     for _ in range(3):
         sent(viewer, field(viewer, "add"), "sphere", wait=False)

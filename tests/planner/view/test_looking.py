@@ -11,6 +11,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.drawing.camera import SIDES
 from hdplan.planner.view.drawing.nodes import FADED
 from hdplan.planner.view.looking import Outline
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -60,3 +61,24 @@ def test_what_stands_before_the_eye_fades_and_comes_back(opened: Opener, scene: 
     assert set(faded.values()) == {None}
     with_wall(away)
     assert {node.mesh.opacity for node in viewer.stage.obstacles} == {None}
+
+
+def test_a_body_before_the_handle_lets_the_mouse_through(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    """Browsers give a press to the first body that takes clicks, also where a handle is drawn over it."""
+    viewer = opened(scene, found=trajectory)
+    eye = viewer.panel.looking.eye
+    assert eye is not None
+    ball = scene.obstacles[0]
+    wall = Obstacle("wall", Box((0.3, 0.3, 0.3)), Pose(tuple((0.5 * (eye + ball.pose.position)).tolist())))
+    walled = viewer.edited.changed(obstacles=(*scene.obstacles, wall))
+    viewer.worker.ask("test", lambda: viewer.document.change(walled))
+
+    def clicked() -> set[str]:
+        viewer.worker.settle()
+        return {node.obstacle.name for node in viewer.stage.obstacles if node.mesh._impl.click_cb}
+
+    every = clicked()
+    assert every == {each.name for each in viewer.scene.obstacles}
+    for thing, through in ((Thing("obstacle", ball.name), {ball.name, "wall"}), (None, set())):
+        viewer.worker.ask("select", lambda thing=thing: viewer.panel.handles.select(thing))  # type: ignore[misc]
+        assert every - clicked() == through

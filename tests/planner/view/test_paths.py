@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.drawing import colors
 from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, clearance_colors, hex_of, intensities
 from hdplan.planner.view.drawing.nodes import PATH_WIDTH
 from hdplan.planner.view.motion_nodes import FAINT
@@ -16,6 +17,8 @@ from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 
+LINES = (*MOTIONS, *colors.LINES, *colors.SHADES, colors.START, colors.GOAL, colors.INK, colors.LINKS, colors.ITERATE)
+GROUNDS = {"light": 255, "dark": 36}  # grey of the page
 Opener = Callable[..., Viewer]
 MM = "mm clear"  # of the scale of clearances
 
@@ -39,6 +42,17 @@ def drawn(viewer: Viewer, shown: Shown) -> np.ndarray:
 
 def one(color: tuple[int, int, int]) -> list[list[int]]:
     return intensities(np.array([color], dtype=np.uint8)).tolist()
+
+
+@pytest.mark.parametrize("theme", GROUNDS)
+def test_every_line_shows_on_a_light_page_and_a_dark_one(theme: str) -> None:
+    """A contrast of 3 : 1, as WCAG 2.2 asks of graphics: the larger luminance by the smaller, both with 0.05 added."""
+    scale = clearance_colors(np.linspace(0.0, colors.FAR_CLEARANCE, 200))
+    ground = np.array([[GROUNDS[theme]] * 3])
+    rows = np.concatenate([np.array([CONTACT, FAINT, *LINES]), scale, ground]) / 255.0
+    linear = np.where(rows <= 0.04045, rows / 12.92, ((rows + 0.055) / 1.055) ** 2.4)
+    *lines, page = (linear @ [0.2126, 0.7152, 0.0722] + 0.05).tolist()
+    assert min(max(line / page, page / line) for line in lines) >= 3.0
 
 
 @pytest.mark.parametrize("chosen", ["found", "line", ""])
