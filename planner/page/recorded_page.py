@@ -47,6 +47,7 @@ from hdplan.planner.view.drawing.colors import (
     hex_of,
 )
 from hdplan.planner.view.drawing.creases import creased
+from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import (
@@ -116,7 +117,7 @@ def page_of(
         "stages": list(stages),
         "levels": _levels(scene, motions),
         "joints": _joints(robot),
-        "floor": (*scene.robot.base.position[:2], min([scene.robot.base.position[2], *boxes.lowest()])),
+        "floor": ground_of(robot, scene.robot, scene.obstacles),
         "camera": _camera(robot, motions, boxes),
         "between": LINKS,
         "bad": CONTACT,

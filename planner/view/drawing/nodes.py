@@ -35,7 +35,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import Within
-from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.poses import Pose
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
@@ -193,14 +193,6 @@ class ObstacleNode:
             self.mesh.color = color
         if self.mesh.opacity != self.opacity:
             self.mesh.opacity = self.opacity
-
-
-def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:
-    """Draw a grid at the height of the robot's base, for one browser or all, for a dark page or a light one."""
-    cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
-    scene.add_grid(
-        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=base
-    )
 
 
 def draw_left_out(server: viser.ViserServer, points: Array) -> Any:

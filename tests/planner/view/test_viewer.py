@@ -210,6 +210,12 @@ def test_layers_come_and_go(viewer: Viewer) -> None:
     assert not any(node.visible for node in hidden)
 
 
+def test_the_ground_is_drawn_below_what_stands(viewer: Viewer) -> None:
+    """Below the ball, whose lowest point is below the base."""
+    node = viewer.server.scene._handle_from_node_name["/ground"]
+    np.testing.assert_allclose(node.position, [0.0, 0.0, -0.02], atol=1e-9)
+
+
 def test_ghosts_are_smaller_than_the_robot_and_than_each_other(viewer: Viewer) -> None:
     """Surfaces in one place flicker, as those of a link do that turns about its own axis."""
     for start, goal in zip(viewer.stage.start.meshes, viewer.stage.goal.meshes, strict=True):
