@@ -52,6 +52,7 @@ from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import (
     ENDLESS,
+    INSET,
     collision_skins,
     obstacle_mesh,
     obstacle_parts,
@@ -106,6 +107,7 @@ def page_of(
         "robot": packed.add_all(skins),
         "base": _poses(robot, first.joints[:1])[0, 0],
         "ghosts": [{"robot": ghost, "poses": at, "color": c} for at, c in zip(ends, (START, GOAL), strict=True)],
+        "inset": INSET,
         "motions": [_motion(robot, timeline, motion, number) for number, motion in enumerate(motions)],
         "labels": [
             {"text": name, "at": at, "color": color, "above": 18}

@@ -15,7 +15,7 @@ from typing import Any, TypeGuard
 
 import viser
 
-from hdplan.planner.view.drawing.ground import draw_ground
+from hdplan.planner.view.drawing.nodes import draw_ground
 from hdplan.planner.view.gate import ALIVE, WATCH, Gate
 from hdplan.scenes.files import MOST_BYTES
 from hdplan.scenes.poses import Vector3

@@ -1,10 +1,8 @@
-"""The ground: a grid below the robot's base, as low as the lowest part of what stands, so that it crosses nothing."""
+"""The ground lies below the robot's base, as low as the lowest part of what stands, so that it crosses nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import viser
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.camera import Boxes
@@ -21,11 +19,3 @@ def ground_of(robot: Robot, spec: RobotSpec, obstacles: Sequence[Obstacle]) -> V
     feet = [float(skin.vertices[:, 2].min()) for skin in shown_skins(robot, spec)[0] if not skin.joint]
     boxes = Boxes.around([obstacle_parts(each) for each in obstacles], [each.pose.matrix for each in obstacles])
     return x, y, min([z, *feet, *boxes.lowest().tolist()])
-
-
-def draw_ground(scene: viser.SceneApi, middle: Vector3, dark: bool) -> None:
-    """Draw the ground, for one browser or all, for a dark page or a light one."""
-    cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
-    scene.add_grid(
-        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=middle
-    )

@@ -20,8 +20,8 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.view.drawing.nodes import INSET, RobotNodes, pose_of, smaller
-from hdplan.planner.view.drawing.skins import ENDLESS
+from hdplan.planner.view.drawing.nodes import RobotNodes, pose_of
+from hdplan.planner.view.drawing.skins import ENDLESS, INSET, smaller
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
