@@ -118,10 +118,12 @@ def main() -> None:
             all_good = False
             continue
         one.page.save(options.folder / f"{name}.html")
-        photograph(program, one.page, DOCS / "gallery" / f"{name}.png")
         size = len(one.page.html.encode())
         print(f"{name}: {size / 1e6:.2f} MB, {one.words}", flush=True)
-        all_good &= one.certified and size <= LARGEST
+        if one.certified and size <= LARGEST:
+            photograph(program, one.page, DOCS / "gallery" / f"{name}.png")
+        else:
+            all_good = False
     if all_good and not options.scenes:
         (DOCS / "gallery.md").write_text(gallery(sorted(every)), encoding="utf-8")
     sys.exit(not all_good)

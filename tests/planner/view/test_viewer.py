@@ -127,12 +127,6 @@ def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
         assert nearest is not None
         assert f"{nearest.distance * 1e3:.1f} mm" in viewer.stage.closest.label.text
         assert f'data-moment="{now:.3f} s"' in viewer.panel.clearance
-    motion = viewer.motions.shown[0].motion
-    for k in (0, 50, len(motion.parameter) - 1):
-        when = float(motion.curve.time_of(motion.parameter[k]))
-        place, _ = viewer.certifier.nearest(motion.joints[k], time=when)
-        assert place is not None
-        assert motion.clearance[k] == place.distance
 
 
 def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
@@ -185,6 +179,16 @@ def test_moving_obstacles_can_be_watched_before_there_is_a_motion(opened: Opener
     viewer.show(1.0)
     ball = viewer.stage.obstacles[-2]
     assert pose_of(ball.frame).position == pytest.approx((1.2, -0.2, 0.1))
+
+
+def test_an_obstacle_fades_as_it_moves_between_the_eye_and_the_robot(opened: Opener, drifting: Scene) -> None:
+    motion = SteadyMotion((-2.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    screen = Obstacle("screen", Box((0.02, 3.0, 3.0)), Pose((5.0, 0.0, 0.0)), motion=motion)
+    viewer = opened(dataclasses.replace(drifting, obstacles=(screen,)))
+    by_worker(viewer, lambda: setattr(viewer.panel.looking, "eye", np.array([3.0, 0.0, 0.3])))
+    for now, faded in ((0.0, False), (1.4, True), (0.5, False)):
+        viewer.show(now)
+        assert (viewer.stage.obstacles[0].opacity is not None) == faded
 
 
 def test_layers_come_and_go(viewer: Viewer) -> None:
