@@ -1,4 +1,4 @@
-// The page: what `page.py` packed is unpacked, drawn, and played.
+// The page: what `recorded_page.py` packed is unpacked, drawn, and played.
 "use strict";
 
 const $ = (id) => document.getElementById(id), said = JSON.parse($("data").textContent);
@@ -115,18 +115,21 @@ class Page {
       const here = o.poses ? () => placed(poseBetween(o.poses, place(said.when, this.now))) : still(o.pose);
       stage.solids.push({ mesh, place: here, color: rgb(mesh.color), alpha: o.alpha, group: o });
     }
-    for (const { robot, poses, color } of said.ghosts) {
+    said.ghosts.forEach(({ robot, poses, color }, number) => {
       for (const i of robot) {
         const mesh = this.meshes[i];
         const visible = () => !said.motions.some((motion) => this.stands(motion, (joint) => poses[joint]));
-        if (mesh.joint) stage.solids.push({ mesh, place: still(poses[mesh.joint]), color: rgb(color), alpha: 0.35, group: poses, visible });
+        if (!mesh.joint) continue;
+        const at = times(placed(poses[mesh.joint]), drawnIn(mesh, said.inset * (1 + number)));
+        stage.solids.push({ mesh, place: () => at, color: rgb(color), alpha: 0.35, group: poses, visible });
       }
-    }
+    });
     said.motions.forEach((motion, number) => {
       for (const i of said.robot) {
         const mesh = this.meshes[i];
         if (number && !mesh.joint) continue;
-        const along = () => placed(this.pose(motion, mesh.joint));
+        const inner = drawnIn(mesh, number && said.inset * (said.ghosts.length + number));
+        const along = () => times(placed(this.pose(motion, mesh.joint)), inner);
         const visible = () => !number || !this.stands(motion, (joint) => this.pose(said.motions[0], joint));
         stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1, visible });
       }
@@ -186,11 +189,11 @@ class Page {
     });
   }
 
-  grid() {
+  grid() { // in pieces: a line that runs from below the eye would be drawn in front of what hides it
     const [x, y, z] = said.floor, points = [], color = rgb(dark() ? [58, 59, 61] : [222, 222, 222]);
-    for (let i = -15; i <= 15; i++) {
-      const s = i / 10;
-      points.push([x + s, y - 1.5, z], [x + s, y + 1.5, z], [x - 1.5, y + s, z], [x + 1.5, y + s, z]);
+    for (let i = -15; i <= 15; i++) for (let j = -15; j < 15; j += 5) {
+      const [s, from, to] = [i / 10, j / 10, (j + 5) / 10];
+      points.push([x + s, y + from, z], [x + s, y + to, z], [x + from, y + s, z], [x + to, y + s, z]);
     }
     this.stage.replace(this.ground, points, points.map(() => color));
   }

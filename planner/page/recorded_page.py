@@ -47,10 +47,12 @@ from hdplan.planner.view.drawing.colors import (
     hex_of,
 )
 from hdplan.planner.view.drawing.creases import creased
+from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.motion import Share, ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import (
     ENDLESS,
+    INSET,
     collision_skins,
     obstacle_mesh,
     obstacle_parts,
@@ -105,6 +107,7 @@ def page_of(
         "robot": packed.add_all(skins),
         "base": _poses(robot, first.joints[:1])[0, 0],
         "ghosts": [{"robot": ghost, "poses": at, "color": c} for at, c in zip(ends, (START, GOAL), strict=True)],
+        "inset": INSET,
         "motions": [_motion(robot, timeline, motion, number) for number, motion in enumerate(motions)],
         "labels": [
             {"text": name, "at": at, "color": color, "above": 18}
@@ -116,7 +119,7 @@ def page_of(
         "stages": list(stages),
         "levels": _levels(scene, motions),
         "joints": _joints(robot),
-        "floor": (*scene.robot.base.position[:2], min([scene.robot.base.position[2], *boxes.lowest()])),
+        "floor": ground_of(robot, scene.robot, scene.obstacles),
         "camera": _camera(robot, motions, boxes),
         "between": LINKS,
         "bad": CONTACT,

@@ -21,6 +21,13 @@ function placed(p) { // the matrix of a pose x y z, qx qy qz qw
     2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y), 0, p[0], p[1], p[2], 1]);
 }
 
+function drawnIn(mesh, inset) { // the matrix that draws a mesh together on each side, by at most half of its width
+  const halves = mesh.high.map((high, i) => (high - mesh.low[i]) / 2);
+  const [a, b, c] = halves.map((half) => 1 - Math.min(inset, half / 2) / Math.max(half, 1e-9));
+  const shift = [a, b, c].map((scale, i) => (1 - scale) * (mesh.low[i] + mesh.high[i]) / 2);
+  return new Float32Array([a, 0, 0, 0, 0, b, 0, 0, 0, 0, c, 0, ...shift, 1]);
+}
+
 const MESH = [`#version 300 es
 uniform mat4 view, place; in vec3 position, normal; out vec3 n, at;
 void main() { vec4 w = place * vec4(position, 1.0); at = w.xyz; n = mat3(place) * normal; gl_Position = view * w; }`,

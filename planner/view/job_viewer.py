@@ -17,6 +17,7 @@ from hdplan.planner.job.certify import certify_job
 from hdplan.planner.job.result import JobResult
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.nodes import ObstacleNode
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited_job import EditedJob
@@ -79,7 +80,9 @@ class JobViewer(Served):
     def _build(self, scene: Scene) -> None:
         """Build the panel."""
         gui = self.server.gui
-        self.page = Page(self.server, self.gate, scene.name, scene.robot.base.position)
+        setup = self.edited.setup
+        ground = ground_of(setup.robot, scene.robot, setup.scene.obstacles)
+        self.page = Page(self.server, self.gate, scene.name, ground)
         self.button = gui.add_button("Plan")
         self.button.on_click(lambda _: self.toggle())
         self.player = Player(self.server, self.worker, self.draw)

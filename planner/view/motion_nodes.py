@@ -21,8 +21,8 @@ from hdplan.planner.view.document import Document
 from hdplan.planner.view.drawing.colors import CONTACT, START, clearance_colors
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import INSET, PATH_WIDTH, PathNode, RobotNodes
-from hdplan.planner.view.drawing.skins import Skin
+from hdplan.planner.view.drawing.nodes import PATH_WIDTH, PathNode, RobotNodes
+from hdplan.planner.view.drawing.skins import INSET, Skin
 from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.words import SHORT
 from hdplan.scenes.array_types import Array

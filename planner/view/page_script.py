@@ -18,6 +18,7 @@ import viser
 from hdplan.planner.view.drawing.nodes import draw_ground
 from hdplan.planner.view.gate import ALIVE, WATCH, Gate
 from hdplan.scenes.files import MOST_BYTES
+from hdplan.scenes.poses import Vector3
 
 Told = Mapping[str, Any]
 Handler = Callable[[viser.ClientHandle, Told], object]
@@ -228,10 +229,10 @@ WATCHING = "Watching only: changes by others appear here, and nothing can be cha
 class Page:
     """The unseen part of the page, and what listens to it."""
 
-    def __init__(self, server: viser.ViserServer, gate: Gate, title: str, base: tuple[float, float, float]) -> None:
-        """Build it in the container at hand, as the first there; `title` is the page's, and the ground lies at
-        `base`."""
-        self._server, self._base = server, base
+    def __init__(self, server: viser.ViserServer, gate: Gate, title: str, ground: Vector3) -> None:
+        """Build it in the container at hand, as the first there; `title` is the page's, and the middle of the ground
+        is at `ground` [m]."""
+        self._server, self._ground = server, ground
         self._handlers: dict[str, Handler] = {"theme": self._theme}
         self._widths: dict[int, float] = {}  # of the panel, by browser
         script = SCRIPT + f"document.title = {json.dumps(title)};"
@@ -243,7 +244,7 @@ class Page:
         self._field = server.gui.add_text("page", "")
         self._field.on_update(self._heard)
         gate.page_field = str(self._field._impl.uuid)  # viser has no other name for it; a law notices if it goes
-        draw_ground(server.scene, base, dark=False)
+        draw_ground(server.scene, ground, dark=False)
 
     def build(self) -> None:
         """Build what holds the text to be copied, in the container at hand."""
@@ -273,7 +274,7 @@ class Page:
         """Show one browser the page in its own colour scheme, with a panel that leaves room for the scene."""
         dark = told.get("dark") is True
         client.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
-        draw_ground(client.scene, self._base, dark=dark)
+        draw_ground(client.scene, self._ground, dark=dark)
         window = told.get("width")
         if isinstance(window, int | float) and math.isfinite(window):
             width = min(max(SHARE * window, NARROWEST), WIDTH)

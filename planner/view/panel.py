@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.pictures.quantities import Rate, rates
 from hdplan.planner.view.drawing.colors import clearance_legend, color_legend
+from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
@@ -53,7 +54,8 @@ class Panel:
         """Build it; `note` is shown among the layers. What comes first stays in sight (`page`)."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.page = Page(viewer.server, viewer.gate, viewer.scene.name, viewer.scene.robot.base.position)
+        ground = ground_of(viewer.robot, viewer.scene.robot, viewer.edited.read.obstacles)
+        self.page = Page(viewer.server, viewer.gate, viewer.scene.name, ground)
         self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._next, self._badge = gui.add_html(""), gui.add_html("")

@@ -13,7 +13,6 @@ from hdplan.planner.view.drawing.clouds import CloudNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip, shortened
 from hdplan.planner.view.drawing.nodes import (
-    INSET,
     LABELS,
     ClosestNodes,
     ObstacleNode,
@@ -21,7 +20,7 @@ from hdplan.planner.view.drawing.nodes import (
     draw_left_out,
     draw_region,
 )
-from hdplan.planner.view.drawing.skins import Skin, collision_skins
+from hdplan.planner.view.drawing.skins import INSET, Skin, collision_skins
 from hdplan.planner.view.drawing.standing import Standing
 from hdplan.planner.view.edited_scene import Edited
 from hdplan.planner.view.reported import Report

@@ -227,6 +227,8 @@ class Viewer(Served):
             layers.show(q)
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
+            if any(node.motion is not None for node in self.stage.obstacles):
+                self.panel.looking.fade()
             self.stage.name(report)
             layers.show_plane(parameter, pairs, reported=report is not None)
             self.panel.follow(now, q, pairs, report)

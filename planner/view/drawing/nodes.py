@@ -30,7 +30,7 @@ from hdplan.planner.view.drawing.colors import (
 from hdplan.planner.view.drawing.creases import creased
 from hdplan.planner.view.drawing.mesh_parts import Color
 from hdplan.planner.view.drawing.motion import millimetres, shortened
-from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts
+from hdplan.planner.view.drawing.skins import ENDLESS, Skin, obstacle_mesh, obstacle_parts, smaller
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
@@ -39,9 +39,6 @@ from hdplan.scenes.poses import Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 TIGHT, PULSE = 0.03, 2.0  # [m] below which a segment pulses, and by how many times its width
-# [m] by which robots that are seen through are smaller, and twice and three times it: what stands, and links that turn
-# about their own axes, are in one place in all of them, and would flicker
-INSET = 0.0015
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 LABEL_HEIGHT = 0.05  # [m] by which the label stands above the segment
@@ -130,13 +127,6 @@ class RobotNodes:
         self.root.remove()
 
 
-def smaller(vertices: NDArray[Any], inset: float) -> NDArray[Any]:
-    """Return vertices (v, 3) drawn together by `inset` [m] on each side, but never by more than half of the width."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    half = 0.5 * (high - low)
-    return np.asarray(vertices - np.minimum(inset, 0.5 * half) * (vertices - low - half) / np.maximum(half, 1e-9))
-
-
 class ObstacleNode:
     """One obstacle in its true shape."""
 
@@ -217,11 +207,11 @@ class ObstacleNode:
             self.mesh.opacity = self.opacity
 
 
-def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:
-    """Draw a grid at the height of the robot's base, for one browser or all, for a dark page or a light one."""
+def draw_ground(scene: viser.SceneApi, middle: Vector3, dark: bool) -> None:
+    """Draw the ground as a grid, for one browser or all, for a dark page or a light one."""
     cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
     scene.add_grid(
-        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=base
+        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=middle
     )
 
 

@@ -49,6 +49,9 @@ PALE: Color = (230, 230, 230)  # of visuals without a colour
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 IN_PLACE = pin.SE3.Identity()
+# [m] by which robots that are seen through are smaller, and twice and three times it: what stands, and links that turn
+# about their own axes, are in one place in all of them, and would flicker
+INSET = 0.0015
 COARSE = 2  # subdivisions of the balls that stand for a sweeping sphere
 
 
@@ -173,6 +176,13 @@ def obstacle_parts(obstacle: Obstacle) -> Array:
         return seen_parts(obstacle.shape)
     vertices = obstacle_mesh(obstacle).vertices
     return np.stack([vertices.min(axis=0), vertices.max(axis=0)])[None]
+
+
+def smaller(vertices: NDArray[Any], inset: float) -> NDArray[Any]:
+    """Return vertices (v, 3) drawn together by `inset` [m] on each side, but never by more than half of the width."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    half = 0.5 * (high - low)
+    return np.asarray(vertices - np.minimum(inset, 0.5 * half) * (vertices - low - half) / np.maximum(half, 1e-9))
 
 
 def _joined(meshes: Sequence[Triangles]) -> Triangles:

@@ -21,7 +21,12 @@ from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.skins import INSET
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import derived
+from hdplan.scenes.shapes import Box
 
 SIZE = (700, 400)  # [px]: every pixel is drawn by the processor
 LARGEST = 2_000_000  # [bytes] of a page
@@ -151,6 +156,26 @@ def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
         assert browser.run("document.getElementById('scene').toDataURL()") != before
         assert browser.run("wrong") == []
         assert browser.run("page.stage.gl.getError()") == 0
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
+def test_robots_in_one_place_do_not_flicker_and_the_ground_is_hidden_by_what_stands_on_it(
+    setup: Setup, motion: ShownMotion
+) -> None:
+    """Ghosts and the robots of other motions are smaller than the robot, each by another length; nothing is seen of a
+    ground below a slab, even where its lines run from below the eye to the horizon."""
+    program, slab = find_browser(), Obstacle("slab", Box((4.0, 4.0, 0.04)), Pose((0.0, 0.0, -0.03)))
+    assert program is not None
+    page = page_of(dataclasses.replace(setup, scene=derived(setup.scene, obstacles=(slab,))), [motion, motion])
+    with Browser(program, page, (900, 600)) as browser:
+        last = "page.meshes[said.robot.at(-1)].joint"  # of all robots, the links that are farthest from the base
+        edges = "mesh.high.map((high, i) => high - mesh.low[i])"
+        grown = f"{edges}.map((edge, i) => edge * (Math.hypot(...place().slice(4 * i, 4 * i + 3)) - 1))"
+        found = browser.run(f"page.stage.solids.filter(x => x.mesh.joint === {last}).map(({{mesh, place}}) => {grown})")
+        assert sorted({round(max(each) / (-2.0 * INSET), 3) + 0.0 for each in found}) == [0.0, 1.0, 2.0, 3.0]
+        browser.run("page.stage.look([-0.58, -0.5, 0.71], [0.23, -0.03, 0.21], 0.785, 1.3), page.paint()")
+        seen = browser.run("document.getElementById('scene').toDataURL()")
+        assert browser.run("page.ground.count = 0, page.paint(), document.getElementById('scene').toDataURL()") == seen
 
 
 def test_planes_glide_along_the_motion(setup: Setup, motion: ShownMotion, tmp_path: Path) -> None:

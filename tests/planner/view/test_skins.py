@@ -19,6 +19,7 @@ from hdplan.planner.robot.loading import load_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.drawing import mesh_parts as parts_module
+from hdplan.planner.view.drawing.ground import ground_of
 from hdplan.planner.view.drawing.mesh_parts import Part, mesh_parts
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins
 from hdplan.scenes.errors import InputError
@@ -206,3 +207,17 @@ def test_obstacles_are_drawn_in_their_true_shapes(name: str) -> None:
         seen = (np.asarray(mesh.vertices) @ DIRECTIONS.T).max(axis=0)
         assert (seen <= support + 1e-9).all(), obstacle.name
         np.testing.assert_allclose(seen, support, rtol=0.01, atol=1e-9, err_msg=obstacle.name)
+
+
+@pytest.mark.parametrize("name", ["ur5_ceiling", "baxter_bimanual_carry", "panda_cage", "empty"])
+def test_the_ground_lies_below_all_that_stands_and_no_lower_than_its_lowest_point(name: str) -> None:
+    """Of a robot that hangs, too, and of one whose feet are below its base."""
+    scene = opened(load_scene(name))
+    robot = load_scene_robot(scene)
+    feet = [skin.vertices[:, 2] for skin in visual_skins(robot, scene.robot)[0] if skin.joint == 0]
+    obstacles = [
+        (each.pose.matrix @ np.insert(obstacle_mesh(each).vertices, 3, 1.0, 1).T)[2] for each in scene.obstacles
+    ]
+    *across, height = ground_of(robot, scene.robot, scene.obstacles)
+    assert tuple(across) == scene.robot.base.position[:2]
+    assert height == pytest.approx(min([scene.robot.base.position[2], *map(np.min, feet + obstacles)]), abs=1e-6)
