@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.control.program_rows import COMING
+from hdplan.planner.control.program_rows import COMING, NEAR_DISTANCE
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
-from hdplan.planner.control.sight import Seen, Sight
+from hdplan.planner.control.sight import Seen, Sight, crossed
 from hdplan.planner.control.window import Window
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 CHECKS = 6  # of commands, including the first, and one whose joints are held
 ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
@@ -57,12 +57,11 @@ class LookAhead(NamedTuple):
         base, box, asked = self.window.brake[0], self.window.box, constraints
         best: tuple[float, Array] | None = None
         for check in range(CHECKS + 1):
-            over, gradient, coming = self._lowest(velocity)
-            fallen = over < -ROUNDING
+            over, gradient, coming = self._fallen(velocity)
             braking = check == CHECKS
-            if not fallen.any():
+            if not len(over):
                 return velocity, Mode.STOPPED if braking else Mode.CORRECTED if check else Mode.MOVING, True
-            yielding = not (fallen & ~coming).any()  # only what moves comes too close: braking is no better
+            yielding = coming.all()  # only what moves comes too close: braking is no better
             if yielding and (best is None or over.min() > best[0]):
                 best = float(over.min()), velocity
             if braking or (yielding and check == CHECKS - 3):
@@ -70,41 +69,58 @@ class LookAhead(NamedTuple):
             if check == CHECKS - 1:
                 velocity = base
                 continue
-            gradient, coming = gradient[fallen], coming[fallen]
             if check == CHECKS - 2:  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
                 box, constraints = (np.where(moving, base, box[0]), np.where(moving, base, box[1])), asked
-            target = gradient @ velocity + (SPARE - over[fallen]) / self.window.rates.period
+            target = gradient @ velocity + (SPARE - over) / self.window.rates.period
             floor = np.where(coming, -np.inf, np.minimum(target, gradient @ base))
             constraints = constraints.with_rows(SoftConstraints(gradient, target, floor, np.full(len(target), COMING)))
             corrected = best_velocity(hessian, linear, *box, constraints)
             velocity = base if corrected is None else corrected
         return (base, Mode.STOPPED, False) if best is None else (best[1], Mode.CORRECTED, False)
 
-    def _lowest(self, velocity: Array) -> tuple[Array, Array, Mask]:
-        """Return of each pair that may fall (m,): by how much it is above its floor where it is lowest on the way [m],
-        its derivative by the command there, by T (m, n), and whether it is a pair with a moving obstacle."""
-        barriers, period = self.sight.barriers, self.window.rates.period
-        floors, inside, near = self.seen.floors, self.seen.inside, self.seen.near
+    def _fallen(self, velocity: Array) -> tuple[Array, Array, Mask]:
+        """Return of each pair that falls below its floor (m,): by how much it is above it where it is lowest on the way
+        [m], its derivative by the command there, by T (m, n), and whether it is a pair with a moving obstacle."""
+        barriers, seen, period = self.sight.barriers, self.seen, self.window.rates.period
         path = self.window.way(velocity)
-        times = self.time + period * np.arange(1, len(path) + 1, dtype=np.float64)
-        sample, pair = barriers.doubtful(path, times, self.sight.needed)
-        # what comes may reach a robot at rest, too: so only the next place
-        soon = (sample == 0) | ~barriers.coming[pair]
-        sample, pair = sample[soon], pair[soon]
-        found = self.sight.straight(barriers.along(path, times, sample, pair), pair, inside)
-        close, row = (
-            each.ravel() for each in np.meshgrid(np.flatnonzero(self.sight.closely(path)), np.arange(len(near)))
-        )
-        soon = (close == 0) | ~barriers.coming[inside[row]]
-        close, row = close[soon], row[soon]
-        exact = barriers.nearness(path, times, close, inside[row])
-        over = np.concatenate([found.value - floors[pair], exact.value - near[row]])
-        gradient = np.concatenate([found.gradient, exact.gradient])
-        sample = np.concatenate([sample, close])
-        key = np.concatenate([pair, len(floors) + row])
-        order = np.lexsort((over, key))
-        lowest = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
-        gains = self.window.gains[np.minimum(sample[lowest], len(self.window.gains) - 1)]
-        pairs = np.concatenate([pair, inside[row]])[lowest]
-        return over[lowest], gradient[lowest] * gains, barriers.coming[pairs]
+        moment = barriers.at(path, self.time + period * np.arange(1, len(path) + 1, dtype=np.float64))
+        sample, pair = self._soon(*moment.doubtful(self.sight.needed))
+        found = self.sight.straight(moment.rows(sample, pair), pair, seen.inside)
+        parts = [_Lows(found.value - seen.floors[pair], found.gradient, sample, pair, pair)]
+        if len(seen.inside):
+            sample, pair = self._soon(*crossed(self.sight.closely(path), seen.inside))
+            exact = moment.nearness(sample, pair, NEAR_DISTANCE)
+            floors = np.full(barriers.count, NEAR_DISTANCE)
+            floors[seen.inside] = seen.near
+            parts.append(_Lows(exact.value - floors[pair], exact.gradient, sample, pair, barriers.count + pair))
+        parts = [part.chosen(np.flatnonzero(part.over < -ROUNDING)) for part in parts]
+        lows = _Lows(*map(np.concatenate, zip(*parts, strict=True)))
+        if len(lows.over):
+            order = np.lexsort((lows.over, lows.key))
+            lows = lows.chosen(order[np.flatnonzero(np.diff(lows.key[order], prepend=-1))])
+        gains = self.window.gains[np.minimum(lows.sample, len(self.window.gains) - 1)]
+        return lows.over, lows.gradient * gains, barriers.coming[lows.pair]
+
+    def _soon(self, sample: Rows, pair: Rows) -> tuple[Rows, Rows]:
+        """Return those of rows (S,) that count: what moves may reach a robot at rest, too, so of that only those at the
+        next place."""
+        coming = self.sight.barriers.coming
+        if not coming.any():
+            return sample, pair
+        soon = (sample == 0) | ~coming[pair]
+        return sample[soon], pair[soon]
+
+
+class _Lows(NamedTuple):
+    """Rows of distances on a way."""
+
+    over: Array  # (m,) by how much each is above its floor [m]
+    gradient: Array  # (m, n)
+    sample: Rows  # (m,)
+    pair: Rows  # (m,)
+    key: Rows  # (m,) of the pair, and of which distance
+
+    def chosen(self, rows: Rows) -> _Lows:
+        """Return some of the rows."""
+        return _Lows(*(each[rows] for each in self))

@@ -10,13 +10,14 @@ import numpy as np
 
 from hdplan.planner.collision.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.exact import ExactPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.pieces import Pieces
 from hdplan.planner.control.barrier_settings import BarrierSettings
+from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 
@@ -57,7 +58,7 @@ class PairLevel:
         return self._enlarged[by]
 
     @cached_property
-    def exact(self) -> tuple[PairGroup, Rows]:
+    def _exact(self) -> tuple[ExactPairs, Rows]:
         """The exact pairs of the hulls, laid out when a pair is first inside its margin, and the row there of each pair
         (P,)."""
         row_of = {hull.link: row for row, hull in enumerate(self._hulls)}
@@ -67,7 +68,12 @@ class PairLevel:
         unique, row = np.unique(first * len(self._solids) + second, return_inverse=True)
         chosen = np.column_stack(np.divmod(unique, len(self._solids)))
         pairs = body_pairs(self._hulls, self._solids, chosen, 0.0, self._supports)
-        return PairGroup(pairs, FclPairs(pairs, self._hulls, self._solids)), row
+        return ExactPairs(pairs, self._hulls, self._solids), row
+
+    def nearness(self, far: float, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return the exact distance of the hulls, as a `PairDistance`; beyond `far` [m] some number above it."""
+        distance, row = self._exact
+        return distance.up_to(far, kinematics, sample, row[pair])
 
 
 def _distance(
@@ -82,7 +88,7 @@ def _distance(
         case "hdsdf-boxes":
             return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
         case "euclidean":
-            return FclPairs(pairs, bodies, others)
+            return ExactPairs(pairs, bodies, others, far=np.inf)
         case "gdf":
             return GdfPairs(pairs, bodies, others)
     raise ValueError(f"no distance is known as {settings.distance!r}")

@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
-from hdplan.planner.control.barriers import BarrierRows, Barriers
+from hdplan.planner.control.barriers import Barriers
+from hdplan.planner.control.moment import NONE, BarrierRows
 from hdplan.planner.control.program_rows import NEAR_DISTANCE, Asked
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.window import Window
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 
 CLOSELY = 5e-3  # [m] of travel between exact distances on the way to rest
@@ -32,8 +33,8 @@ class Seen(NamedTuple):
     here: BarrierRows  # of these at q, as they are
     asked: tuple[Asked, ...]  # what the program asks: at rest, near ones exactly, and of what moves also at q
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
-    inside: Rows  # pairs inside their margins
-    near: Array  # their floors of the exact distance [m]; empty if it is not known
+    inside: Rows  # pairs inside their margins; none if their exact distance is not known
+    near: Array  # their floors of the exact distance [m]
 
 
 class Sight:
@@ -61,49 +62,50 @@ class Sight:
         barriers, rate = self.barriers, self.settings.rate
         path = window.stopping[[0, -1]] if len(window.stopping) > 1 else window.stopping
         times = time + self.settings.period * np.linspace(0.0, len(window.stopping) - 1, len(path))
-        pairs = barriers.within(path, times, self.horizon)
-        sample, last = np.repeat(np.arange(len(path)), len(pairs)), len(path) - 1
-        found = barriers.along(path, times, sample, np.tile(pairs, len(path)))
-        here, rest = (_part(found, sample == row) for row in (0, last))
-        inside = np.empty(0, dtype=np.int64)
+        moment, last = barriers.at(path, times), len(path) - 1
+        pairs = moment.within(self.horizon)
+        found = moment.rows(np.repeat(np.arange(len(path)), len(pairs)), np.tile(pairs, len(path)))
+        here, rest = found.part(slice(0, len(pairs))), found.part(slice(last * len(pairs), None))
+        inside = NONE
         if self.settings.look_ahead:
             inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
-        straight = [self.straight(rows, pairs, inside) for row, rows in ((0, here), (last, rest))]
-        near = barriers.nearness(path, times, np.full(len(inside), last), inside)
-        floors = self.margins.copy()
-        floors[inside], lowest = self._lowest(window, time, inside)
+        near = moment.nearness(np.full(len(inside), last), inside)
         known = inside[: len(near.value)]
+        straight = self.straight(rest, pairs, inside)
         asked = [
-            Asked(pairs, straight[1], straight[1].value - self.margins[pairs], self._rates(rest, pairs)),
+            Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs)),
             Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate)),
         ]
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
-            rows, of = _part(straight[0], coming), pairs[coming]
+            of = pairs[coming]
+            rows = self.straight(here.part(coming), of, inside)
             asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
-        return Seen(pairs, here, tuple(asked), floors, known, np.minimum(lowest, NEAR_DISTANCE))
+        floors, nearest = self._floors(window, time, inside)
+        return Seen(pairs, here, tuple(asked), floors, known, nearest[: len(known)])
 
-    def _lowest(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
-        """Return the least Δ of pairs that are inside their margins, at most δ, and their least exact distance [m], on
-        the way to rest if the robot brakes."""
-        path, barriers = window.stopping, self.barriers
-        times = time + self.settings.period * np.arange(len(path), dtype=np.float64)
-        sample, pair = (each.ravel() for each in np.meshgrid(np.arange(len(path)), inside, indexing="ij"))
-        found = self.straight(barriers.along(path, times, sample, pair), pair, inside).value
-        close = np.flatnonzero(self.closely(path))
-        sample, pair = (each.ravel() for each in np.meshgrid(close, inside, indexing="ij"))
-        near = barriers.nearness(path, times, sample, pair).value
-        least = np.minimum(found.reshape(len(path), -1).min(axis=0), self.margins[inside])
-        return least, near.reshape(len(close), -1).min(axis=0)
+    def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
+        """Return the floors of Δ (P,) and of the exact distances of pairs that are inside their margins [m]: the least
+        on the way to rest if the robot brakes, at most δ and NEAR_DISTANCE."""
+        floors = self.margins.copy()
+        if not len(inside):
+            return floors, np.empty(0)
+        path = window.stopping
+        moment = self.barriers.at(path, time + self.settings.period * np.arange(len(path), dtype=np.float64))
+        sample, pair = crossed(np.arange(len(path)), inside)
+        found = self.straight(moment.rows(sample, pair), pair, inside).value.reshape(len(path), -1)
+        floors[inside] = np.minimum(found.min(axis=0), floors[inside])
+        near = moment.nearness(*crossed(self.closely(path), inside), NEAR_DISTANCE).value
+        return floors, np.minimum(near.reshape(-1, len(inside)).min(axis=0, initial=np.inf), NEAR_DISTANCE)
 
-    def closely(self, path: Array) -> Mask:
-        """Return at which samples of a path (k, n) exact distances are computed: the first, the last, and whenever the
-        robot has moved on by CLOSELY."""
-        travel = np.abs(np.diff(path, axis=0)) @ self.barriers.levers
+    def closely(self, path: Array) -> Rows:
+        """Return the samples of a path (k, n) at which exact distances are computed: the first, the last, and whenever
+        the robot has moved on by CLOSELY."""
+        travel = np.abs(path[1:] - path[:-1]) @ self.barriers.levers
         marks = np.floor(np.concatenate([[0.0], travel.cumsum()]) / CLOSELY)
-        chosen = np.diff(marks, prepend=-1.0) > 0.0
+        chosen = np.append(True, marks[1:] > marks[:-1])
         chosen[-1] = True
-        return np.asarray(chosen)
+        return np.flatnonzero(chosen)
 
     def straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
         """Return the rows of `pairs` with Δ of those inside their margins as u(Δ) − u(δ) + δ, where u is the separation
@@ -111,7 +113,7 @@ class Sight:
         b = self.settings.barriers
         if not b.distance.startswith("hdsdf") or not len(inside):
             return rows
-        found = np.flatnonzero(np.isin(pairs, inside))
+        found = np.flatnonzero((pairs[:, None] == inside).any(axis=1))
         if not len(found):
             return rows
         separation, slope = straightened(rows.value[found], b.gamma, b.shaping_length)
@@ -129,9 +131,9 @@ class Sight:
         return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
 
 
-def _part(rows: BarrierRows, chosen: Array | Rows) -> BarrierRows:
-    """Return some of the rows."""
-    return BarrierRows(rows.value[chosen], rows.gradient[chosen], rows.drift[chosen], rows.separation[chosen])
+def crossed(samples: Rows, of: Rows) -> tuple[Rows, Rows]:
+    """Return every sample with each of the others (S,), sample by sample."""
+    return np.repeat(samples, len(of)), np.tile(of, len(samples))
 
 
 @functools.lru_cache(maxsize=64)
