@@ -1,5 +1,7 @@
 /* The shaping of the HD-SDF undone, as `straightened` of `barrier_safety.py`. */
 
+#include "barrier_safety.h"
+
 #include "../../distance/compiled/border.h"
 #include "../../distance/compiled/vectors.h"
 
@@ -21,22 +23,20 @@ static double unshaped(double value, double gamma, double length, double* slope)
   return u;
 }
 
-/* The separations u (count) with D = Phi(Phi(u)), and dD/du there; 0 and 0 for 0. */
-static void straightened(long long count, double gamma, double length, const double* distance, double* separation,
-                         double* slope) {
-  for (long long k = 0; k < count; ++k) {
-    double value = fabs(distance[k]), product = distance[k] != 0.0 ? 1.0 : 0.0, along;
-    for (int time = 0; time < 2; ++time) {
-      if (!(value > 0.0)) {
-        value = product = 0.0;
-        continue;
-      }
-      value = unshaped(value, gamma, length, &along);
-      product *= along;
-    }
-    separation[k] = copysign(value, distance[k]);
-    slope[k] = product;
+double straightened(double distance, double gamma, double length, double* slope) {
+  double value = fabs(distance), along = 0.0;
+  *slope = distance != 0.0 ? 1.0 : 0.0;
+  for (int time = 0; time < 2; ++time) {
+    value = value > 0.0 ? unshaped(value, gamma, length, &along) : 0.0;
+    *slope *= value > 0.0 ? along : 0.0;
   }
+  return copysign(value, distance);
+}
+
+/* The same of `count` distances. */
+static void straighten(long long count, double gamma, double length, const double* distance, double* separation,
+                       double* slope) {
+  for (long long k = 0; k < count; ++k) separation[k] = straightened(distance[k], gamma, length, slope + k);
 }
 
 /* --- from Python ------------------------------------------------------------------------------------------------ */
@@ -49,7 +49,7 @@ WRAPPER(call_straightened) {
   const long long rows = taken.shape[0];
   double* separation = written(&taken, "separation", SHAPE(rows));
   double* slope = written(&taken, "slope", SHAPE(rows));
-  if (ready(&taken)) WITHOUT_LOCK(straightened(rows, (double)gamma, length, distance, separation, slope));
+  if (ready(&taken)) WITHOUT_LOCK(straighten(rows, (double)gamma, length, distance, separation, slope));
   return ended(&taken, none());
 }
 

@@ -22,11 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.control.program_rows import COMING, NEAR_DISTANCE
+from hdplan.planner.control.lows import Floors, Lows, lows_near, lows_of_hulls
+from hdplan.planner.control.program_rows import COMING
 from hdplan.planner.control.quadratic_program import SoftConstraints, best_velocity
-from hdplan.planner.control.sight import Seen, Sight, crossed
+from hdplan.planner.control.sight import Seen, Sight
 from hdplan.planner.control.window import Window
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.array_types import Array, Mask
 
 CHECKS = 6  # of commands, including the first, and one whose joints are held
 ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
@@ -82,45 +83,16 @@ class LookAhead(NamedTuple):
     def _fallen(self, velocity: Array) -> tuple[Array, Array, Mask]:
         """Return of each pair that falls below its floor (m,): by how much it is above it where it is lowest on the way
         [m], its derivative by the command there, by T (m, n), and whether it is a pair with a moving obstacle."""
-        barriers, seen, period = self.sight.barriers, self.seen, self.window.rates.period
-        path = self.window.way(velocity)
-        moment = barriers.at(path, self.time + period * np.arange(1, len(path) + 1, dtype=np.float64))
-        sample, pair = self._soon(*moment.doubtful(self.sight.needed))
-        found = self.sight.straight(moment.rows(sample, pair), pair, seen.inside)
-        parts = [_Lows(found.value - seen.floors[pair], found.gradient, sample, pair, pair)]
+        sight, seen, window = self.sight, self.seen, self.window
+        path = window.way(velocity)
+        times = self.time + window.rates.period * np.arange(1, len(path) + 1, dtype=np.float64)
+        moment = sight.barriers.at(path, times)
+        # what comes may reach a robot at rest, too: so of that only the next place
+        floors = Floors(seen.floors, sight.next, seen.inside, -ROUNDING)
+        found = [lows_near(moment, sight.needed, sight.shaping, floors)]
         if len(seen.inside):
-            sample, pair = self._soon(*crossed(self.sight.closely(path), seen.inside))
-            exact = moment.nearness(sample, pair, NEAR_DISTANCE)
-            floors = np.full(barriers.count, NEAR_DISTANCE)
-            floors[seen.inside] = seen.near
-            parts.append(_Lows(exact.value - floors[pair], exact.gradient, sample, pair, barriers.count + pair))
-        parts = [part.chosen(np.flatnonzero(part.over < -ROUNDING)) for part in parts]
-        lows = _Lows(*map(np.concatenate, zip(*parts, strict=True)))
-        if len(lows.over):
-            order = np.lexsort((lows.over, lows.key))
-            lows = lows.chosen(order[np.flatnonzero(np.diff(lows.key[order], prepend=-1))])
-        gains = self.window.gains[np.minimum(lows.sample, len(self.window.gains) - 1)]
-        return lows.over, lows.gradient * gains, barriers.coming[lows.pair]
-
-    def _soon(self, sample: Rows, pair: Rows) -> tuple[Rows, Rows]:
-        """Return those of rows (S,) that count: what moves may reach a robot at rest, too, so of that only those at the
-        next place."""
-        coming = self.sight.barriers.coming
-        if not coming.any():
-            return sample, pair
-        soon = (sample == 0) | ~coming[pair]
-        return sample[soon], pair[soon]
-
-
-class _Lows(NamedTuple):
-    """Rows of distances on a way."""
-
-    over: Array  # (m,) by how much each is above its floor [m]
-    gradient: Array  # (m, n)
-    sample: Rows  # (m,)
-    pair: Rows  # (m,)
-    key: Rows  # (m,) of the pair, and of which distance
-
-    def chosen(self, rows: Rows) -> _Lows:
-        """Return some of the rows."""
-        return _Lows(*(each[rows] for each in self))
+            floors = floors._replace(values=seen.near)
+            found.append(lows_of_hulls(moment, sight.closely(path), seen.inside, floors))
+        low = Lows(*map(np.concatenate, zip(*found, strict=True)))
+        gains = window.gains[np.minimum(low.sample, len(window.gains) - 1)]
+        return low.over, low.gradient * gains, sight.barriers.coming[low.pair]

@@ -103,10 +103,10 @@ class Moment(NamedTuple):
             own = np.flatnonzero((pair >= first) & (pair < first + len(level.pairs)))
             if len(own):
                 value[own], wrench[own], separation[own] = distance(self.kinematics, sample[own], pair[own] - first)
-        gradient = self.layout.robot.fold(self._by_joints(sample, pair, wrench))
+        gradient = self.layout.robot.fold(self.by_joints(sample, pair, wrench))
         return BarrierRows(value, gradient, self._drift(sample, pair, wrench), separation)
 
-    def _by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
+    def by_joints(self, sample: Rows, pair: Rows, wrench: Array) -> Array:
         """Return the derivatives (S, m) by the model's joints that wrenches (S, 6) on the first bodies come to."""
         columns, moves = self.kinematics.columns, self.layout.moves
         if loops := library():

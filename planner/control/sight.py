@@ -8,13 +8,13 @@ spot, and the exact distances of the links' hulls are seen, too.
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hdplan.planner.control.barrier_safety import straightened, sufficient_separation
 from hdplan.planner.control.barriers import Barriers
+from hdplan.planner.control.lows import Floors, Shaping, lows_among, lows_of_hulls
 from hdplan.planner.control.moment import NONE, BarrierRows
 from hdplan.planner.control.program_rows import NEAR_DISTANCE, Asked
 from hdplan.planner.control.settings import ControlSettings
@@ -33,8 +33,8 @@ class Seen(NamedTuple):
     here: BarrierRows  # of these at q, as they are
     asked: tuple[Asked, ...]  # what the program asks: at rest, near ones exactly, and of what moves also at q
     floors: Array  # (P,) [m] of Δ, on the way to rest of any command
-    inside: Rows  # pairs inside their margins; none if their exact distance is not known
-    near: Array  # their floors of the exact distance [m]
+    near: Array  # (P,) [m] of the exact distance
+    inside: Rows  # pairs inside their margins
 
 
 class Sight:
@@ -46,10 +46,12 @@ class Sight:
         self.horizon = np.inf if settings.as_published else settings.horizon
         self._yielding = min(settings.rate, settings.yielding)
         b, each = settings.barriers, (settings.margin, settings.self_margin)
+        shaped = b.distance.startswith("hdsdf")
         outer = np.arange(barriers.count) < barriers.obstacle_pairs
         self.margins = np.where(outer, *each)  # δ [m]
         bent, sure = _of_margins(each, b.gamma, b.shaping_length, barriers.corners)
-        self._bent = np.where(outer, *bent)  # δ − u(δ) [m]
+        self.shaping = Shaping(b.gamma, b.shaping_length, np.where(outer, *bent)) if shaped else None
+        self.next = barriers.coming.astype(np.int64)  # (P,) 1 for pairs of which only the next place counts
         self.needed = sure  # D̃ [m] above which Δ ≥ δ is certain, for obstacles and for links
         if barriers.standing.any() and not self.horizon > sure[0]:
             raise InputError(
@@ -71,7 +73,7 @@ class Sight:
             inside = pairs[np.minimum(here.value, rest.value) < self.margins[pairs]]
         near = moment.nearness(np.full(len(inside), last), inside)
         known = inside[: len(near.value)]
-        straight = self.straight(rest, pairs, inside)
+        straight = self._straight(rest, pairs, inside)
         asked = [
             Asked(pairs, straight, straight.value - self.margins[pairs], self._rates(rest, pairs)),
             Asked(known, near, np.maximum(near.value - NEAR_DISTANCE, 0.0), np.full(len(known), rate)),
@@ -79,24 +81,23 @@ class Sight:
         coming = np.flatnonzero(barriers.coming[pairs])
         if last and len(coming):
             of = pairs[coming]
-            rows = self.straight(here.part(coming), of, inside)
+            rows = self._straight(here.part(coming), of, inside)
             asked.append(Asked(of, rows, rows.value - self.margins[of], np.full(len(of), self._yielding)))
-        floors, nearest = self._floors(window, time, inside)
-        return Seen(pairs, here, tuple(asked), floors, known, nearest[: len(known)])
+        return Seen(pairs, here, tuple(asked), *self._floors(window, time, inside), inside)
 
     def _floors(self, window: Window, time: float, inside: Rows) -> tuple[Array, Array]:
-        """Return the floors of Δ (P,) and of the exact distances of pairs that are inside their margins [m]: the least
+        """Return the floors of Δ and of the exact distances (P,) [m]: of pairs that are inside their margins the least
         on the way to rest if the robot brakes, at most δ and NEAR_DISTANCE."""
-        floors = self.margins.copy()
+        floors, nearest = self.margins.copy(), np.full(self.barriers.count, NEAR_DISTANCE)
         if not len(inside):
-            return floors, np.empty(0)
-        path = window.stopping
+            return floors, nearest
+        path, every = window.stopping, np.zeros(self.barriers.count, np.int64)
         moment = self.barriers.at(path, time + self.settings.period * np.arange(len(path), dtype=np.float64))
-        sample, pair = crossed(np.arange(len(path)), inside)
-        found = self.straight(moment.rows(sample, pair), pair, inside).value.reshape(len(path), -1)
-        floors[inside] = np.minimum(found.min(axis=0), floors[inside])
-        near = moment.nearness(*crossed(self.closely(path), inside), NEAR_DISTANCE).value
-        return floors, np.minimum(near.reshape(-1, len(inside)).min(axis=0, initial=np.inf), NEAR_DISTANCE)
+        low = lows_among(moment, np.arange(len(path)), inside, self.shaping, Floors(floors, every, inside, 0.0))
+        near = lows_of_hulls(moment, self.closely(path), inside, Floors(nearest, every, inside, 0.0))
+        floors[low.pair] += low.over
+        nearest[near.pair] += near.over
+        return floors, nearest
 
     def closely(self, path: Array) -> Rows:
         """Return the samples of a path (k, n) at which exact distances are computed: the first, the last, and whenever
@@ -107,33 +108,14 @@ class Sight:
         chosen[-1] = True
         return np.flatnonzero(chosen)
 
-    def straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
-        """Return the rows of `pairs` with Δ of those inside their margins as u(Δ) − u(δ) + δ, where u is the separation
-        before shaping: it grows with Δ and is δ where Δ is, but also has a slope on the flat spot."""
-        b = self.settings.barriers
-        if not b.distance.startswith("hdsdf") or not len(inside):
-            return rows
-        found = np.flatnonzero((pairs[:, None] == inside).any(axis=1))
-        if not len(found):
-            return rows
-        separation, slope = straightened(rows.value[found], b.gamma, b.shaping_length)
-        steep = np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
-        value, gradient, drift = rows.value.copy(), rows.gradient.copy(), rows.drift.copy()
-        value[found] = separation + self._bent[pairs[found]]
-        gradient[found] *= steep[:, None]
-        drift[found] *= steep
-        return replace(rows, value=value, gradient=gradient, drift=drift)
+    def _straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
+        return rows if self.shaping is None else self.shaping.undone(rows, pairs, inside)
 
     def _rates(self, rows: BarrierRows, pairs: Rows) -> Array:
         """Return the rate of each row [1/s]: η, and for what stands still as in the controller's equation."""
         share = np.minimum(np.maximum(rows.separation, 0.0) / self.horizon, 1.0)
         rate = np.where(self.barriers.coming[pairs], self._yielding, self.settings.rate)
         return rate / np.where(self.barriers.standing[pairs], np.maximum(1.0 - share**2, FREE), 1.0)
-
-
-def crossed(samples: Rows, of: Rows) -> tuple[Rows, Rows]:
-    """Return every sample with each of the others (S,), sample by sample."""
-    return np.repeat(samples, len(of)), np.tile(of, len(samples))
 
 
 @functools.lru_cache(maxsize=64)
