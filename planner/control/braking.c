@@ -95,6 +95,22 @@ static void brake_all(const joints* of, long long periods, double* found) {
   }
 }
 
+static double clipped(double value, double least, double most) { return least_of(most_of(value, least), most); }
+
+/* The least and the greatest velocity (2, n) of the next period, from one state. */
+static void window(const joints* of, const double* fastest, double* found) {
+  for (long long k = 0; k < of->n; ++k) {
+    const limits own = limits_of(of, k);
+    const double velocity = of->velocity[k], acceleration = of->acceleration[k], scale = own.period * own.step;
+    const double least = clipped(acceleration - own.step, -own.most, own.most);
+    const double most = clipped(acceleration + own.step, -own.most, own.most);
+    const double up = clipped(root_of((fastest[k] - velocity) / scale) * own.step, least, most);
+    const double down = clipped(-(root_of((fastest[k] + velocity) / scale) * own.step), least, most);
+    found[k] = velocity + own.period * least_of(down, up);
+    found[of->n + k] = velocity + own.period * most_of(down, up);
+  }
+}
+
 /* --- from Python ------------------------------------------------------------------------------------------------ */
 
 WRAPPER(call_braked) {
@@ -117,7 +133,22 @@ WRAPPER(call_braked) {
   return ended(&taken, PyLong_FromLongLong(periods));
 }
 
+WRAPPER(call_braking_window) {
+  arguments taken = begin("braking_window", given, count);
+  joints of = {.states = 1, .period = number(&taken, "period")};
+  of.most = numbers(&taken, "most", SHAPE(ANY));
+  of.n = taken.shape[0];
+  of.jerk = numbers(&taken, "jerk", SHAPE(of.n));
+  of.velocity = numbers(&taken, "velocity", SHAPE(of.n));
+  of.acceleration = numbers(&taken, "acceleration", SHAPE(of.n));
+  const double* fastest = numbers(&taken, "fastest", SHAPE(of.n));
+  double* found = written(&taken, "found", SHAPE(2, of.n));
+  if (ready(&taken)) WITHOUT_LOCK(window(&of, fastest, found));
+  return ended(&taken, none());
+}
+
 PyMethodDef braking_functions[] = {
+    FUNCTION("braking_window", call_braking_window, "Velocities from which joints can brake."),
     FUNCTION("braked", call_braked, "Velocities of joints that brake; returns in how many periods they are at rest."),
     END_OF_FUNCTIONS,
 };

@@ -85,6 +85,15 @@ class Rates:
     def window(self, last: Command) -> tuple[Array, Array]:
         """Return the least and greatest velocity (n,) of the next period from which velocity, acceleration and jerk can
         be kept for ever. From a state beyond them: acceleration before jerk, both before velocity."""
+        if loops := library():
+            sides = np.empty((2, len(self.velocity)))
+            given = self.acceleration, self.jerk, last.velocity, last.acceleration, self.velocity
+            loops.braking_window(self.period, *given, sides)
+            return sides[0], sides[1]
+        return self._window(last)
+
+    def _window(self, last: Command) -> tuple[Array, Array]:
+        """Return the same in NumPy."""
         most, step, period = self.acceleration, self.step, self.period
         low, high = (np.clip(last.acceleration + side * step, -most, most) for side in (-1.0, 1.0))
         up, down = (_root((self.velocity - side * last.velocity) / (period * step)) * step for side in (1.0, -1.0))

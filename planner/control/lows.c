@@ -1,5 +1,6 @@
 /* Where the distances of pairs are lowest on a way, as `lows.py` has it. */
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "barrier_safety.h"
@@ -33,12 +34,13 @@ typedef struct {
   double *over, *wrenches;
 } lows;
 
-/* A search: the pair that was looked at last, with the normal of its solids then; and room to project on planes. */
+/* A search: the pair that was looked at last, with the normal of its solids then and where it is lowest so far; and room
+   to project on planes. */
 typedef struct {
   const asked* asked;
   lows* found;
-  long long pair;
-  double normal[3];
+  long long pair, sample;
+  double normal[3], value, wrench[6];
   projection room;
 } search;
 
@@ -46,6 +48,24 @@ static int is_inside(const asked* of, long long pair) {
   for (long long k = 0; k < of->insides; ++k)
     if (of->inside[k] == pair) return 1;
   return 0;
+}
+
+/* Keep the pair that was looked at last if it is low. Undoing the shaping keeps the order of its distances. */
+static void finish(search* at) {
+  const asked* of = at->asked;
+  lows* found = at->found;
+  double value = at->value, slope = 1.0;
+  if (at->pair < 0 || !(value < INFINITY)) return;
+  if (!of->of->solids && is_inside(of, at->pair))
+    value = straightened(value, (double)of->of->gamma, of->of->length, &slope) + of->bent[at->pair];
+  const double over = value - of->floors[at->pair], steep = slope > 0.0 ? 1.0 / slope : 0.0;
+  if (!(over < of->lower)) return;
+  const long long row = found->count++;
+  if (row >= found->room) return;
+  found->over[row] = over;
+  found->samples[row] = at->sample;
+  found->pairs[row] = at->pair;
+  for (int i = 0; i < 6; ++i) found->wrenches[6 * row + i] = steep * at->wrench[i];
 }
 
 /* Δ of a pair of the tables at a sample; its wrench goes to `wrench`. */
@@ -63,29 +83,19 @@ static double distance_of(search* at, long long sample, long long pair, double f
 /* Look at a row of pair `number`, `pair` of the tables; rows of one pair come after each other. */
 static void look(search* at, long long sample, long long number, long long pair) {
   const asked* of = at->asked;
-  lows* found = at->found;
-  double wrench[6], slope;
+  double wrench[6];
   if (number != at->pair) {
+    finish(at);
     at->pair = number;
+    at->value = INFINITY;
     for (int i = 0; i < 3; ++i) at->normal[i] = i == 2;
   }
   if (sample > 0 && of->next[number]) return;
-  const long long last = found->count - 1;
-  const int known = found->count > 0 && found->count <= found->room && found->pairs[last] == number;
-  double value = distance_of(at, sample, pair, of->floors[number], wrench);
-  if (!of->of->solids && is_inside(of, number)) {
-    value = straightened(value, (double)of->of->gamma, of->of->length, &slope) + of->bent[number];
-    const double steep = slope > 0.0 ? 1.0 / slope : 0.0;
-    for (int i = 0; i < 6; ++i) wrench[i] *= steep;
-  }
-  const double over = value - of->floors[number];
-  if (!(over < (known ? found->over[last] : of->lower))) return;
-  const long long row = known ? last : found->count++;
-  if (row >= found->room) return;
-  found->over[row] = over;
-  found->samples[row] = sample;
-  found->pairs[row] = number;
-  for (int i = 0; i < 6; ++i) found->wrenches[6 * row + i] = wrench[i];
+  const double value = distance_of(at, sample, pair, of->floors[number], wrench);
+  if (!(value < at->value)) return;
+  at->value = value;
+  at->sample = sample;
+  for (int i = 0; i < 6; ++i) at->wrench[i] = wrench[i];
 }
 
 /* A row of the broad phase. */
@@ -100,6 +110,7 @@ static int lows_near(const asked* of, const tables* near, long long batch, doubl
   search at = {.asked = of, .found = found, .pair = -1};
   if (make_projection(of->of->pairs, &at.room)) return -1;
   const int failed = visit(near, batch, of->joints, of->placements, NULL, near->reach, least, look_at_row, &at);
+  finish(&at);
   free(at.room.points);
   return failed;
 }
@@ -111,6 +122,7 @@ static int lows_among(const asked* of, long long sampled, const long long* sampl
   if (make_projection(of->of->pairs, &at.room)) return -1;
   for (long long k = 0; k < count; ++k)
     for (long long i = 0; i < sampled; ++i) look(&at, samples[i], pairs[k], rows[k]);
+  finish(&at);
   free(at.room.points);
   return 0;
 }
